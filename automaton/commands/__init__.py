@@ -1,0 +1,130 @@
+"""The command line: finds the command, runs it, and turns what goes wrong into one sentence.
+
+Commands are imported when they are asked for, so that `automaton --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import io
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from automaton.errors import InputError, nearest
+
+COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
+    "run": ("automaton.commands.run", "run a scenario and print its metrics"),
+    "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
+    "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
+    "check": ("automaton.commands.check", "check scenario files"),
+    "schema": ("automaton.commands.schema", "print the JSON Schema of scenario files"),
+    "list": ("automaton.commands.list_", "list scenarios, floors and strategies"),
+    "bench": ("automaton.commands.bench", "measure the speed of this machine"),
+}
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are InputErrors."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see `{self.prog} --help`")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line `argv` (default: this process's) and return the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in arguments
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
+    try:
+        code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # The reader of a pipe went away; what Python still holds back goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except KeyboardInterrupt:
+        print("automaton: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except InputError as error:
+        _show_traceback(debug)
+        print(f"automaton: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except Exception as error:
+        _show_traceback(debug)
+        kind = type(error).__name__
+        print(f"automaton: internal error, {kind}: {error} (--debug shows where)", file=sys.stderr)
+        return FAILED
+
+
+def _show_traceback(debug: bool) -> None:
+    if debug:
+        import traceback
+
+        traceback.print_exc()
+
+
+def _dispatch(arguments: list[str], debug: bool) -> int:
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(usage())
+        return DONE
+    name, *rest = arguments
+    if name == "--version":
+        print(f"automaton {version()}")
+        return DONE
+    if name not in COMMANDS:
+        what = "option" if name.startswith("-") else "command"
+        raise InputError(
+            f"unknown {what} '{name}'{nearest(name, COMMANDS)}; see `automaton --help`"
+        )
+    module_name, summary = COMMANDS[name]
+    module = importlib.import_module(module_name)
+    parser = Parser(
+        prog=f"automaton {name}",
+        description=(module.__doc__ or summary).split("\n\n")[0],
+        allow_abbrev=False,
+    )
+    # Taken out of the arguments before, since it may stand anywhere; named here for --help.
+    parser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
+    module.add_arguments(parser)
+    try:
+        args, unknown = parser.parse_known_args(rest)
+    except SystemExit as done:  # --help
+        return int(done.code or 0)
+    if unknown:
+        known = [option for action in parser._actions for option in action.option_strings]
+        hint = nearest(unknown[0].partition("=")[0], known)
+        parser.error(f"unknown argument '{unknown[0]}'{hint}")
+    args.debug = debug
+    return int(module.run(args))
+
+
+def usage() -> str:
+    """The text of `automaton --help`."""
+    width = max(map(len, COMMANDS)) + 2
+    commands = "\n".join(f"  {name:<{width}}{summary}" for name, (_, summary) in COMMANDS.items())
+    return (
+        "usage: automaton COMMAND [--help] [--debug] ...\n\n"
+        "Simulate fleets of mobile robots in warehouses as a cellular automaton.\n\n"
+        f"commands:\n{commands}\n\n"
+        f"options:\n"
+        f"  {'--help':<{width}}this text, or a command's own\n"
+        f"  {'--version':<{width}}the version\n"
+        f"  {'--debug':<{width}}show tracebacks of errors\n"
+    ).rstrip()
+
+
+def version() -> str:
+    """The version of the installed distribution, or "unknown" in a bare checkout."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("fleet-automaton")
+    except metadata.PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,64 @@
+"""List what is there to use: scenarios, studies, floor generators and strategies."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from automaton.scenario.floors import generator_type, generators
+from automaton.scenario.reading import read, shipped
+from automaton.scenario.schema import LAYERS
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton list`."""
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print what there is."""
+    found = inventory()
+    print(json.dumps(found, indent=2, ensure_ascii=False) if args.json else as_text(found))
+    return 0
+
+
+def inventory() -> dict[str, list[dict[str, Any]]]:
+    """Everything that a scenario or the command line can name, with one line each."""
+    from automaton.strategy import lookup
+
+    scenarios = [
+        {"name": name, "summary": read(path).data.get("summary") or ""}
+        for name, path in shipped().items()
+    ]
+    floors = [
+        {"name": name, "summary": (generator_type(name).__doc__ or "").split("\n")[0]}
+        for name in generators()
+    ]
+    strategies = [
+        {"name": name, "layer": layer, "summary": lookup.summary(layer, name)}
+        for layer in LAYERS
+        for name in lookup.names(layer)
+    ]
+    return {"scenarios": scenarios, "studies": [], "floors": floors, "strategies": strategies}
+
+
+def as_text(found: dict[str, list[dict[str, Any]]]) -> str:
+    """The inventory as headed, aligned columns; what is empty is left out."""
+    blocks = []
+    for heading, entries in found.items():
+        columns = [[entry[key] for key in entry if key != "summary"] for entry in entries]
+        if not columns:
+            continue
+        widths = [max(map(len, column)) for column in zip(*columns, strict=True)]
+        lines = [
+            "  ".join(
+                [
+                    *(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)),
+                    entry["summary"],
+                ]
+            )
+            for row, entry in zip(columns, entries, strict=True)
+        ]
+        blocks.append("\n".join([heading, *(f"  {line}" for line in lines)]))
+    return "\n\n".join(blocks)

@@ -1,0 +1,110 @@
+"""Compilation: the one decorator of every kernel, and a cache that notices an edit in any file.
+
+Numba looks only at a kernel's own file when it decides whether a cached kernel is fresh; a changed
+callee in another file goes unnoticed. So the cache folder is named by a hash of all the sources.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba import njit
+from numba.core import config
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+# What kernels are made of: they import nothing else (tested), so only these name the cache.
+KERNEL_SOURCES = {
+    "automaton": (
+        "compiled.py", "struct.py", "kernels", "world/state.py", "recording/codes.py", "strategy/layer.py"
+    ),
+    "strategies": (".",),
+}  # fmt: skip
+CACHES_KEPT = 4
+
+
+def jit_is_on() -> bool:
+    """False when NUMBA_DISABLE_JIT=1: kernels then run as plain Python, 300 times slower."""
+    return not config.DISABLE_JIT
+
+
+@cache
+def source_hash() -> str:
+    """12 hex digits that change with any source line that a kernel is made of."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
+    for package, places in KERNEL_SOURCES.items():
+        for place in places:
+            root = _folder(package) / place
+            for path in [root] if root.is_file() else sorted(root.rglob("*.py")):
+                digest.update(path.as_posix().encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _folder(package: str) -> Path:
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ImportError(f"package {package!r} is not installed")
+    return Path(spec.origin).parent
+
+
+@cache
+def cache_folder() -> Path:
+    """Where compiled kernels of these sources live; made if needed, older generations removed."""
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
+    try:
+        folder = root / source_hash()
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="automaton-kernels-"))
+    generations = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime)
+    for stale in generations[:-CACHES_KEPT]:
+        shutil.rmtree(stale, ignore_errors=True)
+    return folder
+
+
+def kernel(function: F | None = None, *, signature: Any = None, inline: bool = False) -> Any:
+    """Compile `function` (nogil, cached across processes).
+
+    With `signature` it is compiled at import for exactly these types; `inline` asks Numba to paste
+    it into its callers. The cache folder is set only while the decorator runs, so that kernels of
+    other packages in the same process keep their own.
+    """
+    if function is None:
+        return lambda f: kernel(f, signature=signature, inline=inline)
+    options: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+    if inline:
+        options["inline"] = "always"
+    if not jit_is_on():
+        return function
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
+    try:
+        return njit(**options)(function) if signature is None else njit(signature, **options)(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+def announce_first_compilation() -> Callable[[], None]:
+    """Say on stderr why the first run waits; returns what to call when everything is compiled."""
+    marker = cache_folder() / "complete"
+    if not jit_is_on() or marker.exists():
+        return lambda: None
+    print(
+        "automaton: first run of this version on this machine: compiling the world, once (about 20 s) ...",
+        file=sys.stderr,
+        flush=True,
+    )
+    return marker.touch

@@ -1,0 +1,46 @@
+"""The error for bad input: one sentence for the person who typed it, with its file and line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class InputError(Exception):
+    """Something that a user wrote is wrong; `str` gives "FILE:LINE: sentence"."""
+
+    def __init__(self, message: str, file: str | None = None, line: int | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.file = file
+        self.line = line
+
+    def __str__(self) -> str:
+        if self.file is None:
+            return self.message
+        if self.line is None:
+            return f"{self.file}: {self.message}"
+        return f"{self.file}:{self.line}: {self.message}"
+
+    def at(self, file: str | None, line: int | None = None) -> InputError:
+        """The same error with its place, unless it already has one."""
+        if self.file is not None:
+            return self
+        return InputError(self.message, file, line)
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str:
+    """A closing phrase that names the candidate most like `name`: " (did you mean 'x'?)" or ""."""
+    import difflib  # only needed on the way to an error
+
+    known = list(candidates)
+    lowered = {candidate.lower(): candidate for candidate in known}
+    close = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
+    return f" (did you mean '{lowered[close[0]]}'?)" if close else ""
+
+
+def alternatives(candidates: Iterable[str]) -> str:
+    """The candidates as text for an error: "a, b or c"."""
+    known = list(candidates)
+    if len(known) < 2:
+        return "".join(known)
+    return f"{', '.join(known[:-1])} or {known[-1]}"

@@ -1,0 +1,162 @@
+"""Who is asked: the batch of robots that concern a layer in this tick, sorted by identity."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.operations import no_route_needed
+from automaton.world.state import (
+    ALLOCATION,
+    AROUND,
+    CHANGES,
+    FRESH_ALLOCATION,
+    HOLD_ASK,
+    KEEP,
+    NEED_ALLOCATION,
+    NEED_ROUTE,
+    NEED_WAY,
+    NEEDING_ROUTE,
+    NEEDING_WAY,
+    NIL,
+    PERIODIC,
+    PICKED,
+    RIGHT_OF_WAY,
+    ROUTING,
+    SEEN_CHANGES,
+    STUCK,
+    TICK,
+    WITHDRAWING,
+)
+
+
+@kernel
+def is_due(world, layer):
+    """Whether the layer's strategy asked for this tick."""
+    every = world.rules.every[layer]
+    return every > 0 and world.clock[TICK] % every == 0
+
+
+@kernel
+def append(asked, i, reason):
+    k = asked.count[0]
+    asked.robot[k] = i
+    asked.reason[k] = reason
+    asked.count[0] = k + 1
+
+
+@kernel
+def batch_everybody(world, asked, layer):
+    """All robots, on the ticks that a layer asked for; used by zoning and charging."""
+    asked.count[0] = 0
+    if not is_due(world, layer):
+        return False
+    for identity in range(world.robots.cell.shape[0]):
+        append(asked, world.robots.at_index[identity], PERIODIC)
+    world.tally.asked[layer] += 1
+    return True
+
+
+@kernel
+def batch_allocation(world, asked):
+    """Robots that are free, have just picked, or gave their order back.
+
+    One that was left idle is asked again when an order or a reservation has changed.
+    """
+    robots, clock = world.robots, world.clock
+    asked.count[0] = 0
+    due = is_due(world, ALLOCATION)
+    if not due and clock[FRESH_ALLOCATION] == 0 and clock[CHANGES] == clock[SEEN_CHANGES]:
+        return False
+    clock[SEEN_CHANGES] = clock[CHANGES]
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        concerned = robots.need[i] & NEED_ALLOCATION and (
+            robots.busy[i] == 0 or robots.reason[i] == PICKED
+        )
+        if concerned and robots.asked_at[i] != clock[CHANGES]:
+            append(asked, i, robots.reason[i])
+        elif due:
+            append(asked, i, PERIODIC)
+    if asked.count[0] == 0 and not due:
+        return False
+    world.tally.asked[ALLOCATION] += 1
+    return True
+
+
+@kernel
+def batch_routing(world, asked):
+    """Robots with a new goal or a plan to be made anew, once they are free to drive."""
+    robots, clock = world.robots, world.clock
+    asked.count[0] = 0
+    due = is_due(world, ROUTING)
+    if clock[NEEDING_ROUTE] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.need[i] & NEED_ROUTE and robots.busy[i] == 0:
+            if robots.withdrawing[i] or robots.try_drop[i]:
+                continue
+            if robots.cell[i] == robots.stand[i] or (
+                robots.parked[i] and robots.home[i] == robots.stand[i]
+            ):
+                no_route_needed(world, i)
+            else:
+                append(asked, i, robots.route_reason[i])
+        elif due and robots.stand[i] != NIL and robots.busy[i] == 0 and not robots.withdrawing[i]:
+            append(asked, i, AROUND)
+    if asked.count[0] == 0 and not due:
+        return False
+    world.tally.asked[ROUTING] += 1
+    return True
+
+
+@kernel
+def batch_right_of_way(world, asked):
+    """Robots whose retries are used up, and robots in a withdrawal: they ask for every step."""
+    robots, clock = world.robots, world.clock
+    asked.count[0] = 0
+    due = is_due(world, RIGHT_OF_WAY)
+    if clock[NEEDING_WAY] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.busy[i]:
+            continue
+        if robots.need[i] & NEED_WAY:
+            append(asked, i, STUCK if robots.hold[i] == HOLD_ASK else WITHDRAWING)
+        elif due:
+            append(asked, i, PERIODIC)
+    if asked.count[0] == 0 and not due:
+        return False
+    world.tally.asked[RIGHT_OF_WAY] += 1
+    return True
+
+
+@kernel
+def clear_answers(asked, answers, layer):
+    """Every answer starts as KEEP."""
+    n = asked.count[0]
+    if layer == ALLOCATION:
+        given = answers.allocation
+        given.order_taken[:] = 0
+        given.slot_taken[:] = 0
+        for k in range(n):
+            given.verb[k] = KEEP
+            given.order[k] = NIL
+            given.slot[k] = NIL
+            given.stand[k] = NIL
+            given.try_drop[k] = 0
+            given.ask_again[k] = 0
+    elif layer == ROUTING:
+        for k in range(n):
+            answers.routing.length[k] = KEEP
+    elif layer == RIGHT_OF_WAY:
+        for k in range(n):
+            answers.right_of_way.verb[k] = KEEP
+            answers.right_of_way.value[k] = 0
+            answers.right_of_way.release[k] = 0
+            answers.right_of_way.priority[k] = KEEP
+    else:
+        for k in range(n):
+            answers.zoning.zone[k] = KEEP
+            answers.charging.stand[k] = KEEP
+            answers.charging.ticks[k] = 0

@@ -1,0 +1,102 @@
+"""The digest of a state: 64 bits that are equal exactly when the states are, whatever the storage.
+
+Per array the sum mod 2^64 of hash(array, identity of the element, value): robots by identity,
+orders and slots by index. A pure function of the state after a tick; strategy memory, scratch and
+what follows from other arrays (occupancy) are left out.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import mix
+from automaton.world.state import TICK
+
+ROBOT_FIELDS = (
+    "cell claim heading travel action busy priority load order slot goal stand stay try_drop "
+    "length at withdrawing blocked hold parked zone need reason route_reason asked_at route"
+).split()
+ORDER_FIELDS = "state place source target by released delivered legs".split()
+SLOT_FIELDS = "content by".split()
+DIGEST_NAMES = (
+    *(f"robots.{name}" for name in ROBOT_FIELDS),
+    *(f"orders.{name}" for name in ORDER_FIELDS),
+    *(f"slots.{name}" for name in SLOT_FIELDS),
+    "tick",
+)
+
+
+@kernel
+def add_element(out, first, count, values, element):
+    """Add the values of one element to the digests of the arrays first .. first + count - 1."""
+    for k in range(count):
+        address = mix((np.uint64(first + k) << np.uint64(40)) ^ np.uint64(element))
+        out[first + k] += mix(address ^ np.uint64(values[k]))
+
+
+@kernel
+def digest_world(world, out, v):
+    """Write the digests of all arrays, in the order of DIGEST_NAMES, into out: (D,) uint64.
+
+    `v`: (D,) int64, scratch.
+    """
+    out[:] = np.uint64(0)
+    digest_robots(world.robots, out, v)
+    first = len(ROBOT_FIELDS)
+    o = world.orders
+    for i in range(o.state.shape[0]):
+        v[0] = o.state[i]
+        v[1] = o.place[i]
+        v[2] = o.source[i]
+        v[3] = o.target[i]
+        v[4] = o.by[i]
+        v[5] = o.released[i]
+        v[6] = o.delivered[i]
+        v[7] = o.legs[i]
+        add_element(out, first, 8, v, i)
+    first += len(ORDER_FIELDS)
+    for i in range(world.slots.content.shape[0]):
+        v[0] = world.slots.content[i]
+        v[1] = world.slots.by[i]
+        add_element(out, first, 2, v, i)
+    out[out.shape[0] - 1] = mix(np.uint64(world.clock[TICK]))
+
+
+@kernel
+def digest_robots(r, out, v):
+    for i in range(r.cell.shape[0]):
+        v[0] = r.cell[i]
+        v[1] = r.claim[i]
+        v[2] = r.heading[i]
+        v[3] = r.travel[i]
+        v[4] = r.action[i]
+        v[5] = r.busy[i]
+        v[6] = r.priority[i]
+        v[7] = r.load[i]
+        v[8] = r.order[i]
+        v[9] = r.slot[i]
+        v[10] = r.goal[i]
+        v[11] = r.stand[i]
+        v[12] = r.stay[i]
+        v[13] = r.try_drop[i]
+        v[14] = r.length[i]
+        v[15] = r.at[i]
+        v[16] = r.withdrawing[i]
+        v[17] = r.blocked[i]
+        v[18] = r.hold[i]
+        v[19] = r.parked[i]
+        v[20] = r.zone[i]
+        v[21] = r.need[i]
+        v[22] = r.reason[i]
+        v[23] = r.route_reason[i]
+        v[24] = r.asked_at[i]
+        v[25] = r.route_sum[i]
+        add_element(out, 0, len(ROBOT_FIELDS), v, r.identity[i])
+
+
+@kernel
+def combine(digests):
+    """One digest of the whole state from the digests of its arrays."""
+    whole = np.uint64(0)
+    for k in range(digests.shape[0]):
+        whole = mix(whole ^ digests[k])
+    return whole

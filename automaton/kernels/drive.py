@@ -1,0 +1,306 @@
+"""What each free robot tries in a tick, and what becomes of it: the two sides of motion.
+
+`leave_bays` and `drive` turn goals and routes into intents and begin operations; `settle` reads the
+outcome of the moves and runs the waits and retries that right of way has set.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import WAITS, draw_between
+from automaton.kernels.motion import (
+    ARRIVED,
+    ENTERED,
+    LIVE,
+    MOVED,
+    U,
+    has_room,
+    occupy,
+    vacate,
+)
+from automaton.kernels.operations import (
+    begin,
+    drop_route,
+    lose_tick,
+    need_allocation,
+    need_route,
+    need_way,
+    no_way_needed,
+    note,
+    pick_up,
+    set_down,
+)
+from automaton.recording.codes import (
+    DID_BAY_BLOCKED,
+    DID_BLOCKED,
+    DID_CHARGE,
+    DID_DROP,
+    DID_PICK,
+    DID_TRY_DROP,
+    DID_WAIT,
+    DURATION,
+    INTO_BAY,
+    LEFT_BAY,
+    MOVE_EAST,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.world.state import (
+    AROUND,
+    BAY_BLOCKED,
+    BLOCKED,
+    CHARGE,
+    FREE,
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    HOLD_ASK,
+    HOLD_NONE,
+    HOLD_WAITED,
+    MOVE,
+    NIL,
+    NO_STEP,
+    REPLAN,
+    TICK,
+    TRY_DROP,
+    TURN,
+    UNPARKED,
+    WAIT,
+)
+
+
+@kernel
+def entry_heading(grid, cell):
+    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
+    rule = np.int64(grid.rule[cell])
+    for direction in (1, 3, 0, 2):
+        if (rule >> direction) & 1:
+            return direction & (grid.headings - 1)
+    return 0
+
+
+@kernel
+def leave_bays(world):
+    """Place robots with a task on their home cells if those were empty at the start of the tick."""
+    robots = world.robots
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.parked[i] == 0 or robots.busy[i] or robots.goal[i] in (GOAL_NONE, GOAL_PARK):
+            continue
+        if robots.at[i] >= robots.length[i] and robots.stand[i] != robots.home[i]:
+            continue  # its route is still to come
+        if robots.bay[i] != NIL:
+            home = np.int64(robots.home[i])
+            heading = entry_heading(world.grid, home)
+            if not has_room(world.grid, world.traffic.occupancy, home, heading):
+                lose_tick(world, i, BAY_BLOCKED)
+                robots.did[i] = DID_BAY_BLOCKED
+                continue
+            occupy(world.grid, world.traffic.occupancy, home, heading)
+            robots.cell[i] = home
+            robots.heading[i] = heading
+            robots.travel[i] = heading
+            robots.did[i] = LEFT_BAY
+        robots.parked[i] = 0
+        world.clock[UNPARKED] += 1
+
+
+@kernel
+def drive(world, record):
+    """Set traffic.want and begin the operations of every robot that is free and on the floor."""
+    robots, traffic = world.robots, world.traffic
+    heading_mask = world.grid.headings - 1
+    span = world.rules.duration[MOVE]
+    for i in range(robots.cell.shape[0]):
+        traffic.want[U(i)] = 0
+        if robots.busy[U(i)]:
+            continue
+        at = robots.at[U(i)]
+        if at < robots.length[U(i)]:
+            if robots.parked[U(i)]:
+                continue
+            direction = np.int64(robots.route[U(i), U(at)])
+            if direction & heading_mask == robots.heading[U(i)]:
+                traffic.span[U(i)] = span
+                entered = ENTERED if robots.did[U(i)] == LEFT_BAY else 0
+                traffic.want[U(i)] = LIVE | direction | entered
+            else:
+                turn(world, i, direction)
+        elif robots.parked[U(i)] == 0:
+            drive_without_route(world, record, i)
+
+
+@kernel
+def drive_without_route(world, record, i):
+    """The rarer cases: a step of right of way, arrival at the stand, nothing to do."""
+    robots = world.robots
+    direction = np.int64(robots.step[i])
+    if direction != NO_STEP:
+        robots.step[i] = NO_STEP
+        if direction & (world.grid.headings - 1) == robots.heading[i]:
+            world.traffic.span[i] = world.rules.duration[MOVE]
+            world.traffic.want[i] = LIVE | direction
+        else:
+            turn(world, i, direction)
+            if robots.withdrawing[i] == 0:
+                replan(world, i)
+    elif robots.try_drop[i]:
+        robots.try_drop[i] = 0
+        begin(world, i, TRY_DROP, world.rules.duration[TRY_DROP])
+        robots.did[i] = DID_TRY_DROP
+    elif robots.withdrawing[i] == 0 and robots.cell[i] == robots.stand[i]:
+        do_goal(world, record, i)
+
+
+@kernel
+def do_goal(world, record, i):
+    """At its stand, robot i begins what it came for."""
+    robots = world.robots
+    flags = np.int64(robots.did[i])
+    goal = robots.goal[i]
+    if goal == GOAL_PICK:
+        robots.blocked[i] = 0
+        pick_up(world, record, i)
+        robots.did[i] = flags | DID_PICK
+    elif goal == GOAL_DROP:
+        robots.blocked[i] = 0
+        set_down(world, record, i)
+        robots.did[i] = flags | DID_DROP
+    elif goal == GOAL_PARK:
+        world.traffic.want[i] = ARRIVED
+    elif goal == GOAL_CHARGE:
+        ticks = np.int64(robots.stay[i])
+        begin(world, i, CHARGE, ticks)
+        robots.did[i] = flags | DID_CHARGE
+        note(world.clock, record, DURATION, robots.identity[i], ticks)
+        robots.goal[i] = GOAL_NONE
+        robots.stand[i] = NIL
+        need_allocation(world, i, FREE)
+
+
+@kernel
+def turn(world, i, direction):
+    """Turn robot i by 90 degrees towards a direction, clockwise if it must turn round.
+
+    In a cell of capacity 2 a turning robot needs both lanes; it claims its own cell meanwhile.
+    """
+    robots, grid = world.robots, world.grid
+    cell = np.int64(robots.cell[i])
+    if np.int64(grid.rule[cell]) >> 5 & 3 == 2:
+        other_lane = np.int64(robots.travel[i]) ^ 2
+        if not has_room(grid, world.traffic.occupancy, cell, other_lane):
+            lose_tick(world, i, BLOCKED)
+            robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
+            return
+        occupy(grid, world.traffic.occupancy, cell, other_lane)
+        robots.claim[i] = cell
+    heading = np.int64(robots.heading[i])
+    left = grid.headings == 4 and (direction - heading) & 3 == 3
+    robots.heading[i] = (heading + (3 if left else 1)) & (grid.headings - 1)
+    robots.blocked[i] = 0
+    begin(world, i, TURN, world.rules.duration[TURN])
+    robots.did[i] = np.int64(robots.did[i]) | (TURN_LEFT if left else TURN_RIGHT)
+
+
+@kernel
+def settle(world, record):
+    """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
+    robots, traffic = world.robots, world.traffic
+    for i in range(robots.cell.shape[0]):
+        want = np.int64(traffic.want[U(i)])
+        if want & MOVED:
+            loaded = 1 if robots.load[U(i)] != NIL else 0
+            world.tally.times[U(i), U(MOVE), U(loaded)] += 1
+            world.tally.ticks[U(i), U(MOVE), U(loaded)] += np.int64(traffic.span[U(i)])
+            robots.action[U(i)] = MOVE
+            robots.did[U(i)] = (np.int64(robots.did[U(i)]) & LEFT_BAY) | (MOVE_EAST + (want & 3))
+            at = robots.at[U(i)]
+            if at < robots.length[U(i)]:
+                robots.at[U(i)] = at + 1
+                robots.blocked[U(i)] = 0
+                robots.hold[U(i)] = HOLD_NONE
+                if at + 1 == robots.length[U(i)]:
+                    park_if_home(world, i)
+            else:
+                after_step(world, i)
+        elif want & LIVE:
+            refused(world, record, i)
+        elif want & ARRIVED:
+            park_if_home(world, i)
+
+
+@kernel
+def park_if_home(world, i):
+    """A robot at home with nothing to do is in its bay, or parked, at the end of the tick."""
+    robots = world.robots
+    home = np.int64(robots.home[i])
+    if robots.goal[i] != GOAL_PARK or robots.cell[i] != home or robots.withdrawing[i]:
+        return
+    if robots.busy[i] or robots.at[i] < robots.length[i]:
+        return
+    robots.parked[i] = 1
+    robots.goal[i] = GOAL_NONE
+    robots.stand[i] = NIL
+    drop_route(robots, i)
+    robots.did[i] = np.int64(robots.did[i]) | INTO_BAY
+    world.clock[UNPARKED] -= 1
+    need_allocation(world, i, FREE)
+    if robots.bay[i] != NIL:
+        vacate(world.grid, world.traffic.occupancy, home, np.int64(robots.travel[i]))
+        robots.cell[i] = NIL
+        robots.heading[i] = entry_heading(world.grid, home)
+
+
+@kernel
+def after_step(world, i):
+    """A step that right of way asked for was made; after the last one of a withdrawal plan anew."""
+    robots = world.robots
+    if robots.withdrawing[i]:
+        robots.withdrawing[i] -= 1
+        if robots.withdrawing[i]:
+            return
+        no_way_needed(world, i)
+    replan(world, i)
+
+
+@kernel
+def replan(world, i):
+    """Plan the same task again around the other robots; look for work if there is no task."""
+    goal = world.robots.goal[i]
+    if goal == GOAL_NONE or goal == GOAL_PARK:
+        need_allocation(world, i, REPLAN)
+    if goal != GOAL_NONE:
+        need_route(world, i, AROUND)
+
+
+@kernel
+def refused(world, record, i):
+    """A planned move was refused: wait, then retry, then ask right of way."""
+    robots, wait = world.robots, world.rules.wait
+    if robots.at[i] >= robots.length[i]:
+        lose_tick(world, i, BLOCKED)  # a refused step costs the tick
+        robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
+        if robots.withdrawing[i] == 0:
+            replan(world, i)
+    elif robots.hold[i] == HOLD_WAITED:
+        lose_tick(world, i, BLOCKED)
+        robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
+        robots.blocked[i] = min(np.int64(robots.blocked[i]) + 1, 255)
+        robots.hold[i] = HOLD_NONE
+        if robots.blocked[i] >= wait[4]:
+            robots.hold[i] = HOLD_ASK
+            need_way(world, i)
+    else:
+        first = 2 if robots.load[i] != NIL else 0
+        tick = world.clock[TICK]
+        identity = np.int64(robots.identity[i])
+        ticks = draw_between(
+            np.int64(wait[first]), np.int64(wait[first + 1]), world.rules.seed, WAITS, tick, identity
+        )
+        begin(world, i, WAIT, ticks)
+        robots.busy[i] = ticks - 1  # motion of this tick is over
+        robots.hold[i] = HOLD_WAITED
+        robots.did[i] = np.int64(robots.did[i]) | DID_WAIT
+        note(world.clock, record, DURATION, identity, ticks)

@@ -1,0 +1,174 @@
+"""What robots begin: operations with their ticks, reservations, needs; and the notes kept of them."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.recording.codes import ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
+from automaton.world.state import (
+    CARRIED,
+    CHANGED,
+    CHANGES,
+    DELIVERED,
+    DROP,
+    FREE,
+    FRESH_ALLOCATION,
+    GOAL_NONE,
+    NEED_ALLOCATION,
+    NEED_ROUTE,
+    NEED_WAY,
+    NEEDING_ROUTE,
+    NEEDING_WAY,
+    NIL,
+    PICK,
+    PICKED,
+    RECORDING,
+    TICK,
+    UNDELIVERED,
+    WAITING,
+)
+
+
+@kernel
+def note(clock, record, code, subject, value):
+    """Append a row of changes if the run is recorded."""
+    if clock[RECORDING]:
+        row = clock[CHANGED]
+        record.changes[row, 0] = clock[TICK]
+        record.changes[row, 1] = code
+        record.changes[row, 2] = subject
+        record.changes[row, 3] = value
+        clock[CHANGED] = row + 1
+
+
+@kernel
+def begin(world, i, action, ticks):
+    """Robot i begins an operation of so many ticks, the current one included; motion counts them."""
+    loaded = 1 if world.robots.load[i] != NIL else 0
+    world.robots.action[i] = action
+    world.robots.busy[i] = ticks
+    world.tally.times[i, action, loaded] += 1
+    world.tally.ticks[i, action, loaded] += ticks
+
+
+@kernel
+def lose_tick(world, i, action):
+    """Count a tick in which robot i executes nothing, and why."""
+    loaded = 1 if world.robots.load[i] != NIL else 0
+    world.robots.action[i] = action
+    world.tally.times[i, action, loaded] += 1
+    world.tally.ticks[i, action, loaded] += 1
+
+
+@kernel
+def need_allocation(world, i, reason):
+    robots, clock = world.robots, world.clock
+    if robots.need[i] & NEED_ALLOCATION == 0 or robots.asked_at[i] >= 0:
+        clock[FRESH_ALLOCATION] += 1
+    robots.need[i] |= np.uint8(NEED_ALLOCATION)
+    robots.reason[i] = reason
+    robots.asked_at[i] = NIL
+
+
+@kernel
+def need_route(world, i, reason):
+    robots = world.robots
+    drop_route(robots, i)
+    if robots.need[i] & NEED_ROUTE == 0:
+        world.clock[NEEDING_ROUTE] += 1
+    robots.need[i] |= np.uint8(NEED_ROUTE)
+    robots.route_reason[i] = reason
+
+
+@kernel
+def need_way(world, i):
+    if world.robots.need[i] & NEED_WAY == 0:
+        world.clock[NEEDING_WAY] += 1
+    world.robots.need[i] |= np.uint8(NEED_WAY)
+
+
+@kernel
+def no_route_needed(world, i):
+    if world.robots.need[i] & NEED_ROUTE:
+        world.clock[NEEDING_ROUTE] -= 1
+        world.robots.need[i] &= np.uint8(255 - NEED_ROUTE)
+
+
+@kernel
+def no_way_needed(world, i):
+    if world.robots.need[i] & NEED_WAY:
+        world.clock[NEEDING_WAY] -= 1
+        world.robots.need[i] &= np.uint8(255 - NEED_WAY)
+
+
+@kernel
+def drop_route(robots, i):
+    """Forget the route: a stale plan must never be resumed."""
+    robots.length[i] = 0
+    robots.at[i] = 0
+    robots.route_sum[i] = 0
+
+
+@kernel
+def reserve_order(world, record, order, identity):
+    """Give an order to a robot, or back (NIL)."""
+    world.orders.by[order] = identity
+    world.clock[CHANGES] += 1
+    note(world.clock, record, ORDER_BY, order, identity)
+
+
+@kernel
+def reserve_slot(world, record, slot, identity):
+    """Reserve a shelf for a robot's load, or free it (NIL); destinations take any number."""
+    if world.slots.endless[slot]:
+        return
+    world.slots.by[slot] = identity
+    world.clock[CHANGES] += 1
+    note(world.clock, record, SLOT_BY, slot, identity)
+
+
+@kernel
+def pick_up(world, record, i):
+    """The shelf empties in the first tick of the pick; allocation says next tick where to go."""
+    robots, orders = world.robots, world.orders
+    order = np.int64(robots.order[i])
+    begin(world, i, PICK, world.rules.duration[PICK])
+    slot = orders.place[order]
+    world.slots.content[slot] = NIL
+    orders.place[order] = NIL
+    orders.state[order] = CARRIED
+    orders.legs[order] += 1
+    robots.load[i] = order
+    robots.goal[i] = GOAL_NONE
+    robots.stand[i] = NIL
+    drop_route(robots, i)
+    world.clock[CHANGES] += 1
+    note(world.clock, record, PICKED_UP, robots.identity[i], order)
+    need_allocation(world, i, PICKED)
+
+
+@kernel
+def set_down(world, record, i):
+    """The load is on the slot, and there for others, in the first tick of the drop."""
+    robots, orders = world.robots, world.orders
+    order = np.int64(robots.load[i])
+    slot = np.int64(robots.slot[i])
+    begin(world, i, DROP, world.rules.duration[DROP])
+    robots.load[i] = NIL
+    robots.order[i] = NIL
+    robots.slot[i] = NIL
+    robots.goal[i] = GOAL_NONE
+    robots.stand[i] = NIL
+    drop_route(robots, i)
+    note(world.clock, record, SET_AT, robots.identity[i], slot)
+    orders.place[order] = slot
+    if slot == orders.target[order]:
+        orders.state[order] = DELIVERED
+        orders.delivered[order] = world.clock[TICK]
+        world.clock[UNDELIVERED] -= 1
+    else:
+        orders.state[order] = WAITING
+    if world.slots.endless[slot] == 0:
+        world.slots.content[slot] = order
+    reserve_order(world, record, order, NIL)
+    reserve_slot(world, record, slot, NIL)
+    need_allocation(world, i, FREE)

@@ -1,0 +1,303 @@
+"""Shortest paths over poses (cell, heading) with the costs of moving and turning in ticks.
+
+    pose = cell * headings + heading
+
+A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
+where the floor allows it. Ties are settled by rule, so every search gives the same path on every
+machine: poses leave the queue by (cost, pose); a path down a distance field prefers a move to a
+turn, then the lowest direction (E, S, W, N).
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.motion import has_room
+from automaton.world.state import MOVE, NIL, TURN
+
+FAR = 1 << 30  # cost of what cannot be reached
+_POSE_MASK = (1 << 32) - 1
+
+
+@kernel
+def push(heap, size, key):
+    """Put a key into the binary heap of that size."""
+    at = size
+    while at > 0:
+        above = (at - 1) >> 1
+        if heap[above] <= key:
+            break
+        heap[at] = heap[above]
+        at = above
+    heap[at] = key
+
+
+@kernel
+def pop(heap, size):
+    """Take the least key out of the binary heap of that size."""
+    least = heap[0]
+    last = heap[size - 1]
+    size -= 1
+    at = 0
+    below = 1
+    while below < size:
+        if below + 1 < size and heap[below + 1] < heap[below]:
+            below += 1
+        if heap[below] >= last:
+            break
+        heap[at] = heap[below]
+        at = below
+        below = 2 * at + 1
+    heap[at] = last
+    return least
+
+
+@kernel
+def fill_field(grid, duration, target, field, heap):
+    """field[pose] = least cost from the pose to the target cell in any heading; FAR if there is none.
+
+    Dijkstra from the target against the direction of travel.
+    """
+    field[:] = FAR
+    size = 0
+    for heading in range(grid.headings):
+        pose = target * grid.headings + heading
+        field[pose] = 0
+        push(heap, size, np.int64(pose))
+        size += 1
+    while size > 0:
+        key = pop(heap, size)
+        size -= 1
+        pose = key & _POSE_MASK
+        cost = key >> 32
+        if cost > field[pose]:
+            continue
+        cell = pose // grid.headings
+        heading = pose % grid.headings
+        for direction in range(heading, 4, grid.headings):
+            before = cell - grid.offset[direction]
+            if 0 <= before < grid.rule.shape[0] and (np.int64(grid.rule[before]) >> direction) & 1:
+                size = relax(field, heap, size, before * grid.headings + heading, cost + duration[MOVE])
+        if grid.headings > 1 and np.int64(grid.rule[cell]) & 16:
+            ahead = (heading + 1) & (grid.headings - 1)
+            size = relax(field, heap, size, cell * grid.headings + ahead, cost + duration[TURN])
+            behind = (heading - 1) & (grid.headings - 1)
+            size = relax(field, heap, size, cell * grid.headings + behind, cost + duration[TURN])
+
+
+@kernel
+def relax(field, heap, size, pose, cost):
+    if cost < field[pose]:
+        field[pose] = cost
+        push(heap, size, (np.int64(cost) << 32) | np.int64(pose))
+        return size + 1
+    return size
+
+
+@kernel
+def field_to(view, space, target):
+    """The row of space.field with the costs to a target cell, computed if it is not there."""
+    row = np.int64(space.field_of[target])
+    if row != NIL:
+        return row
+    row = np.int64(space.field_next[0])
+    space.field_next[0] = (row + 1) % space.field.shape[0]
+    if space.field_owner[row] != NIL:
+        space.field_of[space.field_owner[row]] = NIL
+    space.field_owner[row] = target
+    space.field_of[target] = row
+    fill_field(view.grid, view.rules.duration, target, space.field[row], space.heap)
+    return row
+
+
+@kernel
+def distance(view, space, cell, heading, target):
+    """Ticks from a pose to a target cell on the empty floor, FAR if there is no way."""
+    row = field_to(view, space, target)
+    return np.int64(space.field[row, cell * view.grid.headings + heading])
+
+
+@kernel
+def descend(view, space, cell, heading, target, steps):
+    """Write the shortest path on the empty floor into steps; returns its length, NIL if none."""
+    grid, duration = view.grid, view.rules.duration
+    field = space.field[field_to(view, space, target)]
+    length = 0
+    if field[cell * grid.headings + heading] >= FAR:
+        return NIL
+    while cell != target:
+        cost = np.int64(field[cell * grid.headings + heading])
+        found = False
+        for direction in range(heading, 4, grid.headings):
+            if (np.int64(grid.rule[cell]) >> direction) & 1 == 0:
+                continue
+            after = cell + grid.offset[direction]
+            if field[after * grid.headings + heading] == cost - duration[MOVE]:
+                if length == steps.shape[0]:
+                    return NIL
+                steps[length] = direction
+                length += 1
+                cell = after
+                found = True
+                break
+        if not found:
+            ahead = (heading + 1) & (grid.headings - 1)
+            if field[cell * grid.headings + ahead] != cost - duration[TURN]:
+                ahead = (heading - 1) & (grid.headings - 1)
+            heading = ahead
+    return length
+
+
+@kernel
+def begin_search(space):
+    space.generation[0] += 1
+    return space.generation[0]
+
+
+@kernel
+def reach(space, search, size, pose, cost, estimate, how):
+    """Enter a pose into the search's queue if this cost is better; returns the queue's size."""
+    if space.stamp[pose] != search or cost < space.cost[pose]:
+        space.stamp[pose] = search
+        space.cost[pose] = cost
+        space.parent[pose] = how
+        push(space.heap, size, (np.int64(cost + estimate) << 32) | np.int64(pose))
+        return size + 1
+    return size
+
+
+TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
+TURNED_BEHIND = 5
+STARTED = 6
+
+
+@kernel
+def is_closed(view, cell, direction, target, around):
+    """Whether a search around the robots may not enter a cell; its own target is always open."""
+    if not around or cell == target:
+        return False
+    return not has_room(view.grid, view.traffic.occupancy, cell, direction)
+
+
+@kernel
+def find_path(view, space, cell, heading, target, around, steps):
+    """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
+
+    `around`: cells without room now, the target excepted, are removed from the floor. The estimate
+    is the exact cost on the empty floor (a cached distance field).
+    """
+    grid, duration = view.grid, view.rules.duration
+    row = field_to(view, space, target)
+    if space.field[row, cell * grid.headings + heading] >= FAR:
+        return NIL
+    search = begin_search(space)
+    start = cell * grid.headings + heading
+    size = reach(space, search, 0, start, 0, space.field[row, start], STARTED)
+    while size > 0:
+        key = pop(space.heap, size)
+        size -= 1
+        pose = key & _POSE_MASK
+        cost = np.int64(space.cost[pose])
+        if (key >> 32) != cost + space.field[row, pose]:
+            continue  # a better way to this pose was found meanwhile
+        space.generation[1] += 1
+        here = pose // grid.headings
+        if here == target:
+            return write_path(grid, space, pose, steps)
+        h = pose % grid.headings
+        for direction in range(h, 4, grid.headings):
+            if (np.int64(grid.rule[here]) >> direction) & 1:
+                after = here + grid.offset[direction]
+                to = after * grid.headings + h
+                if not is_closed(view, after, direction, target, around):
+                    size = reach(
+                        space, search, size, to, cost + duration[MOVE], space.field[row, to], direction
+                    )
+        if grid.headings > 1 and np.int64(grid.rule[here]) & 16:
+            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
+            size = reach(
+                space, search, size, to, cost + duration[TURN], space.field[row, to], TURNED_AHEAD
+            )
+            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
+            size = reach(
+                space, search, size, to, cost + duration[TURN], space.field[row, to], TURNED_BEHIND
+            )
+    return NIL
+
+
+@kernel
+def write_path(grid, space, pose, steps):
+    """Directions from the start of the search to a pose, read backwards from the parents."""
+    length = 0
+    at = pose
+    while space.parent[at] != STARTED:
+        how = np.int64(space.parent[at])
+        if how < 4:
+            length += 1
+        at = parent_of(grid, at, how)
+    if length > steps.shape[0]:
+        return NIL
+    at = pose
+    k = length
+    while space.parent[at] != STARTED:
+        how = np.int64(space.parent[at])
+        if how < 4:
+            k -= 1
+            steps[k] = how
+        at = parent_of(grid, at, how)
+    return length
+
+
+@kernel
+def parent_of(grid, pose, how):
+    heading = pose % grid.headings
+    if how < 4:
+        return pose - grid.offset[how] * grid.headings
+    turned = heading - 1 if how == TURNED_AHEAD else heading + 1
+    return pose - heading + (turned & (grid.headings - 1))
+
+
+@kernel
+def mark_goal(space, search, cell, value):
+    """Make a cell a goal of nearest_mark; the lowest value of a cell counts."""
+    if space.mark_stamp[cell] != search or value < space.mark[cell]:
+        space.mark_stamp[cell] = search
+        space.mark[cell] = value
+
+
+@kernel
+def nearest_mark(view, space, search, cell, heading, around):
+    """The value of the marked cell of least cost from a pose, ties to the lowest value; NIL if none.
+
+    Dijkstra that ends with the first cost at which a mark was found. `around` as in find_path.
+    """
+    grid, duration = view.grid, view.rules.duration
+    size = reach(space, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
+    best = NIL
+    best_cost = FAR
+    while size > 0:
+        key = pop(space.heap, size)
+        size -= 1
+        pose = key & _POSE_MASK
+        cost = key >> 32
+        if cost > best_cost:
+            break
+        if cost != space.cost[pose]:
+            continue
+        space.generation[1] += 1
+        here = pose // grid.headings
+        if space.mark_stamp[here] == search and (best == NIL or space.mark[here] < best):
+            best = np.int64(space.mark[here])
+            best_cost = cost
+        h = pose % grid.headings
+        for direction in range(h, 4, grid.headings):
+            if (np.int64(grid.rule[here]) >> direction) & 1:
+                after = here + grid.offset[direction]
+                if not is_closed(view, after, direction, NIL, around):
+                    to = after * grid.headings + h
+                    size = reach(space, search, size, to, cost + duration[MOVE], 0, direction)
+        if grid.headings > 1 and np.int64(grid.rule[here]) & 16:
+            to = here * grid.headings + ((h + 1) & (grid.headings - 1))
+            size = reach(space, search, size, to, cost + duration[TURN], 0, TURNED_AHEAD)
+            to = here * grid.headings + ((h - 1) & (grid.headings - 1))
+            size = reach(space, search, size, to, cost + duration[TURN], 0, TURNED_BEHIND)
+    return best

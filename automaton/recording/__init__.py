@@ -1,0 +1,1 @@
+"""Recorded runs: the file, the recorder, the independent validator and the verification."""

@@ -1,0 +1,246 @@
+"""A YAML text as data that remembers its lines, and that refuses what YAML 1.1 would guess.
+
+PyYAML's own constructor reads `no` as false, `1:30` as 90 and `010` as 8, and lets a key appear
+twice. Here each of these is an error with its line, so that nothing in a scenario is a surprise.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from automaton.errors import InputError
+
+Keys = tuple[str | int, ...]  # the way to a value: ("fleet", "start", 0)
+
+MAX_NODES: Final = 100_000  # values after aliases are expanded: a bomb of aliases is refused unread
+MAX_DEPTH: Final = 40
+LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+TAG: Final = "tag:yaml.org,2002:"
+TEXT_TAGS: Final = (TAG + "str", TAG + "timestamp", TAG + "value", TAG + "merge")
+WHOLE: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
+FRACTION: Final = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+LEADING_TAB: Final = re.compile(r"^ *\t[ \t]*[^\s#]", re.MULTILINE)
+CONTROL: Final = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+@dataclass(frozen=True)
+class Override:
+    """One value given on the command line, by `--set KEY=VALUE` or an option of its own."""
+
+    argument: str  # as typed: "--set fleet.robots=5"
+    keys: Keys
+    value: Any
+
+
+@dataclass(frozen=True)
+class Document:
+    """The data of a scenario with the text that it comes from."""
+
+    data: dict[str, Any]
+    file: str | None = None  # as errors name it
+    folder: Path = field(default_factory=Path)  # what relative paths in it refer to
+    text: str = ""
+    root: yaml.Node | None = None
+    overrides: tuple[Override, ...] = ()
+
+    def error(self, keys: Keys, message: str) -> InputError:
+        """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
+        for override in reversed(self.overrides):
+            shared = min(len(keys), len(override.keys))
+            new = len(keys) == shared and not self._holds(keys)
+            if keys[:shared] == override.keys[:shared] and (shared == len(override.keys) or new):
+                return InputError(message, override.argument)
+        return InputError(message, self.file, self.line(keys))
+
+    def line(self, keys: Keys) -> int | None:
+        """Line of the deepest part of the way to `keys` that the text holds; None without text."""
+        return line_of(self.root, keys)[0] if self.root is not None else None
+
+    def _holds(self, keys: Keys) -> bool:
+        return self.root is not None and line_of(self.root, keys)[1] == len(keys)
+
+
+def line_of(root: yaml.Node, keys: Keys) -> tuple[int, int]:
+    """(line, depth): where the value at `keys` begins, and how many of the keys were found."""
+    node, line = root, root.start_mark.line + 1
+    for depth, key in enumerate(keys):
+        if isinstance(node, yaml.MappingNode):
+            found = [(name, value) for name, value in node.value if name.value == str(key)]
+            if not found:
+                return line, depth
+            name, node = found[0]
+            line = name.start_mark.line + 1
+        elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
+            node = node.value[key]
+            line = node.start_mark.line + 1
+        else:
+            return line, depth
+    return line, len(keys)
+
+
+def node_at(root: yaml.Node | None, keys: Keys) -> yaml.Node | None:
+    """The node of the value at `keys`, or None if the text does not hold it."""
+    node = root
+    for key in keys:
+        if isinstance(node, yaml.MappingNode):
+            node = next((value for name, value in node.value if name.value == str(key)), None)
+        elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
+            node = node.value[key]
+        else:
+            return None
+    return node
+
+
+def parse(text: str, file: str | None) -> tuple[Any, yaml.Node | None]:
+    """The data of a YAML text and its root node; (None, None) for a text without content.
+
+    Raises InputError with `file` and the line.
+    """
+    _refuse_unreadable(text, file)
+    try:
+        _refuse_unbounded(text, file)
+        root = yaml.compose(text, Loader=LOADER)
+    except yaml.MarkedYAMLError as error:
+        raise _unparsable(error, file) from None
+    except yaml.YAMLError as error:
+        raise InputError(f"not valid YAML: {str(error).splitlines()[0]}", file) from None
+    if root is None:
+        return None, None
+    _measure(root, file, {})
+    return _data(root, file), root
+
+
+def _refuse_unreadable(text: str, file: str | None) -> None:
+    if control := CONTROL.search(text):
+        line = text.count("\n", 0, control.start()) + 1
+        code = f"U+{ord(control[0]):04X}"
+        raise InputError(f"is not a text file (it holds the control character {code})", file, line)
+    if tab := LEADING_TAB.search(text):
+        line = text.count("\n", 0, tab.start()) + 1
+        raise InputError("the line begins with a tab; indent with spaces", file, line)
+
+
+def _refuse_unbounded(text: str, file: str | None) -> None:
+    # Reading events one by one stays linear and shallow, whatever the text holds.
+    depth = 0
+    for count, event in enumerate(yaml.parse(text, Loader=LOADER)):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        mark: Any = event.start_mark
+        line = mark.line + 1
+        if depth > MAX_DEPTH:
+            raise InputError(f"nested more than {MAX_DEPTH} levels deep", file, line)
+        if count > MAX_NODES:
+            raise InputError(f"holds more than {MAX_NODES:,} values", file, line)
+
+
+def _unparsable(error: yaml.MarkedYAMLError, file: str | None) -> InputError:
+    mark: Any = error.problem_mark or error.context_mark
+    problem = str(error.problem)
+    if "cannot start any token" in problem:
+        problem = "a character that cannot begin a value; put the value in quotes"
+    elif "mapping values are not allowed" in problem:
+        problem = "a ':' or an indentation that does not fit here"
+    elif "another document" in problem:
+        problem = "a second document begins here; a scenario is a single one"
+    elif "expected key" in problem:
+        problem += (
+            "; check the indentation (the first row of a picture must not begin with a blank)"
+        )
+    line = mark.line + 1 if mark is not None else None
+    begun: Any = error.context_mark
+    if begun is not None and line is not None and begun.line + 1 < line:
+        problem += f" (in what begins in line {begun.line + 1})"
+    return InputError(f"not valid YAML: {problem}", file, line)
+
+
+def _measure(
+    node: yaml.Node, file: str | None, sizes: dict[int, tuple[int, int]]
+) -> tuple[int, int]:
+    """(values, depth) of a node with its aliases expanded, each node being visited once."""
+    line = node.start_mark.line + 1
+    if id(node) in sizes:
+        size, depth = sizes[id(node)]
+        if size == 0:
+            raise InputError("an alias refers to the value that it is part of", file, line)
+        return size, depth
+    sizes[id(node)] = (0, 0)
+    size, depth = 1, 0
+    for child in _children(node):
+        child_size, child_depth = _measure(child, file, sizes)
+        size, depth = size + child_size, max(depth, child_depth + 1)
+    if size > MAX_NODES or depth > MAX_DEPTH:
+        raise InputError(
+            f"aliases expand to more than {MAX_NODES:,} values or {MAX_DEPTH} levels", file, line
+        )
+    sizes[id(node)] = (size, depth)
+    return size, depth
+
+
+def _children(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        return [part for pair in node.value for part in pair]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+
+
+def _data(node: yaml.Node, file: str | None) -> Any:
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(node, file)
+    if node.tag not in (TAG + "map", TAG + "seq"):
+        raise _unsupported(node, file)
+    if isinstance(node, yaml.SequenceNode):
+        return [_data(item, file) for item in node.value]
+    lines: dict[str, int] = {}
+    data: dict[str, Any] = {}
+    for name, value in node.value:
+        line = name.start_mark.line + 1
+        if not isinstance(name, yaml.ScalarNode):
+            raise InputError("a key must be a plain word, found a list or a mapping", file, line)
+        # Keys are taken as typed: `no`, `~` and `1` are symbols of a legend, not values.
+        if name.value in lines:
+            first = lines[name.value]
+            raise InputError(
+                f"the key '{name.value}' appears twice (first in line {first})", file, line
+            )
+        lines[name.value] = line
+        data[name.value] = _data(value, file)
+    return data
+
+
+def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
+    text, tag, line = node.value, node.tag, node.start_mark.line + 1
+    if tag in TEXT_TAGS:
+        return text
+    if tag == TAG + "null":
+        return None
+    if tag == TAG + "bool":
+        if text in ("true", "false"):
+            return text == "true"
+        raise InputError(
+            f"'{text}' means true or false in YAML; write true or false, or quote it: '{text}'",
+            file,
+            line,
+        )
+    if tag == TAG + "int" and WHOLE.fullmatch(text):
+        return int(text)
+    if tag == TAG + "float" and FRACTION.fullmatch(text):
+        return float(text)
+    if tag in (TAG + "int", TAG + "float"):
+        shown = text if len(text) <= 40 else text[:37] + "..."
+        raise InputError(
+            f"YAML reads {shown} as a number in a special notation; "
+            "write a plain decimal number, or quote it",
+            file,
+            line,
+        )
+    raise _unsupported(node, file)
+
+
+def _unsupported(node: yaml.Node, file: str | None) -> InputError:
+    tag = str(node.tag).replace(TAG, "!!")
+    return InputError(f"the tag {tag} has no meaning here", file, node.start_mark.line + 1)

@@ -1,0 +1,158 @@
+"""The floor of a scenario: generated, drawn in the scenario, or drawn in a file of its own."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Hashable
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol, cast
+
+import msgspec
+import yaml
+
+from automaton.errors import InputError, nearest
+from automaton.scenario.document import Document, Keys, node_at
+from automaton.scenario.pictures import (
+    Legend,
+    PictureError,
+    check_new_symbol,
+    draw_floor,
+    symbol_of,
+)
+from automaton.scenario.reading import read_text
+from automaton.scenario.schema import FileLayout, LegendEntry, PictureLayout
+from automaton.scenario.validation import shown, validated
+from automaton.world.plan import FloorPlan
+
+LAYOUT: Keys = ("layout",)
+
+
+class Generator(Hashable, Protocol):
+    """A floor generator: a msgspec struct of parameters."""
+
+    def build(self) -> FloorPlan:
+        """The floor with these parameters."""
+
+
+class Floor(NamedTuple):
+    """A floor and how to place an error about one of its rows."""
+
+    plan: FloorPlan
+    error: Callable[[str, int], InputError]  # message, row y
+
+
+def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
+    """The floor that the layout of a scenario describes. Raises InputError."""
+    forms = [form for form in ("generator", "picture", "file") if form in layout]
+    if len(forms) != 1:
+        hint = next(
+            (nearest(key, ("generator", "picture", "file")) for key in layout if not forms), ""
+        )
+        raise document.error(
+            LAYOUT, f"layout must have exactly one of generator, picture or file{hint}"
+        )
+    return {"generator": _generated, "picture": _drawn, "file": _from_file}[forms[0]](
+        document, layout
+    )
+
+
+def generators() -> dict[str, str]:
+    """The floor generators by name, each as "module:Class"."""
+    return cast("dict[str, str]", importlib.import_module("layouts.catalogue").GENERATORS)
+
+
+def generator_type(name: Any) -> type[msgspec.Struct]:
+    """The struct of parameters of a generator, by name or "module:Class". Raises InputError."""
+    known = generators()
+    if not isinstance(name, str):
+        raise InputError(f"layout.generator must be a name, found {shown(name)}")
+    target = known.get(name, name)
+    module, colon, attribute = target.partition(":")
+    if not colon:
+        raise InputError(
+            f"unknown generator '{name}'{nearest(name, known)}; "
+            f"there are {', '.join(known)}, or write module:Class"
+        )
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"generator '{name}' cannot be loaded: {error}") from None
+    struct = isinstance(found, type) and issubclass(found, msgspec.Struct)
+    if not struct or not hasattr(found, "build"):
+        raise InputError(f"generator '{name}' is no msgspec struct with a method build()")
+    return cast("type[msgspec.Struct]", found)
+
+
+def _generated(document: Document, layout: dict[str, Any]) -> Floor:
+    try:
+        wanted = generator_type(layout["generator"])
+    except InputError as error:
+        raise document.error(("layout", "generator"), error.message) from None
+    parameters = {key: value for key, value in layout.items() if key != "generator"}
+    generator = cast(Generator, validated(document, parameters, wanted, LAYOUT))
+
+    def error_at(message: str, row: int) -> InputError:
+        return document.error(LAYOUT, message)
+
+    try:
+        return Floor(_built(generator), error_at)
+    except InputError as error:
+        raise document.error(LAYOUT, error.message) from None
+
+
+@lru_cache(maxsize=64)
+def _built(generator: Generator) -> FloorPlan:
+    return generator.build()
+
+
+def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
+    drawn = validated(document, layout, PictureLayout, LAYOUT)
+    keys: Keys = ("layout", "picture")
+    node = node_at(document.root, keys)
+    # Only a block keeps its rows on lines of their own.
+    block = isinstance(node, yaml.ScalarNode) and node.style == "|"
+
+    def error_at(message: str, row: int) -> InputError:
+        error = document.error(keys, message)
+        if block and node is not None and error.line is not None:
+            error.line = node.start_mark.line + 2 + row
+        return error
+
+    return _picture(drawn.picture, _legend(document, drawn.legend), error_at)
+
+
+def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
+    wanted = validated(document, layout, FileLayout, LAYOUT)
+    path = document.folder / wanted.file
+    if not path.is_file():
+        raise document.error(("layout", "file"), f"there is no floor file '{wanted.file}'")
+    picture = read_text(path)
+
+    def error_at(message: str, row: int) -> InputError:
+        return InputError(message, str(path), row + 1)
+
+    return _picture(picture, _legend(document, wanted.legend), error_at)
+
+
+def _picture(picture: str, legend: Legend, error_at: Callable[[str, int], InputError]) -> Floor:
+    tab = picture.find("\t")
+    if tab >= 0:
+        raise error_at("the picture holds a tab; use blanks or '#'", picture.count("\n", 0, tab))
+    try:
+        return Floor(draw_floor(picture, legend), error_at)
+    except PictureError as error:
+        raise error_at(error.message, error.row) from None
+
+
+def _legend(document: Document, legend: dict[str, Any]) -> Legend:
+    symbols = []
+    for character, value in legend.items():
+        keys: Keys = ("layout", "legend", character)
+        try:
+            check_new_symbol(character)
+            entry = validated(document, value, LegendEntry, keys)
+            symbol = symbol_of(entry.kind, entry.capacity, entry.exits, entry.loaded)
+        except InputError as error:
+            raise error if error.file else document.error(keys, error.message) from None
+        symbols.append((character, symbol))
+    return tuple(symbols)

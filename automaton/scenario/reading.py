@@ -1,0 +1,77 @@
+"""Scenarios as files: found by path or by the name of a shipped one, read within limits."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+from automaton.errors import InputError, nearest
+from automaton.scenario.document import Document, parse
+
+MAX_BYTES: Final = 8_000_000
+SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
+
+
+def shipped() -> dict[str, Path]:
+    """The scenarios that come with the package, by name."""
+    return {path.stem: path for path in sorted(SHIPPED_FOLDER.glob("*.yaml"))}
+
+
+def find(name: str | Path) -> Path:
+    """The file of a scenario: a path, or the name of a shipped one. Raises InputError."""
+    path = Path(name)
+    if path.is_file():
+        return path
+    known = shipped()
+    if str(name) in known:
+        return known[str(name)]
+    if path.is_dir():
+        raise InputError("is a folder, not a scenario file", str(name))
+    if path.exists():
+        raise InputError("is not a regular file", str(name))
+    if os.sep in str(name) or path.suffix in (".yaml", ".yml"):
+        raise InputError("no such file", str(name))
+    hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
+    raise InputError(f"no file and no shipped scenario is called '{name}'{hint}")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file of at most MAX_BYTES bytes. Raises InputError."""
+    file = str(path)
+    try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            limit = MAX_BYTES // 1_000_000
+            message = f"has {size / 1e6:,.1f} MB; scenarios and floors may have {limit} MB at most"
+            raise InputError(message, file)
+        if not path.is_file():
+            raise InputError("is not a regular file", file)
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot be read: {reason}", file) from None
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError("is UTF-16 text; save it as UTF-8", file)
+    if b"\0" in content[:4096]:
+        raise InputError("is not a text file (it holds zero bytes)", file)
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise InputError(f"is not UTF-8 text (byte {byte:#04x})", file, line) from None
+
+
+def read(name: str | Path) -> Document:
+    """Read a scenario by path or by shipped name, without checking what it says."""
+    path = find(name)
+    text = read_text(path)
+    file = str(path)
+    data, root = parse(text, file)
+    if data is None:
+        raise InputError("is empty; a scenario needs at least name, layout and fleet", file)
+    if not isinstance(data, dict):
+        raise InputError("a scenario has keys such as name, layout and fleet; found none", file, 1)
+    return Document(data=data, file=file, folder=path.parent, text=text, root=root)

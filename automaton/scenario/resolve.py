@@ -1,0 +1,93 @@
+"""A scenario made ready to run: floor built, strategies found, contradictions refused."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+
+from automaton.errors import InputError
+from automaton.scenario.document import Document, Keys, Override
+from automaton.scenario.feasibility import check_floor, check_orders, start_of
+from automaton.scenario.floors import floor_of
+from automaton.scenario.overrides import override
+from automaton.scenario.reading import read
+from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.validation import validated
+from automaton.world.plan import FloorPlan
+
+
+class Pick(NamedTuple):
+    """The strategy of one layer."""
+
+    name: str  # of the table of built-ins, of a plug-in, or "module:Class"
+    parameters: msgspec.Struct
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """Everything that a run follows from."""
+
+    scenario: Scenario
+    plan: FloorPlan
+    picks: dict[str, Pick]  # by layer
+    start: Literal["bays", "random"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
+    source: str  # text of the scenario file; "" for a Scenario built in Python
+    overrides: tuple[str, ...] = ()  # the --set arguments as typed
+
+
+def resolve(
+    scenario: str | Path | Scenario, overrides: Iterable[str] = (), seed: int | None = None
+) -> Resolved:
+    """Check a scenario completely: a path, the name of a shipped one, or a Scenario.
+
+    `overrides` are KEY=VALUE texts, `seed` replaces the scenario's own. Raises InputError.
+    """
+    settings = tuple(overrides)
+    document = override(_document(scenario), settings)
+    if seed is not None:
+        seeded = Override(f"--seed {seed}", ("seed",), seed)
+        data = {**document.data, "seed": seed}
+        document = replace(document, data=data, overrides=(*document.overrides, seeded))
+    checked = validated(document, document.data, Scenario)
+    floor = floor_of(document, checked.layout)
+    start = start_of(document, checked, floor.plan)
+    check_orders(document, checked, floor)
+    check_floor(checked, floor, start)
+    return Resolved(
+        scenario=checked,
+        plan=floor.plan,
+        picks={layer: _pick(document, checked, layer) for layer in LAYERS},
+        start=start,
+        source=document.text,
+        overrides=settings,
+    )
+
+
+def _document(scenario: str | Path | Scenario) -> Document:
+    if not isinstance(scenario, Scenario):
+        return read(scenario)
+    return Document(data=copy.deepcopy(msgspec.to_builtins(scenario)))
+
+
+def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:
+    from automaton.strategy import lookup
+
+    choice: Any = getattr(scenario.strategy, layer)
+    keys: Keys = ("strategy", layer)
+    parameters: dict[str, Any] = {}
+    if isinstance(choice, dict):
+        parameters = {key: value for key, value in choice.items() if key != "name"}
+        choice = choice.get("name")
+        if not isinstance(choice, str):
+            raise document.error(keys, f"the key 'name' is missing in strategy.{layer}")
+        keys = (*keys, "name")
+    try:
+        wanted = lookup.parameters_type(layer, choice)
+    except InputError as error:
+        raise document.error(keys, error.message) from None
+    return Pick(choice, validated(document, parameters, wanted, ("strategy", layer)))

@@ -1,0 +1,190 @@
+"""What a scenario file may say: one struct for each of its parts.
+
+The structs are the schema: `automaton schema` derives the JSON Schema from them, and the reader its
+messages. What depends on the floor or on the chosen strategies is checked in `resolve`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
+Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+Text = Annotated[str, Meta(min_length=1)]
+Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+Direction = Literal["east", "south", "west", "north"]
+Parameters = dict[str, Any]
+Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
+
+LAYERS = ("zoning", "charging", "allocation", "routing", "right_of_way")
+
+
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A part of a scenario: immutable, unknown keys refused."""
+
+
+class Fleet(Part, frozen=True, kw_only=True):
+    """The robots."""
+
+    robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
+    kinematics: Annotated[
+        Literal["rail", "differential", "omni"],
+        Meta(
+            description="rail: reverses freely, turns only on turntables; differential: every turn "
+            "by 90 degrees takes time; omni: drives in any direction without turning."
+        ),
+    ] = "differential"
+    start: Annotated[
+        Literal["bays", "random"] | tuple[Pair, ...] | None,
+        Meta(
+            description="Where robots begin: bays, random, or a list of cells. Left out: where the "
+            "picture draws robots, else in bays if the floor has any, else random."
+        ),
+    ] = None
+
+
+class Units(Part, frozen=True, kw_only=True):
+    """What a tick and a cell stand for; used by reports only."""
+
+    tick: Annotated[Line, Meta(description='Such as "1 cycle" or "0.5 s".')] = "1 tick"
+    cell: Annotated[Line, Meta(description='Such as "0.75 m".')] = "1 cell"
+
+
+class Durations(Part, frozen=True, kw_only=True):
+    """How many ticks each operation takes."""
+
+    move: Annotated[Ticks, Meta(description="To the next cell.")] = 1
+    turn: Annotated[Ticks, Meta(description="By 90 degrees.")] = 1
+    pick: Annotated[Ticks, Meta(description="Take a load from a slot.")] = 1
+    drop: Annotated[Ticks, Meta(description="Set a load down.")] = 1
+    try_drop: Annotated[Ticks, Meta(description="Look whether a load can be set down.")] = 1
+
+
+class OrderLine(Part, frozen=True, kw_only=True):
+    """One order: bring the load of a shelf to a slot."""
+
+    source: Annotated[Pair, Meta(description="The shelf with the load.")] = msgspec.field(
+        name="from"
+    )
+    target: Annotated[Pair, Meta(description="The shelf or destination to bring it to.")] = (
+        msgspec.field(name="to")
+    )
+
+
+class Orders(Part, frozen=True, kw_only=True):
+    """What is to be carried: a generator of orders or a list of them."""
+
+    generator: Annotated[
+        Literal["full-shelves"] | None,
+        Meta(
+            description="full-shelves: every shelf holds a load at the start, "
+            "to be brought to a destination drawn at random."
+        ),
+    ] = None
+    listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
+        msgspec.field(name="list", default=None)
+    )
+
+    def __post_init__(self) -> None:
+        if (self.generator is None) == (self.listed is None):
+            raise ValueError("orders must have either a generator or a list")
+        if self.listed is not None and not self.listed:
+            raise ValueError("list must hold at least one order")
+
+
+class Strategies(Part, frozen=True, kw_only=True):
+    """The strategy of each layer: a name, or {name: NAME, ...parameters}."""
+
+    zoning: Annotated[Choice, Meta(description="Which robot serves which part.")] = "none"
+    charging: Annotated[Choice, Meta(description="When and where a robot charges.")] = "none"
+    allocation: Annotated[Choice, Meta(description="Which order a robot does next.")] = (
+        "independent"
+    )
+    routing: Annotated[Choice, Meta(description="Which cells it drives through.")] = "shortest"
+    right_of_way: Annotated[Choice, Meta(description="What a blocked robot does.")] = "withdraw"
+
+
+class WorldRules(Part, frozen=True, kw_only=True):
+    """Rules of motion that a scenario may change."""
+
+    following: Annotated[
+        bool, Meta(description="A robot may enter a cell that is given up in the same tick.")
+    ] = True
+
+
+class Radius(Part, frozen=True, kw_only=True):
+    """A robot knows what lies within this many cells of it."""
+
+    radius: Annotated[int, Meta(ge=1, le=10_000, description="In cells.")]
+
+
+class Stop(Part, frozen=True, kw_only=True):
+    """When a run ends."""
+
+    when: Annotated[
+        Literal["parked", "delivered", "never"],
+        Meta(description="parked: all is delivered and every robot is home again."),
+    ] = "parked"
+    at_most: Annotated[
+        int, Meta(ge=1, le=2_000_000_000, description="Ticks after which a run is given up.")
+    ] = 50_000
+
+
+class Scenario(Part, frozen=True, kw_only=True):
+    """A scenario of automaton: a floor, a fleet, orders and the strategies that run them."""
+
+    name: Annotated[Line, Meta(description="The name in reports and recordings.")]
+    summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
+    layout: Annotated[
+        Parameters,
+        Meta(description="The floor: a generator, a picture or a file."),
+    ]
+    fleet: Fleet
+    units: Units = Units()
+    durations: Durations = Durations()
+    orders: Orders = Orders(generator="full-shelves")
+    strategy: Strategies = Strategies()
+    world: WorldRules = WorldRules()
+    information: Annotated[
+        Literal["everything", "orders"] | Radius,
+        Meta(description="What strategies see: everything, the order list only, or a radius."),
+    ] = "everything"
+    stop: Stop = Stop()
+    seed: Annotated[
+        int, Meta(ge=0, le=2**63 - 1, description="Every random draw of a run follows from it.")
+    ] = 1
+
+
+class LegendEntry(Part, frozen=True, kw_only=True):
+    """What a symbol of a picture stands for."""
+
+    kind: Annotated[
+        Literal["wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay"],
+        Meta(description="The kind of cell."),
+    ]
+    capacity: Annotated[
+        Literal[0, 1, 2] | None,
+        Meta(description="Robots at a time: 1, 2 (one each way) or 0 (any number)."),
+    ] = None
+    exits: Annotated[
+        tuple[Direction, ...] | None,
+        Meta(description="Directions in which a robot may leave; one alone makes it one-way."),
+    ] = None
+    loaded: Annotated[bool, Meta(description="A shelf that holds a load.")] = False
+
+
+class PictureLayout(Part, frozen=True, kw_only=True):
+    """A floor drawn in characters."""
+
+    picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
+    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+
+
+class FileLayout(Part, frozen=True, kw_only=True):
+    """A floor drawn in a file of its own."""
+
+    file: Annotated[Text, Meta(description="Path, relative to the scenario.")]
+    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}

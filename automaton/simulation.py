@@ -1,0 +1,154 @@
+"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from automaton.compiled import announce_first_compilation
+from automaton.kernels import loop as loop_kernels
+from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
+from automaton.scenario.resolve import Resolved
+from automaton.strategy import lookup
+from automaton.strategy.compilation import compiled_decide
+from automaton.strategy.layer import Strategy
+from automaton.world.build import (
+    build_buffers,
+    build_record,
+    build_world,
+    no_memory,
+)
+from automaton.world.state import (
+    FINISHED,
+    LAYERS,
+    RECORDING,
+    TICK,
+    UNTIL,
+    Array,
+    Memory,
+    World,
+)
+
+RECORD_TICKS = 256  # ticks in the buffers of a recording
+
+
+class Simulation:
+    """One run of a resolved scenario.
+
+    `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
+    change); with `on_record` every tick is recorded and the function is called when the buffers
+    are full. Errors that a Python strategy raises come out of `run`.
+    """
+
+    def __init__(
+        self,
+        resolved: Resolved,
+        seed: int | None = None,
+        storage: Array | None = None,
+        on_record: Callable[[Simulation], None] | None = None,
+    ) -> None:
+        self.resolved = resolved
+        self.seed = resolved.scenario.seed if seed is None else seed
+        self.world, floor = build_world(resolved, self.seed, storage)
+        self.space = floor.space
+        self.view: World = self.world.read_only()
+        self.asked, self.answers = build_buffers(self.world)
+        self.on_record = on_record
+        self.record = build_record(
+            self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES)
+        )
+        self.world.clock[RECORDING] = 1 if on_record else 0
+        self._strategies = [self._strategy(layer) for layer in LAYERS]
+        self._memories = [self._memory(strategy) for strategy in self._strategies]
+        self._ticks = self._start()
+
+    def _strategy(self, layer: str) -> Strategy | None:
+        pick = self.resolved.picks[layer]
+        if pick.name == lookup.NONE:
+            return None
+        strategy: Strategy = lookup.load(layer, pick.name)(pick.parameters)
+        index = LAYERS.index(layer)
+        self.world.rules.every[index] = strategy.every
+        if layer == "right_of_way":
+            self.world.rules.wait[:] = strategy.waits()
+        return strategy
+
+    def _memory(self, strategy: Strategy | None) -> Memory:
+        return no_memory() if strategy is None else strategy.reset(self.view)
+
+    def _start(self) -> Iterator[int]:
+        arguments = (
+            self.world,
+            self.view,
+            self.asked,
+            self.answers,
+            self.record,
+            self.space,
+            np.zeros(len(LAYERS), np.uint8),
+        )
+        loop, decide_type = _compiled_loop(arguments, no_memory())
+        serving = arguments[-1]
+        functions = []
+        for index, strategy in enumerate(self._strategies):
+            function = None if strategy is None else type(strategy).compiled
+            if strategy is not None:
+                serving[index] = loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
+            functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
+        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories)
+        return ticks
+
+    @property
+    def tick(self) -> int:
+        """Ticks executed so far."""
+        return int(self.world.clock[TICK])
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario's stop condition holds."""
+        return bool(self.world.clock[FINISHED])
+
+    def run(self, until: int | None = None) -> None:
+        """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`."""
+        limit = self.resolved.scenario.stop.at_most
+        self.world.clock[UNTIL] = limit if until is None else min(until, limit)
+        with np.errstate(over="ignore"):  # with the JIT off, NumPy warns where hashes wrap
+            for event in self._ticks:
+                if event != loop_kernels.PAUSE:
+                    self._decide(event)
+                    continue
+                if self.on_record:
+                    self.on_record(self)
+                if self.finished or self.world.clock[TICK] >= self.world.clock[UNTIL]:
+                    return
+
+    def _decide(self, layer: int) -> None:
+        strategy = self._strategies[layer]
+        assert strategy is not None
+        strategy.decide(self.view, self.asked, self.answers, self._memories[layer], self.space)
+
+    def digests(self) -> Array:
+        """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""
+        out = np.zeros(len(DIGEST_NAMES), np.uint64)
+        with np.errstate(over="ignore"):
+            digest_world(self.world, out, self.record.values)
+        return out
+
+    @property
+    def digest(self) -> str:
+        """The digest of the whole state, 16 hex digits."""
+        with np.errstate(over="ignore"):
+            return f"{int(combine(self.digests())):016x}"
+
+
+_LOOPS: dict[str, Any] = {}
+
+
+def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any]:
+    """The loop, compiled or loaded once per process: all worlds have the same types."""
+    if "loop" not in _LOOPS:
+        done = announce_first_compilation()
+        _LOOPS["loop"] = loop_kernels.compile_loop(*arguments, memory)
+        done()
+    return _LOOPS["loop"]

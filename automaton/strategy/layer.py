@@ -1,0 +1,60 @@
+"""The contract of a strategy: a layer, parameters, `reset`, and `decide` in one of two forms.
+
+compiled     a kernel (module-level, decorated with `kernel`) that the loop calls directly
+decide       a Python method that the loop leaves for, and comes back from
+
+Both get the same arguments: the view (read-only), the batch, the answers (which start as KEEP), the
+strategy's own memory, and the workspace of the searches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+
+from automaton.strategy.entry import NoParameters
+from automaton.world.state import Answers, Asked, Memory, Workspace, World
+
+Waits = tuple[int, int, int, int, int]
+
+
+class Strategy:
+    """What every strategy is; a subclass names its layer and gives `compiled` or `decide`."""
+
+    layer: ClassVar[str]
+    Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
+    compiled: ClassVar[Callable[..., None] | None] = None
+    every: int = 0  # also asked every so many ticks, about all robots; 0 = only when concerned
+
+    def __init__(self, parameters: Any = None) -> None:
+        self.parameters = self.Parameters() if parameters is None else parameters
+
+    def reset(self, view: World) -> Memory:
+        """Make the memory for a run."""
+        return memory_of(view)
+
+    def decide(
+        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+    ) -> None:
+        """Answer a batch; unless overridden, everything stays KEEP."""
+
+    def waits(self) -> Waits:
+        """Right of way only: wait range empty, wait range loaded, retries before it is asked."""
+        return (1, 1, 1, 1, 1)
+
+
+def memory_of(
+    view: World, own: int = 0, shared: int = 0, parameters: Sequence[int] = ()
+) -> Memory:
+    """Memory with `own` numbers for each robot and `shared` ones for all, zero at the start."""
+    constants = np.array(parameters, np.int64)
+    constants.setflags(write=False)
+    robots = view.robots.cell.shape[0]
+    return Memory(
+        own=np.zeros((robots, own), np.int64),
+        shared=np.zeros(shared, np.int64),
+        parameters=constants,
+    )

@@ -1,0 +1,88 @@
+"""How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
+
+Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba.
+"""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+import msgspec
+
+from automaton.errors import InputError, nearest
+from automaton.strategy.entry import Entry, NoParameters
+
+PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
+NONE = "none"  # zoning and charging may be absent
+OPTIONAL_LAYERS = ("zoning", "charging")
+
+
+@cache
+def _catalogue() -> dict[str, dict[str, Entry]]:
+    catalogue: dict[str, dict[str, Entry]] = importlib.import_module("strategies.catalogue").CATALOGUE
+    return catalogue
+
+
+@cache
+def _plugins(layer: str) -> dict[str, str]:
+    found = {}
+    for point in entry_points(group=PLUGINS):
+        kind, _, name = point.name.partition(".")
+        if kind == layer and name:
+            found[name] = point.value
+    return found
+
+
+def names(layer: str) -> list[str]:
+    """The names that a scenario may use for a layer, "module:Class" aside."""
+    optional = [NONE] if layer in OPTIONAL_LAYERS else []
+    return optional + list(_catalogue()[layer]) + list(_plugins(layer))
+
+
+def parameters_type(layer: str, name: str) -> type[msgspec.Struct]:
+    """The struct of a strategy's parameters. Raises InputError for an unknown name."""
+    entry = _catalogue()[layer].get(name)
+    if entry is not None:
+        return entry.parameters
+    if name == NONE and layer in OPTIONAL_LAYERS:
+        return NoParameters
+    found: type[msgspec.Struct] = getattr(load(layer, name), "Parameters", NoParameters)
+    return found
+
+
+def summary(layer: str, name: str) -> str:
+    """One line about a strategy."""
+    entry = _catalogue()[layer].get(name)
+    if entry is not None:
+        return entry.summary
+    if name == NONE:
+        return f"no {layer}"
+    return (load(layer, name).__doc__ or "").strip().split("\n")[0]
+
+
+def load(layer: str, name: str) -> Any:
+    """The class of a strategy. Raises InputError for an unknown name or a class of another layer."""
+    entry = _catalogue()[layer].get(name)
+    place = entry.implementation if entry else _plugins(layer).get(name, name)
+    if ":" not in place:
+        raise InputError(
+            f"{layer} strategy {name!r} is unknown; known are {', '.join(names(layer))}"
+            f"{nearest(name, names(layer))}; your own is named as 'module:Class'"
+        )
+    module_name, _, class_name = place.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(f"{layer} strategy {name!r}: cannot import {module_name!r}: {error}") from error
+    found = getattr(module, class_name, None)
+    if found is None:
+        classes = [key for key, value in vars(module).items() if isinstance(value, type)]
+        hint = nearest(class_name, classes)
+        raise InputError(f"{layer} strategy {name!r}: no class {class_name!r} in {module_name}{hint}")
+    if getattr(found, "layer", None) != layer:
+        theirs = getattr(found, "layer", None)
+        raise InputError(f"{layer} strategy {name!r}: {class_name} is a strategy for layer {theirs!r}")
+    return found

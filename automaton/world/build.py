@@ -1,0 +1,300 @@
+"""From a resolved scenario to the arrays of a world at tick 0."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.kernels import draws
+from automaton.scenario.resolve import Resolved
+from automaton.world.cells import SHELF
+from automaton.world.floor import Floor, floor_for, frozen
+from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.state import (
+    ACTION_NAMES,
+    ACTIONS,
+    CLOCK_SIZE,
+    FREE,
+    FRESH_ALLOCATION,
+    NEED_ALLOCATION,
+    NIL,
+    NO_STEP,
+    SEEN_CHANGES,
+    UNDELIVERED,
+    UNPARKED,
+    Answers,
+    AllocationAnswers,
+    Array,
+    Asked,
+    ChargingAnswers,
+    Grid,
+    Memory,
+    Orders,
+    Record,
+    RightOfWayAnswers,
+    Robots,
+    RoutingAnswers,
+    Rules,
+    Slots,
+    Tally,
+    Traffic,
+    World,
+    ZoningAnswers,
+)
+
+STOPS = {"parked": 0, "delivered": 1, "never": 2}
+ORDER_LIST_ONLY = -2
+
+
+class Buffers(NamedTuple):
+    """What the loop passes to strategies besides the view."""
+
+    asked: Asked
+    answers: Answers
+
+
+def build_world(resolved: Resolved, seed: int, storage: Array | None = None) -> tuple[World, Floor]:
+    """The world at tick 0. `storage`: (n,) the identity stored at each index; default 0..n-1."""
+    scenario = resolved.scenario
+    durations = scenario.durations
+    floor = floor_for(resolved.plan, scenario.fleet.kinematics, durations.move, durations.turn)
+    orders, slots = build_orders(resolved, floor, seed)
+    occupancy = floor.occupancy.copy()
+    robots = build_robots(resolved, floor, occupancy, seed, storage)
+    n = scenario.fleet.robots
+    clock = np.zeros(CLOCK_SIZE, np.int64)
+    clock[UNDELIVERED] = len(orders.state)
+    clock[UNPARKED] = n - int(robots.parked.sum())
+    clock[FRESH_ALLOCATION] = n
+    clock[SEEN_CHANGES] = NIL
+    rules = Rules(
+        seed=np.uint64(seed),
+        following=int(scenario.world.following),
+        stop=STOPS[scenario.stop.when],
+        radius=radius_of(scenario.information),
+        duration=duration_table(durations),
+        wait=np.ones(5, np.int32),
+        every=np.zeros(5, np.int32),
+    )
+    tally = Tally(
+        times=np.zeros((n, ACTIONS, 2), np.int64),
+        ticks=np.zeros((n, ACTIONS, 2), np.int64),
+        illegal=np.zeros(5, np.int64),
+        asked=np.zeros(5, np.int64),
+    )
+    traffic = build_traffic(n, occupancy)
+    world = World(
+        grid=floor.grid,
+        rules=rules,
+        robots=robots,
+        orders=orders,
+        slots=slots,
+        traffic=traffic,
+        tally=tally,
+        clock=clock,
+    )
+    return world, floor
+
+
+def radius_of(information: Any) -> int:
+    if isinstance(information, str):
+        return NIL if information == "everything" else ORDER_LIST_ONLY
+    return int(information.radius)
+
+
+def duration_table(durations: Any) -> Array:
+    """(A,) int32: ticks of each action; those without a duration of their own take 1."""
+    return np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
+
+
+def build_traffic(robots: int, occupancy: Array) -> Traffic:
+    table = 64
+    while table < 4 * robots:
+        table *= 2
+    return Traffic(
+        occupancy=occupancy,
+        want=np.zeros(robots, np.uint8),
+        span=np.ones(robots, np.uint16),
+        pending=np.zeros(robots, np.int32),
+        dirty=np.zeros(robots, np.int32),
+        release=np.zeros(4 * robots, np.int32),
+        winner=np.zeros(table, np.int32),
+        leaver=np.zeros(table, np.int32),
+        key=np.zeros(table, np.int64),
+    )
+
+
+def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, Slots]:
+    """Orders by slot (table order) or as listed; targets depend on the seed and the order alone."""
+    plan, scenario = resolved.plan, resolved.scenario
+    slot_of = floor.grid.slot
+    if scenario.orders.listed is not None:
+        pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in scenario.orders.listed]
+        source = slot_of[[pair[0] for pair in pairs]]
+        target = slot_of[[pair[1] for pair in pairs]]
+    else:
+        source = np.flatnonzero(floor.slot_endless == 0).astype(np.int32)
+        destinations = np.flatnonzero(floor.slot_endless).astype(np.int32)
+        choice = np.zeros(len(source), np.int32)
+        with np.errstate(over="ignore"):
+            draws.draw_many(choice, len(destinations), np.uint64(seed), draws.ORDERS)
+        target = destinations[choice]
+    m = len(source)
+    content = np.full(len(floor.slot_cell), NIL, np.int32)
+    content[source] = np.arange(m, dtype=np.int32)
+    orders = Orders(
+        state=np.zeros(m, np.uint8),
+        place=source.astype(np.int32).copy(),
+        source=source.astype(np.int32),
+        target=target.astype(np.int32),
+        by=np.full(m, NIL, np.int32),
+        released=np.zeros(m, np.int32),
+        delivered=np.full(m, NIL, np.int32),
+        legs=np.zeros(m, np.int32),
+    )
+    slots = Slots(
+        cell=floor.slot_cell,
+        endless=floor.slot_endless,
+        content=content,
+        by=np.full(len(content), NIL, np.int32),
+        access=floor.slot_access,
+    )
+    return orders, slots
+
+
+def build_robots(
+    resolved: Resolved, floor: Floor, occupancy: Array, seed: int, storage: Array | None
+) -> Robots:
+    """Robots in their bays or on their start cells; occupancy is updated for the latter."""
+    n = resolved.scenario.fleet.robots
+    home, bay = homes(resolved, floor, seed)
+    identity = np.arange(n, dtype=np.int32) if storage is None else storage.astype(np.int32)
+    at_index = np.zeros(n, np.int32)
+    at_index[identity] = np.arange(n, dtype=np.int32)
+    home, bay = home[identity], bay[identity]
+    heading = first_headings(floor.grid, home)
+    cell = np.where(bay == NIL, home, NIL).astype(np.int32)
+    occupy_starts(floor.grid, occupancy, cell[bay == NIL], heading[bay == NIL])
+    nil = np.full(n, NIL, np.int32)
+    zero8 = np.zeros(n, np.uint8)
+    return Robots(
+        identity=identity,
+        at_index=at_index,
+        cell=cell,
+        claim=nil.copy(),
+        heading=heading,
+        travel=heading.copy(),
+        action=zero8.copy(),
+        busy=np.zeros(n, np.uint16),
+        priority=np.zeros(n, np.int16),
+        load=nil.copy(),
+        order=nil.copy(),
+        slot=nil.copy(),
+        goal=zero8.copy(),
+        stand=nil.copy(),
+        stay=np.zeros(n, np.int32),
+        try_drop=zero8.copy(),
+        route=np.zeros((n, floor.longest_route), np.uint8),
+        length=np.zeros(n, np.int32),
+        at=np.zeros(n, np.int32),
+        route_sum=np.zeros(n, np.int64),
+        withdrawing=np.zeros(n, np.int16),
+        blocked=zero8.copy(),
+        hold=zero8.copy(),
+        home=home,
+        bay=bay,
+        parked=np.ones(n, np.uint8),
+        zone=nil.copy(),
+        need=np.full(n, NEED_ALLOCATION, np.uint8),
+        reason=np.full(n, FREE, np.uint8),
+        route_reason=zero8.copy(),
+        asked_at=np.full(n, NIL, np.int64),
+        step=np.full(n, NO_STEP, np.uint8),
+        did=zero8.copy(),
+    )
+
+
+def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
+    """(n,) home cells and (n,) bays by identity; NIL where a robot parks on the floor itself."""
+    n = resolved.scenario.fleet.robots
+    none = np.full(n, NIL, np.int32)
+    if resolved.start == "bays":
+        bays = resolved.plan.bays[:n]
+        return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
+    if resolved.start == "random":
+        return random_cells(resolved.plan, n, seed), none
+    return np.array(resolved.start, np.int32), none
+
+
+def random_cells(plan: FloorPlan, n: int, seed: int) -> Array:
+    """n different drivable cells: those of the least draws, in the order of their draws."""
+    cells = np.flatnonzero(DRIVABLE[plan.kind.reshape(-1)])
+    keys = np.zeros(len(cells), np.int64)
+    with np.errstate(over="ignore"):
+        draws.draw_many(keys, 2**31, np.uint64(seed), draws.STARTS)
+    chosen: Array = cells[np.argsort(keys, kind="stable")[:n]].astype(np.int32)
+    return chosen
+
+
+def first_headings(grid: Grid, cells: Array) -> Array:
+    """(n,) uint8: vertical where the cell leads south or north, else horizontal."""
+    rule = grid.rule[cells]
+    choices = [(rule >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
+    direction = np.select(choices, [1, 3, 0, 2], 0)
+    headings: Array = (direction & (grid.headings - 1)).astype(np.uint8)
+    return headings
+
+
+def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -> None:
+    capacity = (grid.rule[cells].astype(np.int64) >> 5) & 3
+    lane = headings.astype(np.int64) >> 1
+    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 32), 32 << lane], 0)
+    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint8))
+
+
+def build_buffers(world: World) -> Buffers:
+    """The batch and the answers, sized for the world."""
+    n, m, s = len(world.robots.cell), len(world.orders.state), len(world.slots.cell)
+
+    def numbers() -> Array:
+        return np.zeros(n, np.int32)
+
+    answers = Answers(
+        zoning=ZoningAnswers(zone=numbers()),
+        charging=ChargingAnswers(stand=numbers(), ticks=numbers()),
+        allocation=AllocationAnswers(
+            verb=numbers(),
+            order=numbers(),
+            slot=numbers(),
+            stand=numbers(),
+            try_drop=numbers(),
+            ask_again=np.zeros(n, np.uint8),
+            order_taken=np.zeros(m, np.uint8),
+            slot_taken=np.zeros(s, np.uint8),
+        ),
+        routing=RoutingAnswers(length=numbers(), steps=np.zeros_like(world.robots.route)),
+        right_of_way=RightOfWayAnswers(
+            verb=numbers(), value=numbers(), release=numbers(), priority=numbers()
+        ),
+    )
+    asked = Asked(count=np.zeros(1, np.int64), robot=numbers(), reason=np.zeros(n, np.uint8))
+    return Buffers(asked, answers)
+
+
+def build_record(world: World, ticks: int, arrays: int) -> Record:
+    """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
+    n = len(world.robots.cell)
+    rows = (8 * n + 8) * max(2, min(ticks, 64)) if ticks else 1
+    return Record(
+        did=np.zeros((max(ticks, 1), n), np.uint8),
+        changes=np.zeros((rows, 4), np.int64),
+        digests=np.zeros((max(ticks, 1), arrays), np.uint64),
+        values=np.zeros(arrays, np.int64),
+    )
+
+
+def no_memory() -> Memory:
+    """Memory of an absent layer."""
+    nothing = np.zeros(0, np.int64)
+    return Memory(own=np.zeros((1, 0), np.int64), shared=nothing, parameters=frozen(nothing.copy()))

@@ -1,0 +1,115 @@
+"""What a cell of the floor can be: one table of kinds, one of the symbols that draw them.
+
+>.......    Directions count clockwise as seen on the screen (y grows downwards):
+|###$s#d    EAST 0, SOUTH 1, WEST 2, NORTH 3.  d & 1 is the axis, d ^ 2 the opposite.
++------+
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+EAST: Final = 0
+SOUTH: Final = 1
+WEST: Final = 2
+NORTH: Final = 3
+DIRECTIONS: Final = ("east", "south", "west", "north")
+STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # (dx, dy) of each direction
+
+HORIZONTAL: Final = 0  # axis of EAST and WEST: d & 1
+VERTICAL: Final = 1
+
+# Bit d of a set of exits: the cell may be left in direction d.
+EXIT_EAST: Final = 1 << EAST
+EXIT_SOUTH: Final = 1 << SOUTH
+EXIT_WEST: Final = 1 << WEST
+EXIT_NORTH: Final = 1 << NORTH
+NO_EXITS: Final = 0
+ALONG_X: Final = EXIT_EAST | EXIT_WEST
+ALONG_Y: Final = EXIT_SOUTH | EXIT_NORTH
+ALL_EXITS: Final = ALONG_X | ALONG_Y
+
+UNLIMITED: Final = 0  # capacity of a cell that holds any number of robots
+
+WALL: Final = 0
+FLOOR: Final = 1
+TRACK: Final = 2
+TURNTABLE: Final = 3
+SHELF: Final = 4
+DESTINATION: Final = 5
+CHARGER: Final = 6
+BAY: Final = 7
+
+
+class Kind(NamedTuple):
+    """One kind of cell."""
+
+    code: int  # value in the array of kinds
+    name: str  # as a legend names it
+    drivable: bool  # robots stand on it and drive over it
+    turns: bool  # rail robots may turn here
+    slot: bool  # loads are set down here, from a drivable cell beside it
+    swallows: bool  # a slot that takes any number of loads, for good
+    meaning: str
+
+
+KINDS: Final = (
+    Kind(WALL, "wall", False, False, False, False, "nothing passes"),
+    Kind(FLOOR, "floor", True, False, False, False, "free floor"),
+    Kind(TRACK, "track", True, False, False, False, "a rail along one axis"),
+    Kind(TURNTABLE, "turntable", True, True, False, False, "crossing where rail robots turn"),
+    Kind(SHELF, "shelf", False, False, True, False, "holds one load"),
+    Kind(DESTINATION, "destination", False, False, True, True, "where loads leave the floor"),
+    Kind(CHARGER, "charger", True, False, False, False, "floor where a robot charges"),
+    Kind(BAY, "bay", False, False, False, False, "parks one robot beside its home cell"),
+)
+
+KIND_BY_NAME: Final = {kind.name: kind for kind in KINDS}
+
+
+class Symbol(NamedTuple):
+    """What one character of a picture means."""
+
+    kind: int
+    exits: int = NO_EXITS  # directions in which the cell may be left, before its neighbours matter
+    capacity: int = 1  # robots at a time: 1, 2 (one for each direction of travel) or UNLIMITED
+    loaded: bool = False  # a shelf that holds a load
+
+
+SYMBOLS: Final[dict[str, Symbol]] = {
+    "#": Symbol(WALL),
+    " ": Symbol(WALL),
+    ".": Symbol(FLOOR, ALL_EXITS),
+    "-": Symbol(TRACK, ALONG_X),
+    "|": Symbol(TRACK, ALONG_Y),
+    "+": Symbol(TURNTABLE, ALL_EXITS),
+    "s": Symbol(SHELF),
+    "$": Symbol(SHELF, loaded=True),
+    "d": Symbol(DESTINATION),
+    "c": Symbol(CHARGER, ALL_EXITS),
+    "b": Symbol(BAY),
+    ">": Symbol(FLOOR, EXIT_EAST),
+    "v": Symbol(FLOOR, EXIT_SOUTH),
+    "<": Symbol(FLOOR, EXIT_WEST),
+    "^": Symbol(FLOOR, EXIT_NORTH),
+    "=": Symbol(FLOOR, ALL_EXITS, capacity=2),
+    "~": Symbol(FLOOR, ALL_EXITS, capacity=UNLIMITED),
+}
+
+
+def opposite_exits(exits: int) -> int:
+    """The same set of exits, each turned around."""
+    return ((exits << 2) | (exits >> 2)) & ALL_EXITS
+
+
+def entries(kind: int, exits: int) -> int:
+    """Directions of travel in which a cell with these exits may be entered.
+
+    A track is entered along its rail only. Floor with a single exit is one-way: it is entered from
+    behind and from the sides, not against its arrow. Everything else drivable is entered freely.
+    """
+    if kind == TRACK:
+        return exits
+    if exits in (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH):
+        return ALL_EXITS & ~opposite_exits(exits)
+    return ALL_EXITS if KINDS[kind].drivable else NO_EXITS

@@ -1,0 +1,98 @@
+"""A floor plan made ready for kernels, with its cached distance fields; shared by all its runs."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.world.cells import SHELF
+from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
+from automaton.world.state import NIL, Array, Grid, Workspace
+
+HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
+MAY_TURN = 16
+FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
+
+
+class Floor(NamedTuple):
+    """What runs on the same floor with the same kinematics and durations share."""
+
+    grid: Grid
+    slot_cell: Array  # (s,) int32
+    slot_endless: Array  # (s,) uint8
+    slot_access: Array  # (s, 4) int32
+    occupancy: Array  # (C,) uint8: the empty floor
+    space: Workspace
+    longest_route: int
+
+
+@lru_cache(maxsize=16)
+def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
+    """Build a floor once for each plan, kinematics and cost of driving."""
+    headings = HEADINGS[kinematics]
+    kind = plan.kind.reshape(-1)
+    cells = plan.slots()
+    slot = np.full(kind.size, NIL, np.int32)
+    slot[cells] = np.arange(len(cells), dtype=np.int32)
+    capacity = plan.capacity.reshape(-1)
+    grid = Grid(
+        width=plan.stride,
+        headings=headings,
+        kind=frozen(kind.copy()),
+        rule=frozen(rules_of(plan, kinematics)),
+        offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
+        slot=frozen(slot),
+    )
+    neighbours = cells[:, None].astype(np.int64) + grid.offset[None, :]
+    inside = (neighbours >= 0) & (neighbours < kind.size)
+    neighbours = np.where(inside, neighbours, 0)
+    access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
+    room = np.select([capacity == 1, capacity == 2], [32, 96], 128).astype(np.uint8)
+    drivable = int(np.count_nonzero(DRIVABLE[kind]))
+    longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
+    return Floor(
+        grid=grid,
+        slot_cell=frozen(cells.astype(np.int32)),
+        slot_endless=frozen((kind[cells] != SHELF).astype(np.uint8)),
+        slot_access=frozen(access),
+        occupancy=frozen(np.where(DRIVABLE[kind], room, 0).astype(np.uint8)),
+        space=workspace(kind.size, headings, longest_route),
+        longest_route=longest_route,
+    )
+
+
+def rules_of(plan: FloorPlan, kinematics: str) -> Array:
+    """(C,) uint8: exits, where robots of these kinematics may turn, and the class of capacity."""
+    kind = plan.kind.reshape(-1)
+    turns = TURNS[kind] if kinematics == "rail" else DRIVABLE[kind]
+    turning = np.where(turns, MAY_TURN, 0).astype(np.uint8)
+    capacity = np.where(DRIVABLE[kind], plan.capacity.reshape(-1), 1).astype(np.uint8)
+    rule: Array = plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
+    return rule
+
+
+def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
+    """Scratch for the searches, and room for as many distance fields as fit the budget."""
+    poses = cells * headings
+    fields = max(1, min(cells, FIELDS_BYTES // (4 * poses)))
+    return Workspace(
+        cost=np.zeros(poses, np.int32),
+        stamp=np.zeros(poses, np.int32),
+        parent=np.zeros(poses, np.uint8),
+        mark=np.zeros(cells, np.int32),
+        mark_stamp=np.zeros(cells, np.int32),
+        heap=np.zeros(6 * poses + 16, np.int64),
+        generation=np.zeros(2, np.int64),
+        steps=np.zeros(longest_route, np.uint8),
+        field=np.empty((fields, poses), np.int32),
+        field_of=np.full(cells, NIL, np.int32),
+        field_owner=np.full(fields, NIL, np.int32),
+        field_next=np.zeros(1, np.int64),
+    )
+
+
+def frozen(array: Array) -> Array:
+    array.setflags(write=False)
+    return array

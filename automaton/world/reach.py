@@ -1,0 +1,53 @@
+"""Which cells robots can reach on an empty floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.world.plan import TURNS, Cells, FloorPlan
+
+
+def reached(plan: FloorPlan, starts: Iterable[int], rail: bool) -> npt.NDArray[np.bool_]:
+    """(cells,) flat mask of the cells reachable from any of the starts over the exits.
+
+    Robots on rails change their axis on turntables only; they may start along either axis.
+    """
+    exits = plan.exits.reshape(-1)
+    turns = TURNS[plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
+    offsets = (1, plan.stride, -1, -plan.stride)
+    seen = np.zeros((2, exits.size), np.bool_)  # by axis of travel
+    first = np.array(sorted(set(starts)), np.int64)
+    seen[:, first] = True
+    front = [first, first]
+    while front[0].size or front[1].size:
+        following = []
+        for axis in (0, 1):
+            cells, across = front[axis], front[1 - axis]
+            ahead = [cells[exits[cells] >> d & 1 != 0] + offsets[d] for d in (axis, axis + 2)]
+            new = np.unique(np.concatenate([*ahead, across[turns[across]]]))
+            following.append(new[~seen[axis, new]])
+        for axis in (0, 1):
+            seen[axis, following[axis]] = True
+        front = following
+    either: npt.NDArray[np.bool_] = seen[0] | seen[1]
+    return either
+
+
+def slots_without_access(plan: FloorPlan) -> Cells:
+    """Flat cells of the slots with no drivable cell beside them, in table order."""
+    return _slots_beside(plan, ~plan.drivable().reshape(-1))
+
+
+def slots_out_of_reach(plan: FloorPlan, starts: Iterable[int], rail: bool) -> Cells:
+    """Flat cells of the slots that no robot can get beside, in table order."""
+    return _slots_beside(plan, ~reached(plan, starts, rail))
+
+
+def _slots_beside(plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:
+    """Slots all of whose four neighbours are in the mask."""
+    slots = plan.slots()
+    around = [mask[slots + offset] for offset in (1, plan.stride, -1, -plan.stride)]
+    return slots[np.logical_and.reduce(around)]

@@ -1,0 +1,314 @@
+"""The state of the world: nested structs of arrays, and nothing hidden beside them.
+
+n robots, m orders, s slots (cells that hold loads), C cells with the border, A actions.
+A robot is stored at an index but referred to by its *identity*, so that a permutation of the
+storage changes nothing that is stored. NIL (-1) means none. The same classes serve as the world
+(writable) and as the view that strategies get (the same memory, read-only).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from automaton.struct import Struct
+
+Array = NDArray[Any]
+
+NIL: Final = -1
+KEEP: Final = -(2**31)  # what every answer starts as: go on as before
+
+# Actions of a robot, and what its ticks are counted as.
+IDLE: Final = 0
+MOVE: Final = 1
+TURN: Final = 2
+PICK: Final = 3
+DROP: Final = 4
+TRY_DROP: Final = 5
+WAIT: Final = 6  # a wait drawn by right of way before a held cell
+CHARGE: Final = 7
+BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
+WITHDRAW: Final = 9  # the tick in which a withdrawal is decided
+BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
+ILLEGAL: Final = 11  # a tick lost to an illegal answer
+ACTIONS: Final = 12
+ACTION_NAMES: Final = (
+    "idle move turn pick drop try_drop wait charge blocked withdraw bay_blocked illegal".split()
+)
+
+# Goals: what a robot drives to its stand for.
+GOAL_NONE: Final = 0
+GOAL_PICK: Final = 1
+GOAL_DROP: Final = 2
+GOAL_PARK: Final = 3
+GOAL_CHARGE: Final = 4
+
+# States of an order.
+WAITING: Final = 0  # on a slot, to be picked up
+CARRIED: Final = 1
+DELIVERED: Final = 2
+
+# Layers, in the order in which a tick asks them.
+ZONING: Final = 0
+CHARGING: Final = 1
+ALLOCATION: Final = 2
+ROUTING: Final = 3
+RIGHT_OF_WAY: Final = 4
+LAYERS: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
+
+# Why a robot is in a batch.
+FREE: Final = 0  # it has nothing to do
+PICKED: Final = 1  # its pick has begun: where does the load go?
+RELEASED: Final = 2  # it gave its order back before a withdrawal: decide again, around the robots
+REPLAN: Final = 3  # it drives home or nowhere, and its plan is made anew
+PERIODIC: Final = 4  # the strategy asked for every k-th tick
+PLAN: Final = 5  # routing: a new goal
+AROUND: Final = 6  # routing: plan around the robots, a withdrawal is over
+STUCK: Final = 7  # right of way: the retries are used up
+WITHDRAWING: Final = 8  # right of way: the next step of a withdrawal
+
+# The machine that runs waits and retries: robots.hold.
+HOLD_NONE: Final = 0
+HOLD_WAITED: Final = 1
+HOLD_ASK: Final = 2
+
+# Needs: bits of robots.need.
+NEED_ALLOCATION: Final = 1
+NEED_ROUTE: Final = 2
+NEED_WAY: Final = 4
+
+NO_STEP: Final = 4  # robots.step when right of way asked for none
+
+# Entries of world.clock.
+TICK: Final = 0  # ticks executed
+UNTIL: Final = 1  # the loop pauses after this tick
+UNDELIVERED: Final = 2
+UNPARKED: Final = 3
+CHANGES: Final = 4  # grows with every change of an order or a reservation
+SEEN_CHANGES: Final = 5  # CHANGES when allocation last looked
+FRESH_ALLOCATION: Final = 6  # robots that need allocation and are not just waiting for a change
+NEEDING_ROUTE: Final = 7
+NEEDING_WAY: Final = 8
+FINISHED: Final = 9
+RECORDING: Final = 10
+RECORDED: Final = 11  # ticks in the record's buffers
+CHANGED: Final = 12  # rows of record.changes in use
+CLOCK_SIZE: Final = 13
+
+STOP_PARKED: Final = 0
+STOP_DELIVERED: Final = 1
+STOP_NEVER: Final = 2
+
+
+class Grid(Struct):
+    """The floor, static; flat index c = y * width + x, one cell of border wall all round."""
+
+    width: int  # cells in a row, border included
+    headings: int  # distinguished headings: 1 omni, 2 rail (axes), 4 differential
+    kind: Array  # (C,) uint8, automaton.world.cells
+    rule: Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
+    offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
+    slot: Array  # (C,) int32: the slot in this cell, or NIL
+
+
+class Rules(Struct):
+    """The scenario's constants."""
+
+    seed: Any  # uint64
+    following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
+    stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
+    radius: int  # how far strategies see, cells (Chebyshev); NIL everything, -2 the order list only
+    duration: Array  # (A,) int32, ticks of each action
+    wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
+    every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+
+
+class Robots(Struct):
+    """The fleet, indexed by storage."""
+
+    identity: Array  # (n,) int32, a permutation of 0..n-1
+    at_index: Array  # (n,) int32: the storage index of an identity
+    cell: Array  # (n,) int32: where it stands; during a long move the cell left; NIL in a bay
+    claim: Array  # (n,) int32: the cell that a long move enters, else NIL
+    heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
+    travel: Array  # (n,) uint8: direction in which it entered its cell: its lane at capacity 2
+    action: Array  # (n,) uint8: what it does
+    busy: Array  # (n,) uint16: ticks until it is free
+    priority: Array  # (n,) int16: set by right of way, higher goes first
+    load: Array  # (n,) int32: the order it carries, or NIL
+    order: Array  # (n,) int32: the order it works on, or NIL
+    slot: Array  # (n,) int32: where it will set the load down, or NIL
+    goal: Array  # (n,) uint8
+    stand: Array  # (n,) int32: the cell in which the goal is done, or NIL
+    stay: Array  # (n,) int32: ticks to charge
+    try_drop: Array  # (n,) uint8: 1 = a TRY_DROP follows the pick
+    route: Array  # (n, R) uint8: directions to drive; turns are implied
+    length: Array  # (n,) int32: steps in the route
+    at: Array  # (n,) int32: steps driven
+    route_sum: Array  # (n,) int64: hash of the route, for the digest
+    withdrawing: Array  # (n,) int16: moves left of a withdrawal
+    blocked: Array  # (n,) uint8: failed retries since the last executed operation
+    hold: Array  # (n,) uint8: HOLD_*
+    home: Array  # (n,) int32: cell in which it parks, or through which it enters its bay
+    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor
+    parked: Array  # (n,) uint8
+    zone: Array  # (n,) int32: the zone it serves, set by zoning
+    need: Array  # (n,) uint8: NEED_* bits
+    reason: Array  # (n,) uint8: why allocation is asked
+    route_reason: Array  # (n,) uint8: PLAN or AROUND
+    asked_at: Array  # (n,) int64: CHANGES when allocation last let it park
+    step: Array  # (n,) uint8: direction that right of way asks for this tick, or NO_STEP
+    did: Array  # (n,) uint8: what was committed this tick (automaton.recording.codes)
+
+
+class Orders(Struct):
+    """Transport orders; the load of an order has the order's number."""
+
+    state: Array  # (m,) uint8: WAITING, CARRIED, DELIVERED
+    place: Array  # (m,) int32: slot in which it lies, or NIL
+    source: Array  # (m,) int32: slot in which it lay first
+    target: Array  # (m,) int32: slot to which it must go
+    by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
+    released: Array  # (m,) int32: tick from which it is known
+    delivered: Array  # (m,) int32: tick of delivery, or NIL
+    legs: Array  # (m,) int32: times it was picked up
+
+
+class Slots(Struct):
+    """Cells that hold loads: shelves (one each) and destinations (any number)."""
+
+    cell: Array  # (s,) int32
+    endless: Array  # (s,) uint8: 1 = a destination
+    content: Array  # (s,) int32: the order on a shelf, or NIL
+    by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
+    access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL
+
+
+class Traffic(Struct):
+    """Occupancy and the intents of the current tick."""
+
+    occupancy: Array  # (C,) uint8: bits 0-3 claims by direction, 4 two claims, 5-7 room
+    want: Array  # (n,) uint8: the intent before motion, its outcome after
+    span: Array  # (n,) uint16: ticks that the wanted move takes
+    pending: Array  # (n,) int32: intents that the second pass could not decide
+    dirty: Array  # (n,) int32: cells whose claims are wiped at the end
+    release: Array  # (2n,) int32: cell and room bit given up at the end of the tick
+    winner: Array  # (T,) int32: best claimant of a resource
+    leaver: Array  # (T,) int32: the robot that wants to leave a resource
+    key: Array  # (T,) int64: the resource
+
+
+class Tally(Struct):
+    """Counters behind the metrics; [.., 0] empty, [.., 1] loaded."""
+
+    times: Array  # (n, A, 2) int64: operations begun
+    ticks: Array  # (n, A, 2) int64: ticks of the operations begun
+    illegal: Array  # (5,) int64: illegal answers by layer
+    asked: Array  # (5,) int64: calls of decide by layer
+
+
+class World(Struct):
+    """Everything that a tick reads and writes."""
+
+    grid: Grid
+    rules: Rules
+    robots: Robots
+    orders: Orders
+    slots: Slots
+    traffic: Traffic
+    tally: Tally
+    clock: Array  # (CLOCK_SIZE,) int64
+
+
+class Asked(Struct):
+    """A batch: the robots that a layer is asked about, sorted by identity."""
+
+    count: Array  # (1,) int64
+    robot: Array  # (n,) int32 storage indices; the first `count` are valid
+    reason: Array  # (n,) uint8
+
+
+class ZoningAnswers(Struct):
+    zone: Array  # (n,) int32
+
+
+class ChargingAnswers(Struct):
+    stand: Array  # (n,) int32: charger cell to drive to
+    ticks: Array  # (n,) int32: how long to stay
+
+
+class AllocationAnswers(Struct):
+    verb: Array  # (n,) int32: KEEP, TAKE, SET_DOWN or PARK
+    order: Array  # (n,) int32: TAKE: the order to pick up
+    slot: Array  # (n,) int32: SET_DOWN: where the load goes
+    stand: Array  # (n,) int32: the cell from which it is picked up or set down
+    try_drop: Array  # (n,) int32: SET_DOWN: 1 = a TRY_DROP operation follows the pick
+    ask_again: Array  # (n,) uint8: 1 = ask again next tick, whatever happens
+    order_taken: Array  # (m,) uint8: scratch: reserved by an earlier answer of this batch
+    slot_taken: Array  # (s,) uint8
+
+
+class RoutingAnswers(Struct):
+    length: Array  # (n,) int32: KEEP or the number of steps
+    steps: Array  # (n, R) uint8: directions
+
+
+class RightOfWayAnswers(Struct):
+    verb: Array  # (n,) int32: KEEP, STEP, PAUSE or RETREAT
+    value: Array  # (n,) int32: direction, ticks, or moves
+    release: Array  # (n,) int32: 1 = an empty robot gives its order back
+    priority: Array  # (n,) int32: KEEP or the robot's new priority
+
+
+class Answers(Struct):
+    """Preallocated outputs, indexed like the batch."""
+
+    zoning: ZoningAnswers
+    charging: ChargingAnswers
+    allocation: AllocationAnswers
+    routing: RoutingAnswers
+    right_of_way: RightOfWayAnswers
+
+
+# Verbs.
+TAKE: Final = 1
+SET_DOWN: Final = 2
+PARK: Final = 3
+STEP: Final = 1
+PAUSE: Final = 2
+RETREAT: Final = 3
+
+
+class Memory(Struct):
+    """A strategy's private state."""
+
+    own: Array  # (n, k) int64: one row per robot
+    shared: Array  # (q,) int64
+    parameters: Array  # (p,) int64, read-only
+
+
+class Workspace(Struct):
+    """Scratch of the searches, and the cached distance fields; contents never decide anything."""
+
+    cost: Array  # (P,) int32, per pose = cell * headings + heading
+    stamp: Array  # (P,) int32: search in which `cost` was written
+    parent: Array  # (P,) uint8
+    mark: Array  # (C,) int32
+    mark_stamp: Array  # (C,) int32
+    heap: Array  # (H,) int64
+    generation: Array  # (2,) int64: searches so far; poses expanded
+    steps: Array  # (R,) uint8: a route that only needs to exist
+    field: Array  # (K, P) int32: cost from a pose to the field's target
+    field_of: Array  # (C,) int32: the field of a target cell, or NIL
+    field_owner: Array  # (K,) int32: the target of a field, or NIL
+    field_next: Array  # (1,) int64: the field to overwrite next
+
+
+class Record(Struct):
+    """Buffers that a recorder empties when the loop pauses."""
+
+    did: Array  # (T, n) uint8, by identity
+    changes: Array  # (X, 4) int64: tick, code, subject, value
+    digests: Array  # (T, D) uint64
+    values: Array  # (D,) int64, scratch

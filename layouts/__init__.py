@@ -1,0 +1,1 @@
+"""Floors and scenarios as data, with the generators of floors."""

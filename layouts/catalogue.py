@@ -1,0 +1,10 @@
+"""The generators of floors by the name that a scenario gives them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+# name: "module:Class"; a class is a msgspec struct of parameters with `build() -> FloorPlan`.
+GENERATORS: Final[dict[str, str]] = {
+    "tabletop": "layouts.tabletop:Tabletop",
+}

@@ -1,0 +1,157 @@
+"""Cooperative planning (Grzejszczak & Nocon, Algorithm 2): a bucket brigade across the tables.
+
+An *alley* is a column of the floor from which loads are picked up to its left. A robot reserves an
+alley and moves the loads of its left table one table to the right, where the robot of the next alley
+finds them; only what finds no empty shelf goes to its destination. Alley reservations are kept here,
+in the strategy's memory; everything else is read off the order list.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.search import find_path
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN
+from strategies.allocation.independent import deliver, take_order
+from strategies.allocation.stands import drop_stand, is_open, pick_stand, position
+
+ALLEY = 0  # memory.own: the column of the alley that a robot has reserved, or 0
+
+# memory.shared: for each column of the grid
+OPEN = 0  # open orders to its left
+LEFT = 1  # loads on its left table
+RIGHT = 2  # loads on its right table
+
+
+@kernel
+def count_tables(view, given, count):
+    """count: (3 * width,) becomes OPEN, LEFT and RIGHT of every column."""
+    width = view.grid.width
+    count[:] = 0
+    for slot in range(view.slots.cell.shape[0]):
+        order = np.int64(view.slots.content[slot])
+        if view.slots.endless[slot] or order == NIL:
+            continue
+        column = pick_stand(view, slot) % width
+        count[LEFT * width + column] += 1
+        if is_open(view, given, order):
+            count[OPEN * width + column] += 1
+        from_left = view.slots.access[slot, 2]
+        if from_left != NIL:
+            count[RIGHT * width + from_left % width] += 1
+
+
+@kernel
+def choose_alley(view, memory, i):
+    """The free alley with open orders and the most loads left less right; NIL if there is none.
+
+    Ties: nearest in x, then the lowest.
+    """
+    width = view.grid.width
+    x = position(view, i) % width
+    best, best_score, best_way = NIL, 0, 0
+    for column in range(width):
+        if memory.shared[OPEN * width + column] == 0 or is_reserved(memory, i, column):
+            continue
+        score = memory.shared[LEFT * width + column] - memory.shared[RIGHT * width + column]
+        way = abs(column - x)
+        if best == NIL or score > best_score or (score == best_score and way < best_way):
+            best, best_score, best_way = column, score, way
+    return best
+
+
+@kernel
+def is_reserved(memory, i, column):
+    """Whether another robot has this alley."""
+    for j in range(memory.own.shape[0]):
+        if j != i and memory.own[j, ALLEY] == column:
+            return True
+    return False
+
+
+@kernel
+def first_order(view, given, space, i, column, around):
+    """The open order of lowest y in an alley; `around`: the first that is reachable now."""
+    here = position(view, i)
+    heading = np.int64(view.robots.heading[i])
+    first = NIL
+    for slot in range(view.slots.cell.shape[0]):
+        order = np.int64(view.slots.content[slot])
+        if view.slots.endless[slot] or order == NIL or not is_open(view, given, order):
+            continue
+        stand = pick_stand(view, slot)
+        if stand % view.grid.width != column:
+            continue
+        if first == NIL:
+            first = order
+        if not around or find_path(view, space, here, heading, stand, True, space.steps) != NIL:
+            return order
+    return first
+
+
+@kernel
+def take_in_alley(view, given, memory, space, k, i, released):
+    """Answer k: the first open order of the robot's alley, of a better one, or home."""
+    width = view.grid.width
+    count_tables(view, given, memory.shared)
+    column = np.int64(memory.own[i, ALLEY])
+    if column == 0 or memory.shared[OPEN * width + column] == 0:
+        memory.own[i, ALLEY] = 0
+        column = choose_alley(view, memory, i)
+        if column == NIL:
+            given.verb[k] = PARK
+            return
+        memory.own[i, ALLEY] = column
+    take_order(view, given, k, first_order(view, given, space, i, column, released))
+
+
+@kernel
+def pass_right(view, given, k, i):
+    """Answer k: the empty shelf of the next table to the right, nearest in y; else deliver.
+
+    A load is never passed beyond its own target.
+    """
+    width = view.grid.width
+    here = position(view, i)
+    x, y = here % width, here // width
+    target = np.int64(view.slots.cell[view.orders.target[view.robots.load[i]]])
+    best, best_column, best_way = NIL, target % width, 0
+    for slot in range(view.slots.cell.shape[0]):
+        column = view.slots.cell[slot] % width
+        if column <= x or column > best_column or view.slots.endless[slot]:
+            continue
+        if view.slots.content[slot] != NIL or view.slots.by[slot] != NIL or given.slot_taken[slot]:
+            continue
+        way = abs(view.slots.cell[slot] // width - y)
+        if column < best_column or (best != NIL and way < best_way):
+            best, best_column, best_way = slot, column, way
+    if best == NIL:
+        deliver(view, given, k, i)
+    else:
+        given.verb[k] = SET_DOWN
+        given.slot[k] = best
+        given.stand[k] = drop_stand(view, best)
+        given.slot_taken[best] = 1
+    given.try_drop[k] = 1
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    given = answers.allocation
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        reason = asked.reason[k]
+        if reason == PICKED:
+            pass_right(view, given, k, i)
+        elif reason != PERIODIC:
+            take_in_alley(view, given, memory, space, k, i, reason == RELEASED)
+
+
+class Cooperative(Strategy):
+    """Bucket brigade: robots reserve alleys and pass loads to the next table on the right."""
+
+    layer = "allocation"
+    compiled = decide
+
+    def reset(self, view):
+        return memory_of(view, own=1, shared=3 * view.grid.width)

@@ -1,0 +1,88 @@
+"""Independent planning (Grzejszczak & Nocon, Algorithm 1): every robot carries its load all the way.
+
+A free robot takes the unreserved order of least path cost (ties: lowest order) and sets the load
+down at the order's own target. An empty robot that gave its order back before a withdrawal decides
+with the cells of the other robots removed, or as if they were free if nothing is reachable so.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.search import begin_search, mark_goal, nearest_mark
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN, TAKE
+from strategies.allocation.stands import drop_stand, is_open, pick_stand, position
+
+
+@kernel
+def nearest_order(view, given, space, i, around):
+    """The open order of least path cost for robot i, NIL if there is none."""
+    search = begin_search(space)
+    found = False
+    for order in range(view.orders.state.shape[0]):
+        if is_open(view, given, order):
+            mark_goal(space, search, pick_stand(view, view.orders.place[order]), order)
+            found = True
+    if not found:
+        return NIL
+    heading = np.int64(view.robots.heading[i])
+    return nearest_mark(view, space, search, position(view, i), heading, around)
+
+
+@kernel
+def take_order(view, given, k, order):
+    """Answer k of the batch: pick up this order."""
+    given.verb[k] = TAKE
+    given.order[k] = order
+    given.stand[k] = pick_stand(view, view.orders.place[order])
+    given.order_taken[order] = 1
+
+
+@kernel
+def take_nearest(view, given, space, k, i, released):
+    """Answer k: the nearest open order, or home if there is none."""
+    order = NIL
+    if released:
+        order = nearest_order(view, given, space, i, True)
+    if order == NIL:
+        order = nearest_order(view, given, space, i, False)
+    if order == NIL:
+        given.verb[k] = PARK
+    else:
+        take_order(view, given, k, order)
+
+
+@kernel
+def deliver(view, given, k, i):
+    """Answer k: set the load down at its order's own target."""
+    slot = np.int64(view.orders.target[view.robots.load[i]])
+    if view.slots.endless[slot] == 0:
+        if view.slots.content[slot] != NIL or view.slots.by[slot] != NIL or given.slot_taken[slot]:
+            given.ask_again[k] = 1  # the target shelf is full or promised: look again next tick
+            return
+        given.slot_taken[slot] = 1
+    given.verb[k] = SET_DOWN
+    given.slot[k] = slot
+    given.stand[k] = drop_stand(view, slot)
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    given = answers.allocation
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        reason = asked.reason[k]
+        if reason == PICKED:
+            deliver(view, given, k, i)
+        elif reason != PERIODIC:
+            take_nearest(view, given, space, k, i, reason == RELEASED)
+
+
+class Independent(Strategy):
+    """Every robot takes the nearest unreserved order and carries it to its destination."""
+
+    layer = "allocation"
+    compiled = decide
+
+    def reset(self, view):
+        return memory_of(view)

@@ -1,0 +1,78 @@
+"""The table of built-in strategies: name, implementation, parameters. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from automaton.strategy.entry import Entry, NoParameters
+
+Span = Annotated[
+    tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
+    Meta(description="[from, to], both included"),
+]
+
+
+class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How long a blocked robot waits, in ticks."""
+
+    wait_empty: Span = (1, 5)
+    wait_loaded: Span = (5, 10)
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            span = getattr(self, name)
+            if isinstance(span, tuple) and span[0] > span[1]:
+                raise ValueError(f"{name} must go from the smaller to the larger number")
+
+
+class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Waits, and when and how far a robot withdraws."""
+
+    retries: Annotated[
+        int, Meta(ge=1, le=254, description="failed retries before it may withdraw")
+    ] = 1
+    limit: Annotated[
+        int, Meta(ge=1, le=254, description="failed retries after which it withdraws in any case")
+    ] = 2
+    withdraw: Span = (1, 12)  # moves
+    abort_wait: Span = (1, 5)  # ticks, when every way is closed
+
+
+CATALOGUE: dict[str, dict[str, Entry]] = {
+    "zoning": {},
+    "charging": {},
+    "allocation": {
+        "independent": Entry(
+            "strategies.allocation.independent:Independent",
+            NoParameters,
+            "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
+        ),
+        "cooperative": Entry(
+            "strategies.allocation.cooperative:Cooperative",
+            NoParameters,
+            "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
+        ),
+    },
+    "routing": {
+        "shortest": Entry(
+            "strategies.routing.shortest:Shortest",
+            NoParameters,
+            "the path of least ticks, turns included",
+        ),
+    },
+    "right_of_way": {
+        "withdraw": Entry(
+            "strategies.right_of_way.withdraw:Withdraw",
+            Withdrawal,
+            "wait, retry, then withdraw by a random number of moves (Grzejszczak & Nocon)",
+        ),
+        "wait": Entry(
+            "strategies.right_of_way.wait:Wait",
+            Waits,
+            "wait and retry for ever: shows which deadlocks a floor has",
+        ),
+    },
+}

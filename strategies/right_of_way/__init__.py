@@ -1,0 +1,1 @@
+"""Right of way: what does a blocked robot do?"""

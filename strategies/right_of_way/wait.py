@@ -1,0 +1,25 @@
+"""Wait and retry, nothing else: the simplest right of way, which any head-on meeting defeats."""
+
+from automaton.compiled import kernel
+from automaton.strategy.layer import Strategy, memory_of
+
+NEVER_ASKED = 255
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    """Every answer stays KEEP."""
+
+
+class Wait(Strategy):
+    """Wait and retry for ever; robots that meet head-on stay there."""
+
+    layer = "right_of_way"
+    compiled = decide
+
+    def waits(self):
+        p = self.parameters
+        return (*p.wait_empty, *p.wait_loaded, NEVER_ASKED)
+
+    def reset(self, view):
+        return memory_of(view)

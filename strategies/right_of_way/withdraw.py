@@ -1,0 +1,108 @@
+"""Wait, retry, withdraw (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a deadlock.
+
+The world runs the waits and retries that `waits` sets. After a failed retry the robot withdraws if
+the other one wants its cell (head-on), or when it failed `limit` times; else it keeps its plan.
+A withdrawal is a random number of moves away from the target; the plan is made anew after it.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import ABORTS, WITHDRAWALS, draw_between
+from automaton.kernels.motion import has_room
+from automaton.kernels.search import distance
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, PAUSE, RETREAT, STEP, STUCK, TICK, WITHDRAWING
+
+# memory.parameters
+LIMIT = 0
+MOVES = 1  # and 2: range
+ABORT = 3  # and 4: range
+
+
+@kernel
+def holder_of(view, cell):
+    """The robot in a cell, or entering it; NIL if there is none."""
+    for j in range(view.robots.cell.shape[0]):
+        if view.robots.cell[j] == cell or view.robots.claim[j] == cell:
+            return j
+    return NIL
+
+
+@kernel
+def is_head_on(view, i):
+    """Whether the robot ahead plans to move into robot i's cell next, and is not withdrawing."""
+    robots, grid = view.robots, view.grid
+    ahead = robots.cell[i] + grid.offset[robots.route[i, robots.at[i]]]
+    j = holder_of(view, ahead)
+    if j == NIL or robots.withdrawing[j] or robots.at[j] >= robots.length[j]:
+        return False
+    direction = np.int64(robots.route[j, robots.at[j]])
+    if direction & (grid.headings - 1) != robots.heading[j]:
+        return False  # it turns first
+    return robots.cell[j] + grid.offset[direction] == robots.cell[i]
+
+
+@kernel
+def step_away(view, space, i):
+    """The direction of a withdrawal's next move, NIL if every way is closed.
+
+    A straight move that raises the path cost to the target, else the one of largest cost.
+    """
+    robots, grid = view.robots, view.grid
+    mask = grid.headings - 1
+    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
+    target = np.int64(robots.home[i] if robots.stand[i] == NIL else robots.stand[i])
+    here = distance(view, space, cell, heading, target)
+    best, best_cost, best_raises = NIL, NIL, False
+    for direction in range(4):
+        straight = direction & mask == heading
+        rule = np.int64(grid.rule[cell])
+        if (rule >> direction) & 1 == 0 or not (straight or rule & 16):
+            continue
+        to = cell + grid.offset[direction]
+        if not has_room(grid, view.traffic.occupancy, to, direction):
+            continue
+        cost = distance(view, space, to, direction & mask, target)
+        raises = straight and cost > here
+        if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
+            best, best_cost, best_raises = direction, cost, raises
+    return best
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    given = answers.right_of_way
+    seed, tick = view.rules.seed, view.clock[TICK]
+    p = memory.parameters
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        who = np.int64(view.robots.identity[i])
+        if asked.reason[k] == STUCK:
+            if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, i):
+                given.verb[k] = RETREAT
+                given.value[k] = draw_between(p[MOVES], p[MOVES + 1], seed, WITHDRAWALS, tick, who)
+                given.release[k] = 1
+        elif asked.reason[k] == WITHDRAWING:
+            direction = step_away(view, space, i)
+            if direction == NIL:
+                given.verb[k] = PAUSE
+                given.value[k] = draw_between(p[ABORT], p[ABORT + 1], seed, ABORTS, tick, who)
+            else:
+                given.verb[k] = STEP
+                given.value[k] = direction
+
+
+class Withdraw(Strategy):
+    """Wait, retry, and withdraw by a random number of moves when that does not help."""
+
+    layer = "right_of_way"
+    compiled = decide
+
+    def waits(self):
+        p = self.parameters
+        return (*p.wait_empty, *p.wait_loaded, p.retries)
+
+    def reset(self, view):
+        p = self.parameters
+        return memory_of(view, parameters=(p.limit, *p.withdraw, *p.abort_wait))

@@ -1,0 +1,1 @@
+"""Routing: which cells does a robot drive through?"""

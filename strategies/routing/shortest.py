@@ -1,0 +1,36 @@
+"""Shortest path with turn costs: ignores robots at first, plans around them after a withdrawal."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.search import descend, find_path
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import AROUND, NIL
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    robots = view.robots
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        cell = np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+        heading = np.int64(robots.heading[i])
+        stand = np.int64(robots.stand[i])
+        steps = answers.routing.steps[k]
+        length = NIL
+        if asked.reason[k] == AROUND:
+            length = find_path(view, space, cell, heading, stand, True, steps)
+        if length == NIL:
+            length = descend(view, space, cell, heading, stand, steps)
+        if length != NIL:
+            answers.routing.length[k] = length
+
+
+class Shortest(Strategy):
+    """The path of least ticks, turns included."""
+
+    layer = "routing"
+    compiled = decide
+
+    def reset(self, view):
+        return memory_of(view)

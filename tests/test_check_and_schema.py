@@ -1,0 +1,171 @@
+"""The commands that say what there is and what is right: check, schema, list, --help."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import jsonschema
+import pytest
+
+from automaton.commands import COMMANDS, main
+from automaton.scenario.floors import generators
+from automaton.scenario.json_schema import json_schema
+from automaton.scenario.overrides import override
+from automaton.scenario.reading import read, shipped
+from automaton.scenario.resolve import resolve
+from automaton.scenario.schema import LAYERS, Scenario
+from automaton.strategy import lookup
+
+HEAVY = ("numba", "textual", "rich")
+
+
+def validator() -> jsonschema.Draft202012Validator:
+    schema = json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def test_check_says_one_line_about_each_good_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "tabletop-1", "tabletop-mini"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "tabletop-1: 50 shelves, 12 destinations, 4 robots, ok",
+        "tabletop-mini: 25 shelves, 7 destinations, 3 robots, ok",
+    ]
+
+
+def test_check_goes_on_after_a_bad_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "nothing", "tabletop-2", "nor.yaml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == "tabletop-2: 50 shelves, 6 destinations, 4 robots, ok\n"
+    assert len(err.splitlines()) == 2
+
+
+def test_schema_prints_the_json_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(json_schema()))
+
+
+def test_the_schema_has_every_key_and_describes_it() -> None:
+    definitions = json_schema()["$defs"]
+    assert set(definitions["Scenario"]["properties"]) == set(Scenario.__struct_fields__)
+    for name, definition in definitions.items():
+        assert definition.get("description"), name
+        for key, schema in definition.get("properties", {}).items():
+            referred = schema.get("$ref") or schema.get("const") or schema.get("anyOf")
+            assert "description" in schema or referred or name.startswith(LAYERS), (name, key)
+
+
+def test_the_schema_names_every_generator_and_strategy() -> None:
+    definitions = json_schema()["$defs"]
+    expected = {f"layout-{name}" for name in generators()}
+    expected |= {f"{layer}-{name}" for layer in LAYERS for name in lookup.names(layer)}
+    assert expected <= set(definitions)
+    assert set(definitions["layout-tabletop"]["properties"]) == {
+        "generator",
+        "tables",
+        "positions",
+        "destinations",
+    }
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_the_schema_accepts_the_shipped_scenarios(name: str) -> None:
+    validator().validate(read(name).data)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "fleet.robots=5",
+        "fleet.start=[[0, 0], [2, 0], [4, 0]]",
+        "strategy.right_of_way={name: withdraw, limit: 3}",
+        "information={radius: 3}",
+        "orders={list: [{from: [1, 1], to: [3, 1]}]}",
+        "layout.destinations=3",
+        "stop={when: never, at_most: 100}",
+    ],
+)
+def test_schema_and_reader_accept_the_same(setting: str) -> None:
+    resolve("tabletop-mini", [setting])
+    validator().validate(changed(setting))
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "fleet.robots=0",
+        "fleet.robot=5",
+        "fleet.kinematics=hover",
+        "fleet.start=[[0]]",
+        "durations.turn=0",
+        "strategy.allocation=fastest",
+        "strategy.right_of_way={name: withdraw, limit: 0}",
+        "strategy.right_of_way={limit: 2}",
+        "information={radius: 0}",
+        "orders={list: [{from: [1, 1]}]}",
+        "layout.tables=0",
+        "layout.table=3",
+        "layout={picture: '.', legend: {x: {kind: wal}}}",
+        "stop.when=soon",
+        "seed=-1",
+        "colour=red",
+    ],
+)
+def test_schema_and_reader_refuse_the_same(setting: str) -> None:
+    with pytest.raises(Exception, match="--set"):
+        resolve("tabletop-mini", [setting])
+    with pytest.raises(jsonschema.ValidationError):
+        validator().validate(changed(setting))
+
+
+def changed(setting: str) -> dict[str, Any]:
+    return override(read("tabletop-mini"), [setting]).data
+
+
+def test_list_names_everything_with_one_line_each(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"scenarios", "studies", "floors", "strategies"}
+    assert {entry["name"] for entry in found["scenarios"]} == set(shipped())
+    assert {entry["name"] for entry in found["floors"]} == set(generators())
+    assert {"name", "layer", "summary"} == set(found["strategies"][0])
+    for entries in found.values():
+        assert all(entry["summary"] and "\n" not in entry["summary"] for entry in entries)
+
+
+def test_list_as_text_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    out = capsys.readouterr().out
+    assert "\n  tabletop-mini  The small table-top" in out
+    assert "\n  cooperative  allocation" in out
+
+
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == main([]) == 0
+    out = capsys.readouterr().out
+    assert all(f"\n  {name} " in out for name in COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "forbidden"),
+    [
+        (["--help"], (*HEAVY, "numpy", "msgspec", "yaml")),
+        (["check", "tabletop-1"], HEAVY),
+        (["schema"], HEAVY),
+        (["list"], HEAVY),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_light_commands_import_nothing_heavy(
+    arguments: list[str], forbidden: tuple[str, ...]
+) -> None:
+    code = (
+        "import sys; from automaton.commands import main; "
+        f"code = main({arguments!r}); "
+        f"print([name for name in {forbidden!r} if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"

@@ -1,0 +1,1 @@
+"""The terminal program (Textual): on top of everything, imported by nothing headless."""

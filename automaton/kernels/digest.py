@@ -17,6 +17,8 @@ ROBOT_FIELDS = (
 ).split()
 ORDER_FIELDS = "state place source target by released delivered legs".split()
 SLOT_FIELDS = "content by".split()
+ROBOT_COUNT = len(ROBOT_FIELDS)
+ORDER_COUNT = len(ORDER_FIELDS)
 DIGEST_NAMES = (
     *(f"robots.{name}" for name in ROBOT_FIELDS),
     *(f"orders.{name}" for name in ORDER_FIELDS),
@@ -41,7 +43,7 @@ def digest_world(world, out, v):
     """
     out[:] = np.uint64(0)
     digest_robots(world.robots, out, v)
-    first = len(ROBOT_FIELDS)
+    first = ROBOT_COUNT
     o = world.orders
     for i in range(o.state.shape[0]):
         v[0] = o.state[i]
@@ -53,7 +55,7 @@ def digest_world(world, out, v):
         v[6] = o.delivered[i]
         v[7] = o.legs[i]
         add_element(out, first, 8, v, i)
-    first += len(ORDER_FIELDS)
+    first += ORDER_COUNT
     for i in range(world.slots.content.shape[0]):
         v[0] = world.slots.content[i]
         v[1] = world.slots.by[i]
@@ -90,7 +92,7 @@ def digest_robots(r, out, v):
         v[23] = r.route_reason[i]
         v[24] = r.asked_at[i]
         v[25] = r.route_sum[i]
-        add_element(out, 0, len(ROBOT_FIELDS), v, r.identity[i])
+        add_element(out, 0, ROBOT_COUNT, v, r.identity[i])
 
 
 @kernel

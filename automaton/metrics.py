@@ -1,0 +1,136 @@
+"""The figures of a run, read off its counters: the paper's, and general ones.
+
+Operations are what Grzejszczak & Nocon count: moves, turns, picks, drops, tries and waits (one for a
+wait of any length). E_U, the share of empty runs, has three readings: by moves, by operations, and
+by cycles (MOVE, TURN and WAIT without load over all active cycles).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from automaton.world.state import (
+    ACTION_NAMES,
+    BAY_BLOCKED,
+    BLOCKED,
+    DELIVERED,
+    DROP,
+    ILLEGAL,
+    LAYERS,
+    MOVE,
+    NIL,
+    PICK,
+    TICK,
+    TRY_DROP,
+    TURN,
+    WAIT,
+    WITHDRAW,
+    Array,
+    World,
+)
+
+OPERATIONS = [MOVE, TURN, PICK, DROP, TRY_DROP, WAIT]
+DRIVING = [MOVE, TURN, WAIT]  # what can be an empty run
+LOST = {"waiting": WAIT, "refused": BLOCKED, "withdrawing": WITHDRAW, "bay": BAY_BLOCKED, "illegal": ILLEGAL}
+
+# Name, unit and meaning of every metric of a run, in the order in which they are shown.
+GLOSSARY: dict[str, tuple[str, str]] = {
+    "T_total": ("ticks", "ticks until all is delivered and every robot is parked"),
+    "T_R": ("operations", "operations per robot"),
+    "T_Rtotal": ("operations", "operations of all robots"),
+    "E_U_moves": ("share", "moves without load / moves"),
+    "E_U_operations": ("share", "moves, turns and waits without load / operations"),
+    "E_U_cycles": ("share", "ticks of moves, turns and waits without load / active ticks"),
+    "delivered": ("orders", "orders at their targets"),
+    "throughput": ("orders/1000 ticks", "deliveries per thousand ticks"),
+    "ticks_per_operation": ("ticks", "active ticks per operation"),
+    "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
+    "utilization": ("share", "active ticks / all robot ticks"),
+    "blocked": ("share", "robot ticks lost to other robots and to illegal answers / active ticks"),
+    "lost_waiting": ("ticks", "in waits before a held cell"),
+    "lost_refused": ("ticks", "in retries and steps that were refused"),
+    "lost_withdrawing": ("ticks", "in which a withdrawal was decided"),
+    "lost_bay": ("ticks", "in the bay because the home cell was held"),
+    "lost_illegal": ("ticks", "after illegal answers of a strategy"),
+    "withdrawals": ("times", "withdrawals begun"),
+    "illegal_answers": ("times", "answers of strategies that broke a rule"),
+}
+
+
+class Run(Protocol):
+    """What metrics need of a simulation."""
+
+    @property
+    def world(self) -> World: ...
+
+
+def executed_ticks(world: World) -> Array:
+    """(n, A, 2): ticks spent in each action, without what the operations under way still need."""
+    ticks: Array = world.tally.ticks.copy()
+    robots = world.robots
+    for i in (robots.busy > 0).nonzero()[0]:
+        ticks[i, robots.action[i], int(robots.load[i] != NIL)] -= robots.busy[i]
+    return ticks
+
+
+def metrics_of(run: Run) -> dict[str, float | int]:
+    """All metrics of the fleet, by the names of GLOSSARY."""
+    world = run.world
+    elapsed = int(world.clock[TICK])
+    figures = _shares(world.tally.times.sum(0), executed_ticks(world).sum(0))
+    n = len(world.robots.cell)
+    done = world.orders.state == DELIVERED
+    delivered = int(done.sum())
+    active = figures.pop("active")
+    figures |= {
+        "T_total": elapsed,
+        "T_R": figures["T_Rtotal"] / n,
+        "delivered": delivered,
+        "throughput": _ratio(1000 * delivered, elapsed),
+        "legs_per_order": _ratio(int(world.orders.legs[done].sum()), delivered),
+        "utilization": _ratio(active, n * elapsed),
+        "withdrawals": int(world.tally.times[:, WITHDRAW].sum()),
+        "illegal_answers": int(world.tally.illegal.sum()),
+    }
+    return {name: figures[name] for name in GLOSSARY}
+
+
+def metrics_by_robot(run: Run) -> list[dict[str, Any]]:
+    """For each robot, in the order of identities: operations, lost ticks, utilization."""
+    world = run.world
+    elapsed = int(world.clock[TICK])
+    ticks = executed_ticks(world)
+    rows = []
+    for identity, i in enumerate(world.robots.at_index):
+        figures = _shares(world.tally.times[i], ticks[i])
+        active = figures.pop("active")
+        actions = {ACTION_NAMES[a] + "s": int(world.tally.times[i, a].sum()) for a in OPERATIONS}
+        row: dict[str, Any] = {"robot": identity, "operations": figures.pop("T_Rtotal")}
+        rows.append(row | actions | {"utilization": _ratio(active, elapsed)} | figures)
+    return rows
+
+
+def illegal_by_layer(run: Run) -> dict[str, int]:
+    """Illegal answers that each layer's strategy gave."""
+    return dict(zip(LAYERS, (int(count) for count in run.world.tally.illegal), strict=True))
+
+
+def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
+    """Figures from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
+    operations = int(times[OPERATIONS].sum())
+    active = int(ticks[1:].sum())
+    lost = {f"lost_{cause}": int(ticks[action].sum()) for cause, action in LOST.items()}
+    return {
+        "T_Rtotal": operations,
+        "E_U_moves": _ratio(times[MOVE, 0], times[MOVE].sum()),
+        "E_U_operations": _ratio(times[DRIVING, 0].sum(), operations),
+        "E_U_cycles": _ratio(ticks[DRIVING, 0].sum(), active),
+        "ticks_per_operation": _ratio(active, operations),
+        "blocked": _ratio(sum(lost.values()), active),
+        "active": active,
+        **lost,
+    }
+
+
+def _ratio(part: Any, whole: Any) -> float:
+    return float(part) / float(whole) if whole else 0.0

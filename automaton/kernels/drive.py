@@ -94,11 +94,11 @@ def leave_bays(world):
         if robots.bay[i] != NIL:
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, home)
-            if not has_room(world.grid, world.traffic.occupancy, home, heading):
+            if not has_room(world.traffic.occupancy, home, heading):
                 lose_tick(world, i, BAY_BLOCKED)
                 robots.did[i] = DID_BAY_BLOCKED
                 continue
-            occupy(world.grid, world.traffic.occupancy, home, heading)
+            occupy(world.traffic.occupancy, home, heading)
             robots.cell[i] = home
             robots.heading[i] = heading
             robots.travel[i] = heading
@@ -190,11 +190,11 @@ def turn(world, i, direction):
     cell = np.int64(robots.cell[i])
     if np.int64(grid.rule[cell]) >> 5 & 3 == 2:
         other_lane = np.int64(robots.travel[i]) ^ 2
-        if not has_room(grid, world.traffic.occupancy, cell, other_lane):
+        if not has_room(world.traffic.occupancy, cell, other_lane):
             lose_tick(world, i, BLOCKED)
             robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
             return
-        occupy(grid, world.traffic.occupancy, cell, other_lane)
+        occupy(world.traffic.occupancy, cell, other_lane)
         robots.claim[i] = cell
     heading = np.int64(robots.heading[i])
     left = grid.headings == 4 and (direction - heading) & 3 == 3
@@ -248,7 +248,7 @@ def park_if_home(world, i):
     world.clock[UNPARKED] -= 1
     need_allocation(world, i, FREE)
     if robots.bay[i] != NIL:
-        vacate(world.grid, world.traffic.occupancy, home, np.int64(robots.travel[i]))
+        vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
         robots.heading[i] = entry_heading(world.grid, home)
 

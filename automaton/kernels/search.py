@@ -175,7 +175,7 @@ def is_closed(view, cell, direction, target, around):
     """Whether a search around the robots may not enter a cell; its own target is always open."""
     if not around or cell == target:
         return False
-    return not has_room(view.grid, view.traffic.occupancy, cell, direction)
+    return not has_room(view.traffic.occupancy, cell, direction)
 
 
 @kernel

@@ -45,6 +45,7 @@ from automaton.world.state import (
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 ORDER_LIST_ONLY = -2
+CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
 class Buffers(NamedTuple):
@@ -54,14 +55,21 @@ class Buffers(NamedTuple):
     answers: Answers
 
 
-def build_world(resolved: Resolved, seed: int, storage: Array | None = None) -> tuple[World, Floor]:
-    """The world at tick 0. `storage`: (n,) the identity stored at each index; default 0..n-1."""
+def build_world(
+    resolved: Resolved, seed: int, storage: Array | None = None, longest_route: int | None = None
+) -> tuple[World, Floor]:
+    """The world at tick 0.
+
+    `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: steps that a
+    route may have; default what the floor may ask for.
+    """
     scenario = resolved.scenario
     durations = scenario.durations
     floor = floor_for(resolved.plan, scenario.fleet.kinematics, durations.move, durations.turn)
     orders, slots = build_orders(resolved, floor, seed)
     occupancy = floor.occupancy.copy()
-    robots = build_robots(resolved, floor, occupancy, seed, storage)
+    steps = floor.longest_route if longest_route is None else longest_route
+    robots = build_robots(resolved, floor, occupancy, seed, storage, steps)
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
     clock[UNDELIVERED] = len(orders.state)
@@ -109,19 +117,19 @@ def duration_table(durations: Any) -> Array:
 
 
 def build_traffic(robots: int, occupancy: Array) -> Traffic:
+    crowded = len(occupancy) < CROWDED * robots
     table = 64
-    while table < 4 * robots:
+    while table < 3 * robots:
         table *= 2
     return Traffic(
         occupancy=occupancy,
         want=np.zeros(robots, np.uint8),
         span=np.ones(robots, np.uint16),
-        pending=np.zeros(robots, np.int32),
+        pending=np.zeros((robots, 3), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),
-        winner=np.zeros(table, np.int32),
-        leaver=np.zeros(table, np.int32),
-        key=np.zeros(table, np.int64),
+        contest=np.full((2 * len(occupancy) if crowded else table, 2), NIL, np.int32),
+        key=np.zeros(0 if crowded else table, np.int32),
     )
 
 
@@ -164,7 +172,12 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, S
 
 
 def build_robots(
-    resolved: Resolved, floor: Floor, occupancy: Array, seed: int, storage: Array | None
+    resolved: Resolved,
+    floor: Floor,
+    occupancy: Array,
+    seed: int,
+    storage: Array | None,
+    longest_route: int,
 ) -> Robots:
     """Robots in their bays or on their start cells; occupancy is updated for the latter."""
     n = resolved.scenario.fleet.robots
@@ -195,7 +208,7 @@ def build_robots(
         stand=nil.copy(),
         stay=np.zeros(n, np.int32),
         try_drop=zero8.copy(),
-        route=np.zeros((n, floor.longest_route), np.uint8),
+        route=np.zeros((n, longest_route), np.uint8),
         length=np.zeros(n, np.int32),
         at=np.zeros(n, np.int32),
         route_sum=np.zeros(n, np.int64),
@@ -250,7 +263,7 @@ def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -
     capacity = (grid.rule[cells].astype(np.int64) >> 5) & 3
     lane = headings.astype(np.int64) >> 1
     bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 32), 32 << lane], 0)
-    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint8))
+    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))
 
 
 def build_buffers(world: World) -> Buffers:

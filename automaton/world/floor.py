@@ -23,7 +23,7 @@ class Floor(NamedTuple):
     slot_cell: Array  # (s,) int32
     slot_endless: Array  # (s,) uint8
     slot_access: Array  # (s, 4) int32
-    occupancy: Array  # (C,) uint8: the empty floor
+    occupancy: Array  # (C,) uint16: the empty floor
     space: Workspace
     longest_route: int
 
@@ -37,11 +37,12 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
     capacity = plan.capacity.reshape(-1)
+    rule = rules_of(plan, kinematics)
     grid = Grid(
         width=plan.stride,
         headings=headings,
         kind=frozen(kind.copy()),
-        rule=frozen(rules_of(plan, kinematics)),
+        rule=frozen(rule),
         offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
         slot=frozen(slot),
     )
@@ -49,7 +50,8 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
     inside = (neighbours >= 0) & (neighbours < kind.size)
     neighbours = np.where(inside, neighbours, 0)
     access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
-    room = np.select([capacity == 1, capacity == 2], [32, 96], 128).astype(np.uint8)
+    room = np.select([capacity == 1, capacity == 2], [32, 96], 128)
+    room = np.where(DRIVABLE[kind], room, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
     longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
     return Floor(
@@ -57,7 +59,7 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
         slot_cell=frozen(cells.astype(np.int32)),
         slot_endless=frozen((kind[cells] != SHELF).astype(np.uint8)),
         slot_access=frozen(access),
-        occupancy=frozen(np.where(DRIVABLE[kind], room, 0).astype(np.uint8)),
+        occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         space=workspace(kind.size, headings, longest_route),
         longest_route=longest_route,
     )

@@ -188,15 +188,14 @@ class Slots(Struct):
 class Traffic(Struct):
     """Occupancy and the intents of the current tick."""
 
-    occupancy: Array  # (C,) uint8: bits 0-3 claims by direction, 4 two claims, 5-7 room
+    occupancy: Array  # (C,) uint16: claims, room and the rule of a cell (automaton.kernels.motion)
     want: Array  # (n,) uint8: the intent before motion, its outcome after
     span: Array  # (n,) uint16: ticks that the wanted move takes
-    pending: Array  # (n,) int32: intents that the second pass could not decide
+    pending: Array  # (n, 3) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
-    release: Array  # (2n,) int32: cell and room bit given up at the end of the tick
-    winner: Array  # (T,) int32: best claimant of a resource
-    leaver: Array  # (T,) int32: the robot that wants to leave a resource
-    key: Array  # (T,) int64: the resource
+    release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
+    contest: Array  # (T, 2) int32: best claimant and leaver of a resource; NIL between ticks
+    key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry
 
 
 class Tally(Struct):

@@ -61,7 +61,7 @@ def step_away(view, space, i):
         if (rule >> direction) & 1 == 0 or not (straight or rule & 16):
             continue
         to = cell + grid.offset[direction]
-        if not has_room(grid, view.traffic.occupancy, to, direction):
+        if not has_room(view.traffic.occupancy, to, direction):
             continue
         cost = distance(view, space, to, direction & mask, target)
         raises = straight and cost > here

@@ -1,0 +1,139 @@
+"""Run a scenario once, without a screen, and print its metrics.
+
+Exit code 0: finished; 1: it did not finish; 2: bad input, a failing strategy included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automaton.errors import InputError
+from automaton.scenario.resolve import Resolved, resolve
+
+if TYPE_CHECKING:
+    from automaton.headless import Outcome
+    from automaton.simulation import Simulation
+
+PATIENCE_S = 1.0  # before a run on a terminal begins to say how far it is
+REFRESH_S = 0.2
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton run`."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
+    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
+    )
+    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every tick in FILE")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run, report, and say on stderr if the run did not finish."""
+    resolved = resolve(args.scenario, args.settings, args.seed)
+    with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
+        outcome = attempt(resolved, on_record, on_window)
+    if args.json:
+        print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
+    else:
+        from automaton.run_report import print_report
+
+        print_report(resolved, outcome)
+    if outcome.finished:
+        return 0
+    sys.stdout.flush()
+    limit = resolved.scenario.stop.at_most
+    name = resolved.scenario.name
+    print(
+        f"automaton: {name} did not finish within {limit:,} ticks: {outcome.trouble}",
+        file=sys.stderr,
+    )
+    return 1
+
+
+def attempt(resolved: Resolved, on_record: Any = None, on_window: Any = None) -> Outcome:
+    """Run; what a strategy raises becomes an InputError that names it."""
+    from automaton.headless import run_once
+
+    try:
+        return run_once(resolved, on_record, on_window)
+    except InputError:
+        raise
+    except Exception as error:
+        from automaton.strategy.failure import strategy_failure
+
+        explained = strategy_failure(error, resolved)
+        if explained is None:
+            raise
+        raise explained from error
+
+
+@contextlib.contextmanager
+def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
+    """What a simulation hands its ticks to, or None."""
+    if path is None:
+        yield None
+        return
+    from automaton.recording.recorder import Recorder
+
+    try:
+        with Recorder(path, resolved, resolved.scenario.seed) as on_record:
+            yield on_record
+    except OSError as error:
+        raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from error
+
+
+@contextlib.contextmanager
+def progress(resolved: Resolved) -> Iterator[Any]:
+    """What says on a terminal how far a long run is; None in a pipe."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    begun = shown = time.monotonic()
+    limit = resolved.scenario.stop.at_most
+
+    def tell(simulation: Simulation) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if now - begun < PATIENCE_S or now - shown < REFRESH_S:
+            return
+        shown = now
+        orders = simulation.world.orders
+        done = int((orders.delivered >= 0).sum())
+        text = f"tick {simulation.tick:,} of at most {limit:,}, {done:,} of {len(orders.state):,} orders"
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield tell
+    finally:
+        if shown > begun:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
+    """The run as one object; times are in ticks."""
+    return {
+        "scenario": resolved.scenario.name,
+        "seed": resolved.scenario.seed,
+        "finished": outcome.finished,
+        "ticks": outcome.ticks,
+        "orders": outcome.orders,
+        "delivered": outcome.delivered,
+        "digest": outcome.digest,
+        "wall_s": round(outcome.wall_s, 6),
+        "metrics": outcome.metrics,
+        "robots": outcome.robots,
+    }

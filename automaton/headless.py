@@ -1,0 +1,108 @@
+"""One run without a screen: to its end or its limit, with what stands still when it does not end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.metrics import OPERATIONS, metrics_by_robot, metrics_of
+from automaton.scenario.resolve import Resolved
+from automaton.simulation import RECORD_TICKS, Simulation
+from automaton.units import count, listed
+from automaton.world.state import DELIVERED, WAIT, Array
+
+# Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
+# that looking changes no recording; 5 robots drive them in 0.3 ms.
+WINDOW = 4 * RECORD_TICKS
+WORKING = [action for action in OPERATIONS if action != WAIT]
+
+OnWindow = Callable[[Simulation], None]
+
+
+class Outcome(NamedTuple):
+    """What is left of a run."""
+
+    finished: bool  # the stop condition held, or the scenario has none but its last tick
+    ticks: int
+    orders: int
+    delivered: int
+    digest: str
+    wall_s: float  # of the run itself, without start-up and compilation
+    metrics: dict[str, float | int]
+    robots: list[dict[str, Any]]
+    trouble: str  # why it did not finish, one phrase; "" if it did
+
+
+def run_to_end(
+    simulation: Simulation, on_window: OnWindow | None = None, still: Array | None = None
+) -> float:
+    """Run until finished or at the limit; the seconds that took.
+
+    `on_window` is called every WINDOW ticks. `still`: (n,) int64 output, the last window's end at
+    which each stored robot had worked since the one before.
+    """
+    limit = simulation.resolved.scenario.stop.at_most
+    begun = time.perf_counter()
+    worked = operations(simulation)
+    while not simulation.finished and simulation.tick < limit:
+        simulation.run(simulation.tick + WINDOW)
+        if still is not None:
+            now = operations(simulation)
+            still[now != worked] = simulation.tick
+            worked = now
+        if on_window is not None:
+            on_window(simulation)
+    return time.perf_counter() - begun
+
+
+def operations(simulation: Simulation) -> Array:
+    """(n,) int64: operations that each stored robot has begun, waits aside."""
+    total: Array = simulation.world.tally.times[:, WORKING].sum((1, 2))
+    return total
+
+
+def run_once(
+    resolved: Resolved,
+    on_record: Callable[[Simulation], None] | None = None,
+    on_window: OnWindow | None = None,
+) -> Outcome:
+    """Run a scenario with its own seed. What a Python strategy raises comes out as it is."""
+    simulation = Simulation(resolved, on_record=on_record)
+    still = np.zeros(resolved.scenario.fleet.robots, np.int64)
+    wall = run_to_end(simulation, on_window, still)
+    state = simulation.world.orders.state
+    finished = simulation.finished or resolved.scenario.stop.when == "never"
+    return Outcome(
+        finished=finished,
+        ticks=simulation.tick,
+        orders=len(state),
+        delivered=int((state == DELIVERED).sum()),
+        digest=simulation.digest,
+        wall_s=wall,
+        metrics=metrics_of(simulation),
+        robots=metrics_by_robot(simulation),
+        trouble="" if finished else trouble(simulation, still),
+    )
+
+
+def trouble(simulation: Simulation, still: Array) -> str:
+    """Why a run is not finished: what is undelivered, who is not parked, who stands still."""
+    world = simulation.world
+    undelivered = int((world.orders.state != DELIVERED).sum())
+    abroad = np.flatnonzero(world.robots.parked == 0)
+    phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
+    if not undelivered:
+        phrases = [f"all orders delivered, but {count(len(abroad), 'robot')} not parked"]
+    stuck = abroad[still[abroad] < simulation.tick]
+    if len(stuck):
+        since = int(still[stuck].max())
+        names = sorted(int(i) for i in world.robots.identity[stuck])
+        who = f"robot {names[0]} has" if len(names) == 1 else f"robots {listed(names)} have"
+        phrases.append(f"{who} done nothing but wait since tick {since:,} or before")
+    elif undelivered:
+        last = int(world.orders.delivered.max(initial=0))
+        phrases.append(f"last delivery at tick {last:,}" if last > 0 else "nothing was delivered")
+    return ", ".join(phrases)

@@ -1,0 +1,136 @@
+"""The header of a recording: what a run follows from, and what a validator has to know of it.
+
+Nothing in it needs the scenario's file, the generator of its floor, or Numba to be read again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import platform
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.recording.frames import Content
+from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.schema import LAYERS, Scenario
+from automaton.strategy import lookup
+from automaton.world.plan import FloorPlan
+
+PACKAGES = ("automaton", "strategies", "layouts")
+LIBRARIES = ("fleet-automaton", "numpy", "numba", "msgspec")
+FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
+
+
+def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
+    """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
+    plan, robots = resolved.plan, world.robots
+    plugins = tuple(pick.name for pick in resolved.picks.values() if ":" in pick.name)
+    return {
+        "scenario": msgspec.to_builtins(resolved.scenario),
+        "seed": seed,
+        "picks": {
+            layer: {"name": pick.name, "parameters": msgspec.to_builtins(pick.parameters)}
+            for layer, pick in resolved.picks.items()
+        },
+        "start": resolved.start,
+        "overrides": resolved.overrides,
+        "text": resolved.source,
+        "sources": source_hash(plugins),
+        "versions": versions(),
+        "digest_names": digest_names,
+        "floor": {
+            "width": plan.width,
+            "height": plan.height,
+            "starts": plan.starts,
+            **{name: getattr(plan, name) for name in FLOOR_ARRAYS},
+        },
+        "robots": {
+            name: getattr(robots, name).copy() for name in ("home", "bay", "cell", "heading")
+        },
+        "orders": {name: getattr(world.orders, name).copy() for name in ("source", "target")},
+        "slots": {"cell": world.slots.cell},
+    }
+
+
+def resolved_of(header: Content) -> Resolved:
+    """The scenario of a recording, ready to run again.
+
+    Raises InputError when a strategy is not installed here or takes other parameters now.
+    """
+    floor = header["floor"]
+    start = header["start"]
+    return Resolved(
+        scenario=msgspec.convert(header["scenario"], Scenario),
+        plan=FloorPlan(
+            width=floor["width"],
+            height=floor["height"],
+            starts=tuple(floor["starts"]),
+            **{name: floor[name] for name in FLOOR_ARRAYS},
+        ),
+        picks={layer: _pick(layer, **header["picks"][layer]) for layer in LAYERS},
+        start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
+        source=header["text"],
+        overrides=tuple(header["overrides"]),
+    )
+
+
+def _pick(layer: str, name: str, parameters: Content) -> Pick:
+    wanted = lookup.parameters_type(layer, name)
+    try:
+        return Pick(name, msgspec.convert(parameters, wanted))
+    except msgspec.ValidationError as error:
+        raise InputError(
+            f"the recorded parameters of the {layer} strategy {name!r} do not fit it now: {error}"
+        ) from None
+
+
+@cache
+def source_hash(plugins: tuple[str, ...] = ()) -> str:
+    """16 hex digits of all sources that a run depends on; `plugins`: "module:Class" names.
+
+    Where the packages are installed does not matter.
+    """
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        spec = importlib.util.find_spec(package)
+        if spec is not None and spec.origin is not None:
+            root = Path(spec.origin).parent
+            for path in sorted(root.rglob("*.py")):
+                digest.update(path.relative_to(root.parent).as_posix().encode())
+                digest.update(path.read_bytes())
+    for plugin in sorted(plugins):
+        spec = importlib.util.find_spec(plugin.partition(":")[0])
+        if spec is not None and spec.origin is not None:
+            digest.update(plugin.encode() + Path(spec.origin).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def versions() -> dict[str, str]:
+    """The versions of what computed the run, by name; what is not installed is left out."""
+    found = {"python": platform.python_version()}
+    for library in LIBRARIES:
+        try:
+            found[library] = metadata.version(library)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def state_of(world: Any, names: dict[str, tuple[str, ...]]) -> Content:
+    """Copies of arrays of a world, robots by identity: {"robots": {"cell": ...}, ...}."""
+    state: Content = {}
+    for part, fields in names.items():
+        arrays = {name: getattr(getattr(world, part), name) for name in fields}
+        if part == "robots":
+            by_identity = world.robots.at_index
+            arrays = {name: array[by_identity] for name, array in arrays.items()}
+        state[part] = {name: np.array(array) for name, array in arrays.items()}
+    return state

@@ -1,0 +1,203 @@
+"""The rules of loads, checked on committed actions: conservation, and reservations one at a time.
+
+Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
+reserved it, from a slot beside that robot; it is set down only on an empty shelf that the robot
+reserved, or where it has to go in the end.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DID_CHARGE,
+    DID_DROP,
+    DID_PICK,
+    DID_TRY_DROP,
+    DID_WAIT,
+    DURATION,
+    INTO_BAY,
+    MOVE_NORTH,
+    ORDER_BY,
+    PICKED_UP,
+    SET_AT,
+    SLOT_BY,
+    ZONE,
+)
+from automaton.recording.motion_rules import NONE, Acts, Complaint, Motion
+from automaton.world.cells import KINDS
+
+WAITING: Final = 0  # states of an order
+CARRIED: Final = 1
+DELIVERED: Final = 2
+
+Rows = list[list[int]]  # (tick, code, subject, value)
+
+
+class Loads:
+    """Where all orders are and what is reserved, replayed from the committed changes."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, complain: Complaint) -> None:
+        self.motion = motion
+        self.complain = complain
+        self.slot_cell: list[int] = header["slots"]["cell"].tolist()
+        self.endless = [KINDS[motion.kind[cell]].swallows for cell in self.slot_cell]
+        self.target: list[int] = header["orders"]["target"].tolist()
+        self.place: list[int] = header["orders"]["source"].tolist()
+        self.state = [WAITING] * len(self.place)
+        self.by = [NONE] * len(self.place)
+        self.content = [NONE] * len(self.slot_cell)
+        self.reserved = [NONE] * len(self.slot_cell)
+        self.load = [NONE] * len(motion.home)
+        self.order = [NONE] * len(motion.home)  # reserved or carried by each robot
+        self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
+        self.undelivered = len(self.place)
+        for order, slot in enumerate(self.place):
+            if not KINDS[motion.kind[self.slot_cell[slot]]].slot or self.endless[slot]:
+                complain(0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf")
+            if self.content[slot] != NONE:
+                complain(0, "load", [], self.slot_cell[slot], "two loads start on one shelf")
+            self.content[slot] = order
+
+    def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
+        """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
+        lengths: dict[int, int] = {}
+        if not rows and not any(7 <= did & ACTION_MASK for _, did in acts):
+            return lengths
+        did = {r: code & ACTION_MASK for r, code in acts}
+        handled: set[int] = set()
+        for _, code, subject, value in rows:
+            if not self._exists(code, subject, value):
+                self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
+            elif code == DURATION:
+                lengths[subject] = value
+                self._check_length(tick, subject, value, did.get(subject, 0))
+            elif code == ORDER_BY:
+                self._reserve_order(tick, subject, value)
+            elif code == SLOT_BY:
+                self._reserve_slot(tick, subject, value)
+            elif code == PICKED_UP:
+                self._pick(tick, subject, value, did.get(subject, 0))
+                handled.add(subject)
+            elif code == SET_AT:
+                self._drop(tick, subject, value, did.get(subject, 0))
+                handled.add(subject)
+        self._check_acts(tick, did, lengths, handled)
+        return lengths
+
+    def _exists(self, code: int, subject: int, value: int) -> bool:
+        robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
+        limits = {
+            ORDER_BY: (orders, robots),
+            SLOT_BY: (slots, robots),
+            DURATION: (robots, 1 << 31),
+            PICKED_UP: (robots, orders),
+            SET_AT: (robots, slots),
+            ZONE: (robots, 1 << 31),
+        }
+        subjects, values = limits.get(code, (0, 0))
+        least = NONE if code in (ORDER_BY, SLOT_BY, ZONE) else 0
+        return 0 <= subject < subjects and least <= value < values
+
+    def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
+        if ticks < 1 or not (code in (DID_WAIT, DID_CHARGE) or 1 <= code <= MOVE_NORTH):
+            text = f"a duration of {ticks} belongs to nothing that it does"
+            self.complain(tick, "duration", [r], self.motion.cell[r], text)
+
+    def _check_acts(
+        self, tick: int, did: dict[int, int], lengths: dict[int, int], handled: set[int]
+    ) -> None:
+        for r, code in did.items():
+            cell = self.motion.cell[r]
+            if code in (DID_PICK, DID_DROP) and r not in handled:
+                self.complain(tick, "load", [r], cell, "handles a load that is not named")
+            elif code in (DID_WAIT, DID_CHARGE) and r not in lengths:
+                self.complain(tick, "duration", [r], cell, "waits or charges without a duration")
+            elif code == DID_TRY_DROP and self.load[r] == NONE:
+                self.complain(tick, "load", [r], cell, "tries to set down without a load")
+
+    def _reserve_order(self, tick: int, order: int, r: int) -> None:
+        had = self.by[order]
+        if r == NONE:
+            if had == NONE or self.state[order] == CARRIED:
+                text = f"order {order} is given back, but is carried or was nobody's"
+                self.complain(tick, "order", [had] if had != NONE else [], NONE, text)
+            if had != NONE and self.order[had] == order:
+                self.order[had] = NONE
+        else:
+            if had != NONE or self.state[order] != WAITING:
+                robots = [r] if had == NONE else [r, had]
+                text = f"order {order} is given out although it is not free"
+                self.complain(tick, "order", robots, NONE, text)
+            elif self.order[r] != NONE or self.load[r] != NONE:
+                self.complain(tick, "order", [r], NONE, f"gets order {order} beside another")
+            self.order[r] = order
+        self.by[order] = r
+
+    def _reserve_slot(self, tick: int, slot: int, r: int) -> None:
+        had, cell = self.reserved[slot], self.slot_cell[slot]
+        if r == NONE:
+            if had == NONE:
+                self.complain(tick, "slot", [], cell, "a shelf is given back that was nobody's")
+            elif self.slot[had] == slot:
+                self.slot[had] = NONE
+        else:
+            if had != NONE or self.content[slot] != NONE or self.endless[slot]:
+                robots = [r] if had == NONE else [r, had]
+                text = "a slot is reserved that is no shelf, or not empty and free"
+                self.complain(tick, "slot", robots, cell, text)
+            elif self.slot[r] != NONE or self.load[r] == NONE:
+                self.complain(tick, "slot", [r], cell, "reserves a second shelf, or has no load")
+            self.slot[r] = slot
+        self.reserved[slot] = r
+
+    def _beside(self, tick: int, r: int, slot: int) -> None:
+        offset = self.slot_cell[slot] - self.motion.cell[r]
+        if self.motion.cell[r] == NONE or offset not in self.motion.step:
+            self.complain(tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it")
+
+    def _pick(self, tick: int, r: int, order: int, code: int) -> None:
+        slot = self.place[order]
+        cell = self.motion.cell[r]
+        if code != DID_PICK:
+            self.complain(tick, "load", [r], cell, "gets a load without picking it up")
+        if self.load[r] != NONE:
+            self.complain(tick, "load", [r], cell, "picks up a second load")
+        if self.by[order] != r:
+            self.complain(tick, "order", [r], cell, f"picks up order {order} that it has not")
+        if slot == NONE or self.state[order] != WAITING:
+            text = f"picks up order {order} that waits on no slot"
+            self.complain(tick, "load", [r], cell, text)
+        else:
+            self._beside(tick, r, slot)
+            self.content[slot] = NONE
+        self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
+
+    def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
+        order, cell = self.load[r], self.slot_cell[slot]
+        if code != DID_DROP:
+            self.complain(tick, "load", [r], cell, "loses a load without setting it down")
+        if order == NONE:
+            self.complain(tick, "load", [r], cell, "sets down without a load")
+            return
+        self._beside(tick, r, slot)
+        if self.endless[slot]:
+            if self.target[order] != slot:
+                self.complain(tick, "load", [r], cell, "sets down at a foreign destination")
+        else:
+            if self.content[slot] != NONE:
+                self.complain(tick, "load", [r], cell, "sets down on a full shelf")
+            if self.reserved[slot] != r:
+                self.complain(tick, "slot", [r], cell, "sets down on a shelf it has not reserved")
+            self.content[slot] = order
+        self.load[r], self.place[order] = NONE, slot
+        delivered = slot == self.target[order]
+        self.state[order] = DELIVERED if delivered else WAITING
+        self.undelivered -= delivered
+
+    def check_parked(self, tick: int, acts: Acts) -> None:
+        """A robot parks only with nothing to do."""
+        for r, did in acts:
+            if did & INTO_BAY and (self.load[r] != NONE or self.order[r] != NONE):
+                self.complain(tick, "bay", [r], self.motion.home[r], "parks with an order")

@@ -1,0 +1,258 @@
+"""The rules of motion, checked on committed actions: a second opinion that knows no kernel.
+
+A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
+lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
+Of each tick: bays open, operations begin, all moves happen at once, robots at home park.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DID_BAY_BLOCKED,
+    DID_CHARGE,
+    DID_DROP,
+    DID_ILLEGAL,
+    DID_PICK,
+    DID_TRY_DROP,
+    DID_WAIT,
+    INTO_BAY,
+    LEFT_BAY,
+    MOVE_NORTH,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.world.cells import EAST, KINDS, NORTH, SOUTH, WEST
+
+NONE: Final = -1
+HEADINGS: Final = {"omni": 1, "rail": 2, "differential": 4}
+
+Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
+Complaint = Callable[..., None]  # (tick, rule, robots, cell, text)
+Mover = tuple[int, int, int, int]  # robot, from, to, direction
+
+
+class Motion:
+    """Positions of all robots, replayed from the header and the committed actions."""
+
+    def __init__(self, header: dict[str, Any], complain: Complaint) -> None:
+        floor, scenario, robots = header["floor"], header["scenario"], header["robots"]
+        stride = floor["width"] + 2
+        self.complain = complain
+        self.step = (1, stride, -1, -stride)
+        self.exits: list[int] = floor["exits"].ravel().tolist()
+        self.capacity: list[int] = floor["capacity"].ravel().tolist()
+        self.kind: list[int] = floor["kind"].ravel().tolist()
+        self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
+        self.following: bool = scenario["world"]["following"]
+        self.duration = _durations(scenario["durations"])
+        self.home: list[int] = robots["home"].tolist()
+        self.bay: list[int] = robots["bay"].tolist()
+        self.cell: list[int] = robots["cell"].tolist()  # NONE in its bay
+        self.heading: list[int] = robots["heading"].tolist()
+        self.travel = list(self.heading)  # direction in which it came into its cell
+        self.free = [1] * len(self.home)  # first tick in which it may begin something
+        self.parked = [True] * len(self.home)
+        self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (cell entered, direction)
+        self.holder: dict[int, int] = {}  # resource -> robot
+        self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
+        self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
+        self._check_start(floor["bays"].tolist())
+
+    def _check_start(self, bays: list[list[int]]) -> None:
+        used = [bay for bay in self.bay if bay != NONE]
+        known = {(bay, home) for bay, home in bays}
+        if len(set(used)) != len(used):
+            self.complain(0, "bay", [], NONE, "two robots have the same bay")
+        for r, cell in enumerate(self.cell):
+            if self.bay[r] != NONE and (self.bay[r], self.home[r]) not in known:
+                self.complain(0, "bay", [r], self.bay[r], "its bay does not open on its home cell")
+            if cell == NONE:
+                continue
+            if not KINDS[self.kind[cell]].drivable:
+                self.complain(0, "exits", [r], cell, "it starts where no robot can stand")
+            self._take(0, r, cell, self.heading[r])
+
+    # Resources
+
+    def resource(self, cell: int, direction: int) -> int:
+        """What a robot travelling in `direction` holds in a cell, NONE where there is no limit."""
+        capacity = self.capacity[cell]
+        if capacity == 1:
+            return 2 * cell
+        return 2 * cell + (direction >> 1) if capacity == 2 else NONE
+
+    def _take(self, tick: int, r: int, cell: int, direction: int) -> None:
+        resource = self.resource(cell, direction)
+        if resource == NONE:
+            return
+        other = self.holder.get(resource, r)
+        if other != r:
+            self.complain(tick, "capacity", [other, r], cell, "two robots where one has room")
+        self.holder[resource] = r
+
+    def _give(self, r: int, cell: int, direction: int) -> None:
+        resource = self.resource(cell, direction)
+        if self.holder.get(resource) == r:
+            del self.holder[resource]
+
+    # One tick
+
+    def open_bays(self, tick: int, acts: Acts) -> set[int]:
+        """Place the robots that leave their bays; returns them."""
+        placed: set[int] = set()
+        for r, did in acts:
+            if not did & LEFT_BAY:
+                continue
+            if self.cell[r] != NONE or self.free[r] > tick:
+                self.complain(tick, "bay", [r], self.cell[r], "leaves a bay it is not parked in")
+                continue
+            home = self.home[r]
+            heading = self.entry_heading(home)
+            other = self.holder.get(self.resource(home, heading), NONE)
+            if other != NONE:
+                text = "leaves its bay although its home cell is held"
+                self.complain(tick, "bay", [r, other], home, text)
+            self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
+            self.parked[r] = False
+            self.holder[self.resource(home, heading)] = r
+            self.holder.pop(NONE, None)
+            placed.add(r)
+        return placed
+
+    def entry_heading(self, cell: int) -> int:
+        """How a robot stands that comes out of its bay: vertical where the cell leads so."""
+        for direction in (SOUTH, NORTH, EAST, WEST):
+            if self.exits[cell] >> direction & 1:
+                return direction & (self.headings - 1)
+        return 0
+
+    def execute(self, tick: int, acts: Acts, lengths: dict[int, int], placed: set[int]) -> None:
+        """Begin what robots do in this tick, carry out the moves, park who is home."""
+        movers: list[Mover] = []
+        parking = False
+        for r, did in acts:
+            parking |= did >= INTO_BAY
+            code = did & ACTION_MASK
+            if not code or not self._may_act(tick, r, code):
+                continue
+            if code <= MOVE_NORTH:
+                self._begin_move(tick, r, code - 1, movers)
+                self.free[r] = tick + lengths.get(r, self.duration[code])
+            elif code <= TURN_RIGHT:
+                self._turn(tick, r, code)
+                self.free[r] = tick + self.duration[code]
+            else:
+                self.free[r] = tick + lengths.get(r, self.duration[code])
+        if movers:
+            self._check_moves(tick, movers, placed)
+        self._carry_out(tick, movers)
+        if parking:
+            for r, did in acts:
+                if did & INTO_BAY:
+                    self._park(tick, r)
+
+    def _may_act(self, tick: int, r: int, code: int) -> bool:
+        if self.free[r] > tick:
+            text = f"begins something although it is busy until tick {self.free[r] - 1}"
+            self.complain(tick, "busy", [r], self.cell[r], text)
+            return False
+        if self.cell[r] == NONE:
+            if code not in (DID_BAY_BLOCKED, DID_ILLEGAL):
+                self.complain(tick, "bay", [r], self.home[r], "acts although it is in its bay")
+            return False
+        if code == DID_BAY_BLOCKED:
+            self.complain(tick, "bay", [r], self.cell[r], "waits to leave a bay it is not in")
+        if code != DID_ILLEGAL:
+            self.parked[r] = False
+        return True
+
+    def _begin_move(self, tick: int, r: int, direction: int, movers: list[Mover]) -> None:
+        cell = self.cell[r]
+        if not self.exits[cell] >> direction & 1:
+            self.complain(tick, "exits", [r], cell, "moves where its cell has no exit")
+        elif direction & (self.headings - 1) != self.heading[r]:
+            self.complain(tick, "heading", [r], cell, "moves across its heading")
+        else:
+            movers.append((r, cell, cell + self.step[direction], direction))
+
+    def _turn(self, tick: int, r: int, code: int) -> None:
+        cell = self.cell[r]
+        if self.headings == 1:
+            self.complain(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
+            return
+        if self.headings == 2 and not KINDS[self.kind[cell]].turns:
+            self.complain(tick, "turn", [r], cell, "turns on rails without a turntable")
+        if self.headings == 2 and code == TURN_LEFT:
+            self.complain(tick, "turn", [r], cell, "on rails a turn has no side")
+        quarter = 3 if code == TURN_LEFT else 1
+        self.heading[r] = (self.heading[r] + quarter) & (self.headings - 1)
+        if self.capacity[cell] == 2:
+            self._take(tick, r, cell, self.travel[r] ^ 2)
+            self.claim[r] = (cell, self.travel[r])
+            self._turned.setdefault(tick + self.duration[code] - 1, []).append(r)
+
+    def _check_moves(self, tick: int, movers: list[Mover], placed: set[int]) -> None:
+        edges = {(start, to): r for r, start, to, _ in movers}
+        for r, start, to, direction in movers:
+            opposite = edges.get((to, start))
+            limited = self.capacity[start] == 1 or self.capacity[to] == 1
+            if opposite is not None and opposite > r and limited:
+                self.complain(tick, "swap", [r, opposite], to, "two robots pass through each other")
+            holder = self.holder.get(self.resource(to, direction))
+            if holder is None:
+                continue
+            if not self.following:
+                text = "enters a cell that was held when the tick began"
+                self.complain(tick, "following", [r, holder], to, text)
+            elif holder in placed:
+                text = "follows a robot that came out of its bay in this tick"
+                self.complain(tick, "bay", [r, holder], to, text)
+
+    def _carry_out(self, tick: int, movers: list[Mover]) -> None:
+        """All releases, then all claims: moves of one tick are simultaneous."""
+        for r in self._arrivals.pop(tick, ()):
+            self._give(r, self.cell[r], self.travel[r])
+            self.cell[r], self.travel[r] = self.claim.pop(r)
+        for r in self._turned.pop(tick, ()):
+            self._give(r, self.cell[r], self.travel[r] ^ 2)
+            del self.claim[r]
+        for r, start, _, _ in movers:
+            if self.free[r] == tick + 1:
+                self._give(r, start, self.travel[r])
+        for r, _, to, direction in movers:
+            self._take(tick, r, to, direction)
+            if self.free[r] == tick + 1:
+                self.cell[r], self.travel[r] = to, direction
+            else:
+                self.claim[r] = (to, direction)
+                self._arrivals.setdefault(self.free[r] - 1, []).append(r)
+
+    def _park(self, tick: int, r: int) -> None:
+        cell = self.cell[r]
+        if cell != self.home[r] or self.free[r] > tick + 1:
+            self.complain(tick, "bay", [r], cell, "parks although it does not stand at home")
+            return
+        self.parked[r] = True
+        if self.bay[r] != NONE:
+            self._give(r, cell, self.travel[r])
+            self.cell[r] = NONE
+            self.heading[r] = self.entry_heading(cell)
+
+    def busy(self, tick: int) -> list[int]:
+        """Ticks that each robot still needs after this one."""
+        return [max(0, free - tick - 1) for free in self.free]
+
+
+def _durations(given: dict[str, int]) -> list[int]:
+    """Ticks by code of recorded action; 1 for those that have none of their own."""
+    ticks = [1] * (ACTION_MASK + 1)
+    ticks[1 : MOVE_NORTH + 1] = [given["move"]] * 4
+    ticks[TURN_LEFT] = ticks[TURN_RIGHT] = given["turn"]
+    ticks[DID_PICK], ticks[DID_DROP] = given["pick"], given["drop"]
+    ticks[DID_TRY_DROP] = given["try_drop"]
+    ticks[DID_WAIT] = ticks[DID_CHARGE] = 1  # the recording says how long
+    return ticks

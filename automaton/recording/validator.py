@@ -1,0 +1,228 @@
+"""The independent validator: replays a recording by the rules and says which are broken, and where.
+
+It reads the header and the committed actions and changes only, keeps its own positions, and shares
+no code with the kernels; the recorded states serve as a check of its own replay.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.recording.codes import ACTION_MASK, LEFT_BAY
+from automaton.recording.frames import (
+    END,
+    KEYFRAME,
+    TICKS,
+    Frame,
+    Recording,
+    read_recording,
+)
+from automaton.recording.load_rules import Loads
+from automaton.recording.motion_rules import NONE, Acts, Motion
+
+RULES: Final = {
+    "busy": "a robot begins something only when its last operation is over",
+    "exits": "moves go to a neighbour through an exit of the cell",
+    "heading": "moves go along the robot's axis or heading",
+    "turn": "robots turn where their kinematics allow it",
+    "capacity": "a cell holds no more robots than its capacity; long moves hold both cells",
+    "swap": "two robots do not swap over an edge where robots cannot pass",
+    "following": "without following, a cell is entered only if it had room when the tick began",
+    "bay": "a bay holds one robot, which enters and leaves at its own home cell, without following",
+    "load": "an order is in exactly one place; loads are handled beside their slot",
+    "order": "an order is reserved by one robot at a time",
+    "slot": "a shelf is reserved by one robot at a time, while empty",
+    "duration": "waits and charging say how long they take",
+    "record": "the recording agrees with itself",
+}
+ACTS: Final = tuple(
+    "nothing move_east move_south move_west move_north turn_left turn_right pick drop try_drop "
+    "wait blocked withdraw bay_blocked illegal charge".split()
+)
+MOST_VIOLATIONS: Final = 100
+
+
+class Violation(NamedTuple):
+    """A broken rule."""
+
+    tick: int
+    rule: str  # a key of RULES
+    robots: tuple[int, ...]  # identities
+    cell: tuple[int, int] | None  # (x, y) as a user counts
+    text: str
+
+    def __str__(self) -> str:
+        who = " and ".join(f"robot {robot}" for robot in self.robots)
+        where = f" at ({self.cell[0]}, {self.cell[1]})" if self.cell else ""
+        return f"tick {self.tick}: {self.rule}: {who}{where}{': ' if who or where else ''}{self.text}"
+
+
+@dataclass
+class Report:
+    """What a validation found."""
+
+    ticks: int = 0  # replayed
+    counts: dict[str, int] = field(default_factory=dict)  # actions by name
+    violations: list[Violation] = field(default_factory=list)  # the first MOST_VIOLATIONS
+    complete: bool = True  # the recording has its end
+    damage: str = ""
+
+    @property
+    def valid(self) -> bool:
+        """Whether no rule is broken."""
+        return not self.violations
+
+
+class _TooMany(Exception):
+    """So much is broken that going on tells nothing."""
+
+
+def validate(path: str | Path) -> Report:
+    """Validate a recording's file up to its last whole frame. Raises InputError."""
+    return validate_stored(read_recording(path))
+
+
+def validate_stored(recording: Recording) -> Report:
+    """Validate a recording that is open or in memory."""
+    report = validate_recording(recording.header, recording.frames)
+    report.complete, report.damage = recording.complete, recording.damage
+    return report
+
+
+def validate_recording(header: dict[str, Any], frames: Iterable[Frame]) -> Report:
+    """Validate what follows from a header."""
+    validator = Validator(header)
+    try:
+        validator.begin()
+        for kind, content in frames:
+            if kind == TICKS:
+                validator.ticks(content)
+            elif kind == KEYFRAME:
+                validator.keyframe(content)
+            elif kind == END:
+                validator.end(content)
+    except _TooMany:
+        pass
+    return validator.summed_up()
+
+
+class Validator:
+    """One replay; `motion` and `loads` hold the state, this compares and reports."""
+
+    def __init__(self, header: dict[str, Any]) -> None:
+        self.header = header
+        self.report = Report()
+        self._stride = header["floor"]["width"] + 2
+        self._acts: Any = np.zeros(256, np.int64)  # recorded bytes by value
+
+    def begin(self) -> None:
+        """The state at tick 0, checked."""
+        self.motion = Motion(self.header, self._complain)
+        self.loads = Loads(self.header, self.motion, self._complain)
+
+    def ticks(self, content: dict[str, Any]) -> None:
+        """Replay the ticks of a frame."""
+        did = content["did"]
+        if content["first"] != self.report.ticks + 1 or did.shape[1] != len(self.motion.home):
+            text = f"tick {content['first']} follows tick {self.report.ticks}"
+            self._complain(self.report.ticks, "record", [], NONE, text)
+            raise _TooMany
+        self._acts += np.bincount(did.ravel(), minlength=256)
+        when, who = np.nonzero(did)
+        acts: list[Acts] = [[] for _ in did]
+        for row, r, code in zip(when.tolist(), who.tolist(), did[when, who].tolist(), strict=True):
+            acts[row].append((r, code))
+        rows = {
+            tick: list(group)
+            for tick, group in groupby(content["changes"].tolist(), lambda row: int(row[0]))
+        }
+        for tick, acted in enumerate(acts, content["first"]):
+            self._tick(tick, acted, rows.pop(tick, []))
+        if rows:
+            text = f"changes of tick {next(iter(rows))} stand among other ticks"
+            self._complain(self.report.ticks, "record", [], NONE, text)
+
+    def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
+        leaves = any(did & LEFT_BAY for _, did in acts)
+        placed = self.motion.open_bays(tick, acts) if leaves else set()
+        lengths = self.loads.apply(tick, rows, acts)
+        self.motion.execute(tick, acts, lengths, placed)
+        self.loads.check_parked(tick, acts)
+        self.report.ticks = tick
+
+    def keyframe(self, content: dict[str, Any]) -> None:
+        """Compare a recorded state with the replayed one."""
+        tick = self.report.ticks
+        if content["tick"] != tick:
+            text = f"a state of tick {content['tick']} stands after tick {tick}"
+            self._complain(tick, "record", [], NONE, text)
+            return
+        motion, loads = self.motion, self.loads
+        claims = [motion.claim.get(r, (NONE, 0))[0] for r in range(len(motion.home))]
+        lanes = motion.capacity
+        # The direction of travel means something only to a robot that holds a lane.
+        seen = zip(motion.cell, motion.travel, content["robots"]["travel"].tolist(), strict=True)
+        travel = [mine if c >= 0 and lanes[c] == 2 else theirs for c, mine, theirs in seen]
+        expected: dict[str, dict[str, list[int]]] = {
+            "robots": {
+                "cell": motion.cell,
+                "claim": claims,
+                "heading": motion.heading,
+                "travel": travel,
+                "busy": motion.busy(tick),
+                "load": loads.load,
+                "order": loads.order,
+                "parked": [int(parked) for parked in motion.parked],
+            },
+            "orders": {"state": loads.state, "place": loads.place, "by": loads.by},
+            "slots": {"content": loads.content, "by": loads.reserved},
+        }
+        for part, arrays in expected.items():
+            for name, values in arrays.items():
+                self._compare(f"{part}.{name}", values, content[part][name].tolist())
+
+    def _compare(self, name: str, replayed: list[int], recorded: list[int]) -> None:
+        if replayed == recorded:
+            return
+        pairs = zip(replayed, recorded, strict=False)
+        i = next((i for i, (mine, theirs) in enumerate(pairs) if mine != theirs), 0)
+        text = f"{name}[{i}] is {recorded[i]} in the recorded state, {replayed[i]} by its actions"
+        robots = [i] if name.startswith("robots.") else []
+        self._complain(self.report.ticks, "record", robots, NONE, text)
+
+    def end(self, content: dict[str, Any]) -> None:
+        """Compare how the run is said to have ended."""
+        stop = self.header["scenario"]["stop"]["when"]
+        done = self.loads.undelivered == 0 and stop != "never"
+        finished = done and (stop == "delivered" or all(self.motion.parked))
+        for name, value in (("ticks", self.report.ticks), ("finished", finished)):
+            if content[name] != value:
+                text = f"the end says {name} = {content[name]}, its actions say {value}"
+                self._complain(self.report.ticks, "record", [], NONE, text)
+
+    def summed_up(self) -> Report:
+        """The report, with actions counted."""
+        counts: Counter[str] = Counter()
+        for did in np.flatnonzero(self._acts).tolist():
+            times = int(self._acts[did])
+            counts[ACTS[did & ACTION_MASK]] += times
+            counts["left_bay"] += times * bool(did & LEFT_BAY)
+            counts["parked"] += times * (did > ACTION_MASK + LEFT_BAY)
+        self.report.counts = {name: number for name, number in counts.items() if number}
+        return self.report
+
+    def _complain(self, tick: int, rule: str, robots: list[int], cell: int, text: str) -> None:
+        place = None
+        if cell >= 0:
+            y, x = divmod(cell, self._stride)
+            place = (x - 1, y - 1)
+        self.report.violations.append(Violation(tick, rule, tuple(robots), place, text))
+        if len(self.report.violations) >= MOST_VIOLATIONS:
+            raise _TooMany

@@ -1,0 +1,122 @@
+"""The report of a run as text: its metrics, the time it lost by cause, and each robot."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from automaton.headless import Outcome
+from automaton.metrics import GLOSSARY
+from automaton.scenario.resolve import Resolved
+from automaton.strategy.lookup import NONE
+from automaton.units import Unit, count, number, percent, unit
+
+LOST = "lost_"
+ROBOT_COLUMNS = (
+    "operations moves turns picks drops try_drops waits utilization E_U_cycles lost".split()
+)
+ROBOTS_SHOWN = 50
+
+
+def console(stream: Any = None) -> Console:
+    """Where reports go: no markup, no guessing at what to colour; 80 columns in a pipe."""
+    return Console(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
+
+
+def plain_table(*headers: str, title: str | None = None) -> Table:
+    """A table of right-aligned columns without frame."""
+    table = Table(
+        box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False
+    )
+    for header in headers:
+        table.add_column(header, justify="right", no_wrap=True)
+    return table
+
+
+def print_report(resolved: Resolved, outcome: Outcome) -> None:
+    """Print the whole report."""
+    tick = unit(resolved.scenario.units.tick)
+    out = console()
+    for line in heading(resolved, outcome, tick):
+        out.print(line, soft_wrap=True)
+    out.print()
+    out.print(metrics_table(outcome, tick))
+    out.print(lost_table(outcome, tick))
+    out.print(robots_table(outcome, tick))
+    if len(outcome.robots) > ROBOTS_SHOWN:
+        rest = len(outcome.robots) - ROBOTS_SHOWN
+        out.print(f"... and {count(rest, 'more robot')}: --json prints all", soft_wrap=True)
+
+
+def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
+    """What ran, how it ended, and what one tick is."""
+    scenario = resolved.scenario
+    time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
+    end = f"finished after {time}" if outcome.finished else f"NOT FINISHED after {time}"
+    picks = [
+        f"{layer.replace('_', ' ')} {pick.name}"
+        for layer, pick in resolved.picks.items()
+        if pick.name != NONE
+    ]
+    return [
+        f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
+        f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
+        ", ".join(picks),
+        f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
+        f"{1000 * outcome.wall_s:,.1f} ms",
+    ]
+
+
+def metrics_table(outcome: Outcome, tick: Unit) -> Table:
+    """The metrics of the fleet with their units and meanings."""
+    table = plain_table("metric", "value", "unit")
+    table.columns[0].justify = table.columns[2].justify = "left"
+    table.add_column("meaning", overflow="fold")
+    for name, (kind, meaning) in GLOSSARY.items():
+        if name.startswith(LOST):
+            continue
+        value, in_unit = in_units(outcome.metrics[name], kind, tick)
+        table.add_row(name, value, in_unit, meaning)
+    return table
+
+
+def in_units(value: float, kind: str, tick: Unit) -> tuple[str, str]:
+    """A value and its unit as text; `kind` is the unit in GLOSSARY."""
+    if kind == "share":
+        return f"{100 * value:.1f}", "%"
+    if kind == "ticks":
+        return number(tick.of(value)), tick.plural
+    if kind.endswith("1000 ticks"):
+        return number(value / tick.size), kind.replace("ticks", tick.plural)
+    return number(value), kind
+
+
+def lost_table(outcome: Outcome, tick: Unit) -> Table:
+    """Robot time lost to others, by cause."""
+    table = plain_table("lost time", tick.plural, "share")
+    table.columns[0].justify = "left"
+    table.add_column("cause")
+    total = sum(value for name, value in outcome.metrics.items() if name.startswith(LOST))
+    for name, (_, meaning) in GLOSSARY.items():
+        if name.startswith(LOST):
+            value = outcome.metrics[name]
+            share = percent(value / total) if total else "-"
+            table.add_row(name, number(tick.of(value)), share, meaning)
+    return table
+
+
+def robots_table(outcome: Outcome, tick: Unit) -> Table:
+    """One line for each robot, at most ROBOTS_SHOWN."""
+    heads = ["used" if name == "utilization" else name for name in ROBOT_COLUMNS]
+    table = plain_table("robot", *(head.replace("_", " ", 1) for head in heads))
+    for row in outcome.robots[:ROBOTS_SHOWN]:
+        lost = sum(value for name, value in row.items() if name.startswith(LOST))
+        shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}
+        cells = {**row, **shares, "lost": number(tick.of(lost))}
+        texts = [cells[name] for name in ("robot", *ROBOT_COLUMNS)]
+        table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
+    return table

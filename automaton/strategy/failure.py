@@ -1,0 +1,79 @@
+"""What to say when a strategy raises: which one, what, and where in its file."""
+
+from __future__ import annotations
+
+import re
+import sys
+import traceback
+from types import FrameType
+from typing import Any
+
+from automaton.errors import InputError
+from automaton.scenario.resolve import Resolved
+from automaton.simulation import Simulation
+from automaton.world.state import LAYERS
+
+# Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
+CALLS = {
+    function.__code__
+    for function in (Simulation._decide, Simulation._memory, Simulation._strategy)
+}
+NUMBA_PLACE = re.compile(r'File "([^"]+)", line (\d+)')
+
+
+def strategy_failure(error: Exception, resolved: Resolved) -> InputError | None:
+    """The sentence about an exception that came out of a strategy; None if it came from elsewhere."""
+    frames = list(traceback.walk_tb(error.__traceback__))
+    for depth, (frame, _) in enumerate(frames):
+        if frame.f_code in CALLS:
+            layer = _layer(frame.f_locals)
+            inner = frames[depth + 1 :]
+            return _sentence(error, resolved.picks[layer].name, layer, _place(frame, inner))
+        if frame.f_code is Simulation._start.__code__ and _is_numba(error):
+            strategy = frame.f_locals.get("strategy")
+            if strategy is not None:
+                return _compilation(error, resolved.picks[strategy.layer].name, strategy.layer)
+    return None
+
+
+def _layer(names: dict[str, Any]) -> str:
+    layer = names.get("layer")
+    if layer is None:
+        layer = names["strategy"].layer
+    return LAYERS[layer] if isinstance(layer, int) else str(layer)
+
+
+def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
+    """file:line of the deepest frame in the strategy's own file, else of the deepest of all."""
+    if not inner:
+        return ""
+    strategy = called_from.f_locals.get("strategy")
+    module = sys.modules.get(type(strategy).__module__)
+    own = [place for place in inner if place[0].f_code.co_filename == getattr(module, "__file__", "")]
+    frame, line = (own or inner)[-1]
+    return f" ({frame.f_code.co_filename}:{line})"
+
+
+def _sentence(error: Exception, name: str, layer: str, place: str) -> InputError:
+    what = " ".join(str(error).split())
+    raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
+    title = layer.replace("_", "-")
+    return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")
+
+
+def _is_numba(error: Exception) -> bool:
+    return type(error).__module__.startswith("numba.")
+
+
+def _compilation(error: Exception, name: str, layer: str) -> InputError:
+    """Numba writes a page; its own file and line, and the first line that says what is wrong."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    reasons = [line for line in lines if not line.startswith("Failed in")]
+    found = NUMBA_PLACE.findall(text)
+    place = f" ({found[-1][0]}:{found[-1][1]})" if found else ""
+    title = layer.replace("_", "-")
+    return InputError(
+        f"the {title} strategy '{name}' does not compile: {(reasons or lines or ['?'])[0]}{place}"
+        "; --debug shows all"
+    )

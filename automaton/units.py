@@ -1,0 +1,57 @@
+"""Numbers in the reader's units: a scenario says what a tick stands for, reports translate."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+NUMBER_AND_NAME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(\S.*)")
+
+
+class Unit(NamedTuple):
+    """What one tick stands for: `size` times `name`."""
+
+    size: float
+    name: str
+
+    def of(self, ticks: float) -> float:
+        """Ticks in this unit."""
+        return ticks * self.size
+
+    @property
+    def plural(self) -> str:
+        """The name for several: words get an s, symbols such as "min" stay."""
+        return self.name if len(self.name) < 4 or self.name.endswith("s") else f"{self.name}s"
+
+
+def unit(text: str) -> Unit:
+    """The unit that a scenario writes as "1 cycle" or "0.5 s"; text without a number counts as 1."""
+    found = NUMBER_AND_NAME.fullmatch(text)
+    if found is None or float(found[1]) == 0:
+        return Unit(1.0, text.strip() or "tick")
+    return Unit(float(found[1]), found[2].strip())
+
+
+def number(value: float) -> str:
+    """A number for a table: whole ones with thousands separators, others to four digits."""
+    if abs(value) >= 1000 or float(value).is_integer():
+        return f"{value:,.0f}"
+    return f"{value:.4g}"
+
+
+def percent(share: float, digits: int = 1) -> str:
+    """A share as percent."""
+    return f"{100 * share:.{digits}f} %"
+
+
+def count(many: int, one: str, several: str | None = None) -> str:
+    """A number of things: "1 robot", "2,000 robots"."""
+    return f"{many:,} {one if many == 1 else several or one + 's'}"
+
+
+def listed(items: list[int], most: int = 6) -> str:
+    """Numbers as text: "1, 2 and 5"; beyond `most` only the first ones."""
+    texts = [str(item) for item in items[:most]]
+    if len(items) > most:
+        return f"{', '.join(texts)} ... ({len(items):,} in all)"
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.metrics import OPERATIONS, metrics_by_robot, metrics_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
+from automaton.strategy.failure import strategy_failure
 from automaton.units import count, listed
 from automaton.world.state import DELIVERED, WAIT, Array
 
@@ -64,15 +67,30 @@ def operations(simulation: Simulation) -> Array:
     return total
 
 
+@contextmanager
+def strategies_blamed(resolved: Resolved) -> Iterator[None]:
+    """Turns what a strategy raises in here into an InputError that names it."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        explained = strategy_failure(error, resolved)
+        if explained is None:
+            raise
+        raise explained from error
+
+
 def run_once(
     resolved: Resolved,
     on_record: Callable[[Simulation], None] | None = None,
     on_window: OnWindow | None = None,
 ) -> Outcome:
-    """Run a scenario with its own seed. What a Python strategy raises comes out as it is."""
-    simulation = Simulation(resolved, on_record=on_record)
+    """Run a scenario with its own seed. Raises InputError for a strategy that raises."""
     still = np.zeros(resolved.scenario.fleet.robots, np.int64)
-    wall = run_to_end(simulation, on_window, still)
+    with strategies_blamed(resolved):
+        simulation = Simulation(resolved, on_record=on_record)
+        wall = run_to_end(simulation, on_window, still)
     state = simulation.world.orders.state
     finished = simulation.finished or resolved.scenario.stop.when == "never"
     return Outcome(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -16,9 +15,19 @@ from automaton.strategy.lookup import NONE
 from automaton.units import Unit, count, number, percent, unit
 
 LOST = "lost_"
-ROBOT_COLUMNS = (
-    "operations moves turns picks drops try_drops waits utilization E_U_cycles lost".split()
-)
+ROBOT_COLUMNS = {  # head: what of the robot's figures
+    "robot": "robot",
+    "ops": "operations",
+    "moves": "moves",
+    "turns": "turns",
+    "picks": "picks",
+    "drops": "drops",
+    "tries": "try_drops",
+    "waits": "waits",
+    "used": "utilization",
+    "E_U cycles": "E_U_cycles",
+    "lost": "lost",
+}
 ROBOTS_SHOWN = 50
 
 
@@ -27,14 +36,20 @@ def console(stream: Any = None) -> Console:
     return Console(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
 
 
-def plain_table(*headers: str, title: str | None = None) -> Table:
-    """A table of right-aligned columns without frame."""
-    table = Table(
-        box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False
-    )
+def plain_table(*headers: str) -> Table:
+    """A table of right-aligned columns without a frame."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
     for header in headers:
         table.add_column(header, justify="right", no_wrap=True)
     return table
+
+
+def print_table(out: Console, table: Table) -> None:
+    """Print a table without the blanks that rich puts at the ends of lines."""
+    with out.capture() as captured:
+        out.print(table)
+    for line in captured.get().splitlines():
+        out.file.write(line.rstrip() + "\n")
 
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:
@@ -43,10 +58,9 @@ def print_report(resolved: Resolved, outcome: Outcome) -> None:
     out = console()
     for line in heading(resolved, outcome, tick):
         out.print(line, soft_wrap=True)
-    out.print()
-    out.print(metrics_table(outcome, tick))
-    out.print(lost_table(outcome, tick))
-    out.print(robots_table(outcome, tick))
+    for table in (metrics_table, lost_table, robots_table):
+        out.print()
+        print_table(out, table(outcome, tick))
     if len(outcome.robots) > ROBOTS_SHOWN:
         rest = len(outcome.robots) - ROBOTS_SHOWN
         out.print(f"... and {count(rest, 'more robot')}: --json prints all", soft_wrap=True)
@@ -99,7 +113,7 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     """Robot time lost to others, by cause."""
     table = plain_table("lost time", tick.plural, "share")
     table.columns[0].justify = "left"
-    table.add_column("cause")
+    table.add_column("cause", overflow="fold")
     total = sum(value for name, value in outcome.metrics.items() if name.startswith(LOST))
     for name, (_, meaning) in GLOSSARY.items():
         if name.startswith(LOST):
@@ -111,12 +125,11 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
 
 def robots_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN."""
-    heads = ["used" if name == "utilization" else name for name in ROBOT_COLUMNS]
-    table = plain_table("robot", *(head.replace("_", " ", 1) for head in heads))
+    table = plain_table(*ROBOT_COLUMNS)
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST))
         shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}
-        texts = [cells[name] for name in ("robot", *ROBOT_COLUMNS)]
+        texts = [cells[name] for name in ROBOT_COLUMNS.values()]
         table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
     return table

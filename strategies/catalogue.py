@@ -55,6 +55,16 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             NoParameters,
             "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
+        "adaptive": Entry(
+            "strategies.allocation.adaptive:Adaptive",
+            NoParameters,
+            "each robot carries or passes a load, whichever costs less by its own experience",
+        ),
+        "independent-python": Entry(
+            "strategies.allocation.independent_python:IndependentPython",
+            NoParameters,
+            "the tutorial: 'independent' in plain Python, equal digests",
+        ),
     },
     "routing": {
         "shortest": Entry(

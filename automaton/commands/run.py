@@ -43,9 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, report, and say on stderr if the run did not finish."""
+    from automaton.headless import run_once
+
     resolved = resolve(args.scenario, args.settings, args.seed)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
-        outcome = attempt(resolved, on_record, on_window)
+        outcome = run_once(resolved, on_record, on_window)
+        if on_record is not None:
+            on_record.end(outcome.metrics)
     if args.json:
         print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
     else:
@@ -62,23 +66,6 @@ def run(args: argparse.Namespace) -> int:
         file=sys.stderr,
     )
     return 1
-
-
-def attempt(resolved: Resolved, on_record: Any = None, on_window: Any = None) -> Outcome:
-    """Run; what a strategy raises becomes an InputError that names it."""
-    from automaton.headless import run_once
-
-    try:
-        return run_once(resolved, on_record, on_window)
-    except InputError:
-        raise
-    except Exception as error:
-        from automaton.strategy.failure import strategy_failure
-
-        explained = strategy_failure(error, resolved)
-        if explained is None:
-            raise
-        raise explained from error
 
 
 @contextlib.contextmanager

@@ -33,6 +33,8 @@ AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour 
 BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
 NEW_SYMBOLS = "oxytkzaefghijlmnpqruw0123456789"  # those that a legend may add
 CONFLICT = 100  # cost of an exit that should not hold; more than any preference
+ADDED = 50  # cost of a symbol that the legend has to explain
+LOOSE = 5  # cost of an exit or entry that only the neighbour's symbol closes: '>>>', not '>.>'
 IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
 SWEEPS = 40
 
@@ -148,7 +150,7 @@ def _fit(
     enters = np.array([ENTRIES[symbol.kind, symbol.exits] for symbol in symbols], np.uint8)
     rows, columns = np.indices(plan.kind.shape)
     incoming = _behind(plan.exits)
-    fixed = [_misfit(plan, incoming, index, symbols) for index in range(len(symbols))]
+    fixed = _fixed_costs(plan, incoming, symbols)
     chosen = np.argmin(fixed, axis=0) if not chosen.any() else chosen.copy()
     quiet = 0
     for sweep in range(SWEEPS):
@@ -167,19 +169,28 @@ def _fit(
     return chosen
 
 
-def _misfit(
-    plan: FloorPlan, incoming: CellBytes, index: int, symbols: list[Symbol]
-) -> npt.NDArray[np.int64]:
-    """What a symbol costs in every cell, whatever the neighbours are: preference, or impossible."""
-    symbol = symbols[index]
-    wrong = (plan.kind != symbol.kind) | ((plan.loads != 0) != symbol.loaded)
-    if DRIVABLE[symbol.kind]:
+def _fixed_costs(
+    plan: FloorPlan, incoming: CellBytes, symbols: list[Symbol]
+) -> list[npt.NDArray[np.int64]]:
+    """What each symbol costs in every cell, whatever its neighbours turn out to be."""
+    drivable = np.where(plan.drivable(), np.uint8(ALL_EXITS), np.uint8(NO_EXITS))
+    to, since = _ahead(drivable), _behind(drivable)
+    built_in = set(SYMBOLS.values())
+    costs = []
+    for index, symbol in enumerate(symbols):
         entry = ENTRIES[symbol.kind, symbol.exits]
-        wrong |= (plan.capacity != symbol.capacity) | (plan.exits & ~np.uint8(symbol.exits) != 0)
-        wrong |= incoming & ~entry != 0
-    if symbol != Symbol(FLOOR, ALL_EXITS):
-        wrong.reshape(-1)[list(plan.starts)] = True  # robots are drawn on free floor
-    return np.where(wrong, IMPOSSIBLE, index)
+        wrong = (plan.kind != symbol.kind) | ((plan.loads != 0) != symbol.loaded)
+        if DRIVABLE[symbol.kind]:
+            wrong |= plan.capacity != symbol.capacity
+            wrong |= plan.exits & ~np.uint8(symbol.exits) != 0
+            wrong |= incoming & ~entry != 0
+        if symbol != Symbol(FLOOR, ALL_EXITS):
+            wrong.reshape(-1)[list(plan.starts)] = True  # robots are drawn on free floor
+        loose = BITS_SET[np.uint8(symbol.exits) & ~plan.exits & to]
+        loose += BITS_SET[entry & ~incoming & since]
+        preference = index // 4 + LOOSE * loose + (0 if symbol in built_in else ADDED)
+        costs.append(np.where(wrong, IMPOSSIBLE, preference))
+    return costs
 
 
 def _conflicts(plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]) -> bool:

@@ -63,7 +63,7 @@ class Loads:
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
         """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
         lengths: dict[int, int] = {}
-        if not rows and not any(7 <= did & ACTION_MASK for _, did in acts):
+        if not rows and not any(did & ACTION_MASK >= DID_PICK for _, did in acts):
             return lengths
         did = {r: code & ACTION_MASK for r, code in acts}
         handled: set[int] = set()

@@ -56,7 +56,7 @@ class Motion:
         self.travel = list(self.heading)  # direction in which it came into its cell
         self.free = [1] * len(self.home)  # first tick in which it may begin something
         self.parked = [True] * len(self.home)
-        self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (cell entered, direction)
+        self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
         self.holder: dict[int, int] = {}  # resource -> robot
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
         self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back

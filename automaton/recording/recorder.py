@@ -1,9 +1,9 @@
 """Recorders: they empty the buffers of a running simulation into frames, in a file or in memory.
 
-    with Recorder(path, resolved, seed) as recorder:
-        simulation = Simulation(resolved, seed, on_record=recorder)
-        simulation.run()
-        recorder.end(metrics)
+with Recorder(path, resolved, seed) as recorder:
+    simulation = Simulation(resolved, seed, on_record=recorder)
+    simulation.run()
+    recorder.end(metrics)
 """
 
 from __future__ import annotations
@@ -41,12 +41,13 @@ KEYFRAME_TICKS = 2048
 
 # Routes are left out: they are the bulk of a state, and committed actions do not need them.
 KEYFRAME_ARRAYS = {
-    "robots": tuple(
-        "cell claim heading travel action busy priority load order slot goal stand stay try_drop "
-        "withdrawing blocked hold parked zone need reason".split()
+    "robots": (
+        *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
+        *("slot", "goal", "stand", "stay", "try_drop", "withdrawing", "blocked", "hold", "parked"),
+        *("zone", "need", "reason"),
     ),
-    "orders": tuple("state place by released delivered legs".split()),
-    "slots": tuple("content by".split()),
+    "orders": ("state", "place", "by", "released", "delivered", "legs"),
+    "slots": ("content", "by"),
 }
 
 Rows = tuple[Array, Array, Array]  # did (T, n), changes (X, 4), digests (T, D)

@@ -42,9 +42,10 @@ RULES: Final = {
     "duration": "waits and charging say how long they take",
     "record": "the recording agrees with itself",
 }
-ACTS: Final = tuple(
-    "nothing move_east move_south move_west move_north turn_left turn_right pick drop try_drop "
-    "wait blocked withdraw bay_blocked illegal charge".split()
+ACTS: Final = (  # by code of recorded action
+    *("nothing", "move_east", "move_south", "move_west", "move_north", "turn_left", "turn_right"),
+    *("pick", "drop", "try_drop", "wait", "blocked", "withdraw", "bay_blocked", "illegal"),
+    "charge",
 )
 MOST_VIOLATIONS: Final = 100
 
@@ -61,7 +62,9 @@ class Violation(NamedTuple):
     def __str__(self) -> str:
         who = " and ".join(f"robot {robot}" for robot in self.robots)
         where = f" at ({self.cell[0]}, {self.cell[1]})" if self.cell else ""
-        return f"tick {self.tick}: {self.rule}: {who}{where}{': ' if who or where else ''}{self.text}"
+        return f"tick {self.tick}: {self.rule}: " + ": ".join(
+            filter(None, (who + where, self.text))
+        )
 
 
 @dataclass

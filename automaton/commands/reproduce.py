@@ -1,0 +1,145 @@
+"""Run the cases of a published table and print it beside ours.
+
+Exit code 0: done; 1: some runs did not finish; 2: bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from automaton.errors import InputError
+
+if TYPE_CHECKING:
+    from automaton.reproductions.claims import Judged, JudgedClaim
+    from automaton.reproductions.study import Reproduced
+
+SEEDS = 60
+Progress = tuple[Callable[[int], None] | None, Callable[[int], None] | None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton reproduce`."""
+    parser.add_argument("name", metavar="NAME", help="a published table, such as tabletop")
+    parser.add_argument(
+        "--seeds", type=int, default=SEEDS, metavar="N", help=f"seeds 1..N, default {SEEDS}"
+    )
+    parser.add_argument(
+        "--strategies",
+        default="",
+        metavar="A,B",
+        help="run these instead of the published ones",
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes, default one for each core"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run all cases, judge the claims, report."""
+    from automaton.reproductions import find
+    from automaton.reproductions.claims import judge
+    from automaton.reproductions.study import reproduce
+
+    for option, value in (("--seeds", args.seeds), ("--workers", args.workers)):
+        if value is not None and value < 1:
+            raise InputError(f"{option} must be at least 1, not {value}")
+    reproduction = find(args.name)
+    strategies = [name.strip() for name in args.strategies.split(",") if name.strip()]
+    with progress() as (on_start, on_done):
+        reproduced = reproduce(
+            reproduction, args.seeds, strategies, args.workers, on_start, on_done
+        )
+    samples, printed = reproduced.samples(), reproduced.published()
+    judged = [judge(claim, samples, printed) for claim in reproduction.claims]
+    known = [claim for claim in judged if claim is not None]
+    if args.json:
+        print(json.dumps(as_json(reproduced, known), indent=2, ensure_ascii=False))
+    else:
+        from automaton.reproductions.report import print_reproduced
+
+        print_reproduced(reproduced, known)
+    if reproduced.unfinished:
+        sys.stdout.flush()
+        runs = len(reproduced.cases) * reproduced.seeds
+        print(f"automaton: {reproduced.unfinished} of {runs:,} runs did not finish", file=sys.stderr)
+        return 1
+    return 0
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Progress]:
+    """A progress bar on a terminal's stderr; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield None, None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(
+        TextColumn("runs"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = bar.add_task("runs", total=None)
+    with bar:
+        yield (
+            lambda total: bar.update(task, total=total),
+            lambda runs: bar.advance(task, runs),
+        )
+
+
+def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]:
+    """The table as one object; the same for any number of workers."""
+    return {
+        "name": reproduced.reproduction.name,
+        "seeds": reproduced.seeds,
+        "runs": len(reproduced.cases) * reproduced.seeds,
+        "unfinished": reproduced.unfinished,
+        "rows": [
+            {
+                "case": dict(row.case),
+                "metric": row.metric,
+                "paper": row.paper,
+                "mean": row.mean,
+                "sd": row.sd,
+                "error": row.error,
+            }
+            for row in reproduced.rows()
+        ],
+        "mean_absolute_error": reproduced.mean_errors(),
+        "claims": [
+            {
+                "claim": claim.claim.text,
+                "verdict": claim.verdict,
+                "holds_in_print": claim.in_print,
+                "figures": [figure_as_json(figure) for figure in claim.figures],
+            }
+            for claim in judged
+        ],
+        "remarks": list(reproduced.reproduction.remarks),
+    }
+
+
+def figure_as_json(figure: Judged) -> dict[str, Any]:
+    """A figure of a claim; bounds that do not exist are null."""
+    wanted = figure.figure
+    return {
+        "figure": wanted.label,
+        "value": figure.value,
+        "low": figure.low,
+        "high": figure.high,
+        "at_least": None if math.isinf(wanted.at_least) else wanted.at_least,
+        "at_most": None if math.isinf(wanted.at_most) else wanted.at_most,
+        "printed": figure.printed,
+        "verdict": figure.verdict,
+    }

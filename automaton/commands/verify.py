@@ -1,0 +1,96 @@
+"""Verify a recorded run: check it by the rules, run it again, name the first tick that differs.
+
+Exit code 0: what is there keeps the rules and comes out equal again, even if it was cut short;
+1: it breaks a rule, differs or is damaged; 2: it is no recording.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from automaton.recording.frames import read_recording
+
+if TYPE_CHECKING:
+    from automaton.recording.verification import Verification
+
+SHOWN = 10  # violations in the text
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton verify`."""
+    parser.add_argument("file", metavar="FILE", help="a recording")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Verify and report."""
+    recording = read_recording(args.file)  # what is no recording is refused before Numba is loaded
+    from automaton.recording.verification import verify_recording
+
+    found = verify_recording(recording)
+    if args.json:
+        print(json.dumps(as_json(args.file, found), indent=2, ensure_ascii=False))
+    else:
+        for line in as_text(args.file, found):
+            print(line, file=sys.stdout)
+    return 0 if found.passed else 1
+
+
+def as_text(file: str, found: Verification) -> list[str]:
+    """The result in a few lines, the verdict first."""
+    recording, report = found.recording, found.report
+    name, seed = recording.header["scenario"]["name"], recording.header["seed"]
+    robots = recording.header["scenario"]["fleet"]["robots"]
+    verdict = "verified" if found.passed else "not verified"
+    lines = [
+        f"{file}: {verdict}: {name}, seed {seed}, {robots} robots, {report.ticks:,} ticks",
+        *extent(found),
+    ]
+    if report.valid:
+        lines.append("rules: all kept")
+    else:
+        lines.append(f"rules: {len(report.violations)} broken")
+        lines += [f"  {violation}" for violation in report.violations[:SHOWN]]
+        if len(report.violations) > SHOWN:
+            lines.append(f"  and {len(report.violations) - SHOWN} more")
+    equal = "run again: every tick is equal"
+    lines.append(equal if found.difference is None else f"run again: {found.difference}")
+    if not found.same_sources:
+        recorded = recording.header["versions"].get("fleet-automaton", "unknown")
+        lines.append(f"recorded by other sources than those installed here (version {recorded})")
+    return lines
+
+
+def extent(found: Verification) -> list[str]:
+    """How much of the recording there is, if it is not all."""
+    recording, last = found.recording, found.recording.ticks
+    if recording.damage:
+        return [f"damaged: {recording.damage}; what comes before it, up to tick {last:,}, is read"]
+    if not recording.complete:
+        return [f"cut short or interrupted: there is no end; it is whole up to tick {last:,}"]
+    return []
+
+
+def as_json(file: str, found: Verification) -> dict[str, Any]:
+    """The result as one object."""
+    recording, report, difference = found.recording, found.report, found.difference
+    return {
+        "file": file,
+        "scenario": recording.header["scenario"]["name"],
+        "seed": recording.header["seed"],
+        "ticks": recording.ticks,
+        "verified": found.passed,
+        "complete": recording.complete,
+        "damage": recording.damage or None,
+        "valid": report.valid,
+        "violations": [
+            {**violation._asdict(), "sentence": str(violation)} for violation in report.violations
+        ],
+        "equal": difference is None,
+        "difference": None if difference is None else difference._asdict(),
+        "same_sources": found.same_sources,
+        "actions": report.counts,
+    }

@@ -1,0 +1,211 @@
+"""A robot's line in a picture: everything about it that the map cannot show.
+
+    A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
+
+Robots 0 to 25 are called A to Z, later ones by their number. Only what differs from the default is
+said; the default of some values depends on others (a robot has come in the direction it faces).
+"""
+
+from __future__ import annotations
+
+import re
+
+from automaton.errors import InputError
+from automaton.picture.phrases import (
+    Facts,
+    Phrase,
+    Value,
+    pair,
+    read_facts,
+    read_route,
+    write_facts,
+    write_route,
+)
+from automaton.world.cells import DIRECTIONS
+from automaton.world.plan import FloorPlan
+from automaton.world.state import (
+    ACTION_NAMES,
+    AROUND,
+    FREE,
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    HOLD_ASK,
+    HOLD_WAITED,
+    IDLE,
+    NEED_ALLOCATION,
+    NEED_ROUTE,
+    NEED_WAY,
+    NIL,
+    NO_STEP,
+    PICKED,
+    PLAN,
+    RELEASED,
+    REPLAN,
+    World,
+)
+
+NUMBERS = (  # fields that a line gives as they are
+    "heading travel action busy priority load order goal stay try_drop withdrawing blocked hold "
+    "parked zone reason route_reason asked_at step"
+).split()
+NEEDS = {"need_work": NEED_ALLOCATION, "need_route": NEED_ROUTE, "need_way": NEED_WAY}
+
+DOING = {  # of each action: while it lasts, and when it is over
+    "idle": ("rests", "rested"),
+    "move": ("moves", "moved"),
+    "turn": ("turns", "turned"),
+    "pick": ("picks up", "picked up"),
+    "drop": ("sets down", "set down"),
+    "try_drop": ("tries to set down", "tried to set down"),
+    "wait": ("waits", "waited"),
+    "charge": ("charges", "charged"),
+    "blocked": ("is blocked", "was blocked"),
+    "withdraw": ("decides to withdraw", "decided to withdraw"),
+    "bay_blocked": ("is kept in its bay", "was kept in its bay"),
+    "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
+}
+
+TASK = (
+    Phrase("carries {load} to {slot} via {stand}", goal=GOAL_DROP),
+    Phrase("carries {load}", goal=GOAL_NONE),
+    Phrase("fetches {order} from {place} via {stand}", goal=GOAL_PICK),
+    Phrase("goes home", goal=GOAL_PARK),
+    Phrase("goes to {stand} to charge for {stay} tick(s)", goal=GOAL_CHARGE),
+)
+ACTION = tuple(
+    Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
+    for code, name in enumerate(ACTION_NAMES)
+    for text in (f"{DOING[name][0]} for {{busy}} more tick(s)", DOING[name][1])
+)
+REASON = (
+    Phrase("last asked as free", reason=FREE),
+    Phrase("last asked after a pick", reason=PICKED),
+    Phrase("last asked after giving its order back", reason=RELEASED),
+    Phrase("last asked for a new plan", reason=REPLAN),
+)
+GROUPS = (
+    tuple(Phrase(f"{name}bound", travel=d) for d, name in enumerate(DIRECTIONS)),
+    TASK,
+    (Phrase("will try to set down first", try_drop=1),),
+    ACTION,
+    (Phrase("claims {claim}"),),
+    (Phrase("withdraws {withdrawing} more step(s)"),),
+    (Phrase("failed {blocked} time(s)"),),
+    (Phrase("then retries", hold=HOLD_WAITED), Phrase("is stuck", hold=HOLD_ASK)),
+    (Phrase("asks for the right of way", need_way=1),),
+    (Phrase("found no work at change {asked_at}", need_work=1), Phrase("asks for work", need_work=1)),
+    REASON,
+    (Phrase("asks for a route", need_route=1),),
+    (
+        Phrase("routed around robots", route_reason=AROUND),
+        Phrase("routed freely", route_reason=PLAN),
+        Phrase("never routed", route_reason=0),
+    ),
+    tuple(Phrase(f"is told to step {name}", step=d) for d, name in enumerate(DIRECTIONS)),
+    (Phrase("parked", parked=1),),
+    (Phrase("priority {priority}"),),
+    (Phrase("zone {zone}"),),
+    (Phrase("charged for {stayed} tick(s)"),),
+)
+
+# Names of the headings, by how many there are: omni, rail, differential.
+HEADINGS = {
+    1: ("",),
+    2: ("horizontal", "vertical"),
+    4: tuple(f"facing {name}" for name in DIRECTIONS),
+}
+LINE = re.compile(
+    r"(?P<name>[A-Z]|\d+) (?P<place>\(-?\d+, -?\d+\)|in its bay)"
+    r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
+    r"(?:; route (?P<route>\w+))?"
+)
+
+
+def name_of(identity: int) -> str:
+    """A to Z, then numbers from 26."""
+    return chr(ord("A") + identity) if identity < 26 else str(identity)
+
+
+def identity_of(name: str) -> int:
+    return ord(name) - ord("A") if name.isupper() else int(name)
+
+
+def robot_line(world: World, plan: FloorPlan, i: int) -> str:
+    """The line of the robot at storage index i."""
+    robots = world.robots
+    facts = robot_facts(world, plan, i)
+    default = default_facts(facts, int(world.clock[0]))
+    said = write_facts(GROUPS, facts, default)
+    bay = facts["cell"] is None
+    heading = HEADINGS[world.grid.headings][int(robots.heading[i])]
+    start = f"{name_of(int(robots.identity[i]))} {'in its bay' if bay else facts['cell']}"
+    if heading:
+        start += f"{',' if bay else ''} {heading}"
+    line = ", ".join([start, *said])
+    length = int(robots.length[i])
+    if not length:
+        return line
+    return f"{line}; route {write_route(robots.route[i, :length].tolist(), int(robots.at[i]))}"
+
+
+def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
+    """What the world holds of a robot, cells as (x, y)."""
+    robots = world.robots
+
+    def xy(cell: int) -> Value:
+        return None if cell == NIL else plan.xy(cell)
+
+    facts: Facts = {name: int(getattr(robots, name)[i]) for name in NUMBERS}
+    for name in ("cell", "claim", "stand"):
+        facts[name] = xy(int(getattr(robots, name)[i]))
+    slot, order = int(robots.slot[i]), int(robots.order[i])
+    place = NIL if order == NIL else int(world.orders.place[order])
+    facts["slot"] = None if slot == NIL else xy(int(world.slots.cell[slot]))
+    facts["place"] = None if place == NIL else xy(int(world.slots.cell[place]))
+    for name, bit in NEEDS.items():
+        facts[name] = int(int(robots.need[i]) & bit != 0)
+    charging = facts["goal"] == GOAL_CHARGE  # the ticks of the last stay are kept after it
+    facts["stayed"] = 0 if charging else facts["stay"]
+    facts["stay"] = facts["stay"] if charging else 0
+    return facts
+
+
+def default_facts(facts: Facts, tick: int) -> Facts:
+    """The values that a line leaves out, given what else it says."""
+    zeros = "action busy priority stay stayed try_drop withdrawing blocked hold goal".split()
+    default: Facts = dict.fromkeys([*zeros, *NEEDS], 0)
+    default.update(dict.fromkeys(("load", "order", "zone", "asked_at"), NIL))
+    default.update(dict.fromkeys(("claim", "stand", "slot", "place")))
+    default["action"] = IDLE
+    default["step"] = NO_STEP
+    default["cell"] = None
+    default["heading"] = default["travel"] = facts.get("heading", 0)
+    default["parked"] = int(facts["cell"] is None)
+    default["reason"] = FREE if facts.get("load", NIL) == NIL else PICKED
+    default["route_reason"] = PLAN if tick else 0
+    return default
+
+
+def read_robot(text: str, tick: int) -> tuple[int, Facts, tuple[list[int], int]]:
+    """Identity, values and route that a robot's line gives. Raises InputError."""
+    match = LINE.fullmatch(text)
+    if match is None:
+        raise InputError(f"'{text}' is no line about a robot, such as A (2, 3) vertical, moved")
+    facts = read_facts(GROUPS, match["facts"] or "", f"robot {match['name']}")
+    facts["cell"] = None if match["place"] == "in its bay" else pair(match["place"])
+    if match["heading"]:
+        facts["heading"] = _heading(match["heading"])
+    facts["order"] = facts.get("load", facts.get("order", NIL))
+    facts = default_facts(facts, tick) | facts
+    facts["stay"] = facts["stay"] or facts["stayed"]
+    return identity_of(match["name"]), facts, read_route(match["route"] or "")
+
+
+def _heading(words: str) -> int:
+    for names in HEADINGS.values():
+        if words in names:
+            return names.index(words)
+    raise InputError(f"'{words}' is no direction; there are {', '.join(DIRECTIONS)}")

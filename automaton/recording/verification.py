@@ -1,0 +1,167 @@
+"""Verification: a recording is checked by the rules, then run again and compared tick by tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.kernels.digest import DIGEST_NAMES
+from automaton.recording.codes import ACTION_MASK, INTO_BAY, LEFT_BAY
+from automaton.recording.frames import END, TICKS, Content, Recording, read_recording
+from automaton.recording.header import resolved_of, source_hash
+from automaton.recording.validator import ACTS, Report, validate_stored
+from automaton.simulation import Simulation
+from automaton.world.state import CHANGED, RECORDED, Array
+
+
+class Difference(NamedTuple):
+    """The first place where the run, made again, is not what was recorded."""
+
+    tick: int
+    array: str  # of the state, such as robots.cell; or "actions", "changes", "end"
+    text: str
+
+    def __str__(self) -> str:
+        return f"tick {self.tick}: {self.array} differs{': ' if self.text else ''}{self.text}"
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What was found about a recording."""
+
+    recording: Recording
+    report: Report  # of the validator
+    difference: Difference | None  # None: what is there agrees
+    same_sources: bool  # recorded by the sources that are installed here
+
+    @property
+    def passed(self) -> bool:
+        """Whether all that is there is undamaged, keeps the rules, and comes out equal again."""
+        return self.report.valid and self.difference is None and not self.recording.damage
+
+
+def verify(path: str | Path) -> Verification:
+    """Verify a recording's file up to its last whole frame. Raises InputError."""
+    return verify_recording(read_recording(path))
+
+
+def verify_recording(recording: Recording) -> Verification:
+    """Verify a recording that is open or in memory."""
+    header = recording.header
+    plugins = tuple(pick["name"] for pick in header["picks"].values() if ":" in pick["name"])
+    return Verification(
+        recording=recording,
+        report=validate_stored(recording),
+        difference=first_difference(recording),
+        same_sources=header["sources"] == source_hash(plugins),
+    )
+
+
+def first_difference(recording: Recording) -> Difference | None:
+    """Run the scenario again and compare each tick; the first that differs, or None."""
+    rerun = Rerun(recording.header)
+    for frame in recording.frames:
+        if frame.kind == TICKS:
+            found = rerun.compare(frame.content)
+        else:
+            found = rerun.compare_end(frame.content) if frame.kind == END else None
+        if found is not None:
+            return found
+    return None
+
+
+class Rerun:
+    """The run made again, one frame of the recording at a time."""
+
+    def __init__(self, header: Content) -> None:
+        self.names = list(header["digest_names"])
+        self._parts: list[tuple[Array, Array, Array]] = []
+        self.simulation = Simulation(resolved_of(header), header["seed"], on_record=self._take)
+        # Arrays that only one version digests cannot be compared.
+        self._common = [name for name in self.names if name in DIGEST_NAMES]
+        self._theirs = [self.names.index(name) for name in self._common]
+        self._ours = [DIGEST_NAMES.index(name) for name in self._common]
+
+    def _take(self, simulation: Simulation) -> None:
+        clock, record = simulation.world.clock, simulation.record
+        rows, changed = int(clock[RECORDED]), int(clock[CHANGED])
+        self._parts.append(
+            (
+                record.did[:rows].copy(),
+                record.changes[:changed].copy(),
+                record.digests[:rows].copy(),
+            )
+        )
+        clock[RECORDED] = clock[CHANGED] = 0
+
+    def compare(self, content: Content) -> Difference | None:
+        """Run through the ticks of a frame and compare them."""
+        first, ticks = content["first"], len(content["did"])
+        self.simulation.run(until=first + ticks - 1)
+        did, changes, digests = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+        self._parts.clear()
+        if self.simulation.tick < first + ticks - 1:
+            return Difference(self.simulation.tick, "end", "made again, the run ends here")
+        if did.shape != content["did"].shape:
+            return Difference(first, "record", "ticks are missing or doubled")
+        found = (
+            self._digests(first, content["digests"][:, self._theirs], digests[:, self._ours]),
+            _actions(first, content["did"], did),
+            _changes(content["changes"], changes),
+        )
+        return min(filter(None, found), key=lambda difference: difference.tick, default=None)
+
+    def _digests(self, first: int, recorded: Array, ours: Array) -> Difference | None:
+        differs = recorded != ours
+        rows = np.flatnonzero(differs.any(axis=1))
+        if not len(rows):
+            return None
+        arrays = [self._common[column] for column in np.flatnonzero(differs[rows[0]])]
+        others = f"also {', '.join(arrays[1:])}" if len(arrays) > 1 else ""
+        return Difference(first + int(rows[0]), arrays[0], others)
+
+    def compare_end(self, content: Content) -> Difference | None:
+        """Compare how the run ended."""
+        simulation = self.simulation
+        now = {
+            "ticks": simulation.tick,
+            "finished": simulation.finished,
+            "digest": simulation.digest,
+        }
+        if self.names != list(DIGEST_NAMES):
+            del now["digest"]
+        for name, value in now.items():
+            if content[name] != value:
+                text = f"{name} was {content[name]}, made again it is {value}"
+                return Difference(simulation.tick, "end", text)
+        return None
+
+
+def _actions(first: int, recorded: Array, ours: Array) -> Difference | None:
+    rows, robots = np.nonzero(recorded != ours)
+    if not len(rows):
+        return None
+    row, robot = int(rows[0]), int(robots[0])
+    was, now = action_text(int(recorded[row, robot])), action_text(int(ours[row, robot]))
+    return Difference(first + row, "actions", f"robot {robot}: {was} recorded, {now} made again")
+
+
+def _changes(recorded: Array, ours: Array) -> Difference | None:
+    theirs, mine = recorded.tolist(), ours.tolist()
+    if theirs == mine:
+        return None
+    equal = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(theirs, mine, strict=False)))
+    tick = min(rows[equal][0] for rows in (theirs, mine) if equal < len(rows))
+    return Difference(tick, "changes", "of an order, a reservation or a duration")
+
+
+def action_text(did: int) -> str:
+    """A recorded action in words."""
+    words = [ACTS[did & ACTION_MASK].replace("_", " ")]
+    words += ["out of its bay"] if did & LEFT_BAY else []
+    words += ["parked"] if did & INTO_BAY else []
+    return ", ".join(words)

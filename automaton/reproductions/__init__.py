@@ -1,0 +1,27 @@
+"""Published tables and how to reproduce them, by name. A new one is a module and a line here."""
+
+from __future__ import annotations
+
+import importlib
+
+from automaton.errors import InputError, alternatives, nearest
+from automaton.reproductions.study import Reproduction
+
+REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
+    "tabletop": (
+        "automaton.reproductions.tabletop",
+        "table-top warehouse: independent and cooperative robots (Grzejszczak & Nocoń, Table 3)",
+    ),
+}
+
+
+def find(name: str) -> Reproduction:
+    """The reproduction of a name. Raises InputError for an unknown one."""
+    if name not in REPRODUCTIONS:
+        raise InputError(
+            f"nothing called '{name}' to reproduce{nearest(name, REPRODUCTIONS)}; "
+            f"there is {alternatives(REPRODUCTIONS)}"
+        )
+    module = importlib.import_module(REPRODUCTIONS[name][0])
+    found: Reproduction = module.REPRODUCTION
+    return found

@@ -1,0 +1,156 @@
+"""Claims of a publication, judged by runs: each is one or more figures that must lie in a range.
+
+A figure is any smooth function of the means of metrics. Its 95 % interval is Student's, with the
+jackknife's standard error over the seeds: leaving out one seed in all cases at once keeps what the
+cases have in common (the same seed is the same demand), and a difference of means gets exactly the
+paired interval.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Verdict = Literal["holds", "does not hold", "undecided"]
+Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
+Mean = Callable[..., float]  # mean(metric, *labels of the case)
+
+# Student's t, 97.5 %, for 1..10 degrees of freedom; beyond, the expansion is good to 0.002.
+T_975 = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number that a claim rests on, and the range in which it must lie."""
+
+    label: str
+    of: Callable[[Mean], float]
+    at_least: float = -math.inf
+    at_most: float = math.inf
+    unit: str = ""  # "%" shows shares as percent
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the publication says, in our words, and how it is read as figures."""
+
+    text: str
+    figures: tuple[Figure, ...]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A figure with its interval; low and high are None where a single seed gives none."""
+
+    figure: Figure
+    value: float
+    low: float | None
+    high: float | None
+    printed: float | None  # the same figure from the publication's own table
+
+    @property
+    def verdict(self) -> Verdict:
+        """holds if the whole interval lies in the range, does not hold if none of it does."""
+        if self.low is None or self.high is None:
+            return "undecided"
+        if self.low >= self.figure.at_least and self.high <= self.figure.at_most:
+            return "holds"
+        if self.high < self.figure.at_least or self.low > self.figure.at_most:
+            return "does not hold"
+        return "undecided"
+
+    @property
+    def in_print(self) -> bool | None:
+        """Whether the publication's own table bears the figure out; None if it prints none."""
+        if self.printed is None:
+            return None
+        return self.figure.at_least <= self.printed <= self.figure.at_most
+
+    @property
+    def margin(self) -> float:
+        """How far inside the range the value is; negative outside."""
+        return min(self.value - self.figure.at_least, self.figure.at_most - self.value)
+
+
+@dataclass(frozen=True)
+class JudgedClaim:
+    """A claim with its figures; it holds if all of them do."""
+
+    claim: Claim
+    figures: Sequence[Judged] = field(default_factory=tuple)
+
+    @property
+    def verdict(self) -> Verdict:
+        verdicts = [figure.verdict for figure in self.figures]
+        for worst in ("does not hold", "undecided"):
+            if worst in verdicts:
+                return worst
+        return "holds"
+
+    @property
+    def in_print(self) -> bool | None:
+        known = [figure.in_print for figure in self.figures]
+        if any(value is None for value in known):
+            return None
+        return all(known)
+
+
+def judge(
+    claim: Claim,
+    samples: Mapping[Sample, Sequence[float]],
+    printed: Mapping[Sample, float],
+) -> JudgedClaim | None:
+    """Judge a claim by the values of each case over the seeds; None if a case was not run."""
+    try:
+        return JudgedClaim(claim, [_judged(figure, samples, printed) for figure in claim.figures])
+    except KeyError:
+        return None
+
+
+def _judged(
+    figure: Figure, samples: Mapping[Sample, Sequence[float]], printed: Mapping[Sample, float]
+) -> Judged:
+    used: list[Sample] = []
+
+    def overall(metric: str, *key: Any) -> float:
+        used.append((metric, key))
+        values = samples[metric, key]
+        return math.fsum(values) / len(values)
+
+    value = figure.of(overall)
+    margin = _half_width(figure, {sample: samples[sample] for sample in used})
+    try:
+        in_print = figure.of(lambda metric, *key: printed[metric, key])
+    except KeyError:
+        in_print = None
+    if margin is None:
+        return Judged(figure, value, None, None, in_print)
+    return Judged(figure, value, value - margin, value + margin, in_print)
+
+
+def _half_width(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> float | None:
+    """Half of the 95 % interval; None for a single seed."""
+    n = min(map(len, samples.values()))
+    if n < 2:
+        return None
+    sums = {sample: math.fsum(values) for sample, values in samples.items()}
+
+    def without(seed: int) -> Mean:
+        def mean(metric: str, *key: Any) -> float:
+            return (sums[metric, key] - samples[metric, key][seed]) / (n - 1)
+
+        return mean
+
+    left_out = [figure.of(without(seed)) for seed in range(n)]
+    centre = math.fsum(left_out) / n
+    spread = math.fsum((value - centre) ** 2 for value in left_out)
+    return student(n - 1) * math.sqrt(spread * (n - 1) / n)
+
+
+def student(degrees: int) -> float:
+    """The factor of a two-sided 95 % interval."""
+    if degrees <= len(T_975):
+        return T_975[degrees - 1]
+    return 1.960 + 2.372 / degrees + 2.822 / degrees**2

@@ -1,0 +1,192 @@
+"""A reproduction as text: the published table beside ours, the claims, the remarks."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from automaton.reproductions.claims import Judged, JudgedClaim
+from automaton.reproductions.study import Reproduced, Row
+from automaton.run_report import console, print_table
+from automaton.units import count, number, percent
+
+STYLES = {"holds": "green", "does not hold": "red", "undecided": "yellow"}
+SHORT = {"configuration": "cfg", "robots": "N"}
+PRINTED, OURS_ALONE = 4, 2  # columns of a metric with and without a printed figure
+WIDEST_TEXT = 110
+
+
+def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> None:
+    """Print everything."""
+    out = console()
+    reproduction = reproduced.reproduction
+    runs = len(reproduced.cases) * reproduced.seeds
+    out.print(Text(reproduction.title, "bold"), soft_wrap=True)
+    for line in textwrap.wrap(reproduction.source, text_width(out)):
+        out.print(line, soft_wrap=True)
+    out.print(
+        f"{count(runs, 'run')}, {reproduced.unfinished} unfinished; "
+        f"{count(reproduced.seeds, 'seed')} for each case; mean and sd over the seeds",
+        soft_wrap=True,
+    )
+    rows = reproduced.rows()
+    for panel in reproduction.panels:
+        for metrics in fitting(panel, rows, out.width):
+            out.print()
+            print_table(out, panel_table(metrics, rows))
+    print_errors(out, reproduced)
+    print_claims(out, judged)
+    print_remarks(out, reproduction.remarks)
+
+
+def text_width(out: Console) -> int:
+    return min(out.width, WIDEST_TEXT)
+
+
+def fitting(panel: Sequence[str], rows: Sequence[Row], width: int) -> Iterator[list[str]]:
+    """The metrics of a panel, split so that each table fits the width."""
+    taken: list[str] = []
+    for metric in panel:
+        if taken and table_width([*taken, metric], rows) > width:
+            yield taken
+            taken = []
+        taken.append(metric)
+    yield taken
+
+
+def table_width(metrics: Sequence[str], rows: Sequence[Row]) -> int:
+    measured: int = Console(width=1000).measure(panel_table(metrics, rows)).maximum
+    return measured
+
+
+def panel_table(metrics: Sequence[str], rows: Sequence[Row]) -> Table:
+    """A line for each case; for each metric the printed figure, ours, sd and relative error."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
+    for label, value in rows[0].case.items():
+        justify: Any = "left" if isinstance(value, str) else "right"
+        table.add_column(f"\n{SHORT.get(label, label)}", justify=justify, no_wrap=True)
+    printed = {row.metric for row in rows if row.paper is not None}
+    for metric in metrics:
+        heads = ["paper", "ours", "sd", "error"] if metric in printed else ["ours", "sd"]
+        first, *others = heads
+        table.add_column(f"{metric}\n{first}", justify="right", no_wrap=True)
+        for head in others:
+            table.add_column(f"\n{head}", justify="right", no_wrap=True)
+    for lines in cases_of(rows):
+        cells = [str(value) for value in lines[metrics[0]].case.values()]
+        for metric in metrics:
+            cells += figures(lines[metric], metric in printed)
+        table.add_row(*cells)
+    return table
+
+
+def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
+    """The rows of each case by metric."""
+    found: dict[tuple[Any, ...], dict[str, Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row.case.values()), {})[row.metric] = row
+    yield from found.values()
+
+
+def figures(row: Row, printed: bool) -> list[str]:
+    """The cells of a metric."""
+    share = row.metric.startswith("E_U")
+    ours = [
+        "-" if value is None else percent(value) if share else f"{value:,.0f}"
+        for value in (row.mean, row.sd)
+    ]
+    if not printed:
+        return ours
+    error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
+    return ["-" if row.paper is None else number(row.paper), *ours, error]
+
+
+def print_errors(out: Console, reproduced: Reproduced) -> None:
+    """The mean relative error of each metric."""
+    parts = [
+        f"{metric} {percent(error)}"
+        for metric, error in reproduced.mean_errors().items()
+        if error is not None
+    ]
+    if parts:
+        out.print()
+        out.print(f"mean |error|: {', '.join(parts)}", soft_wrap=True)
+
+
+def print_claims(out: Console, judged: Sequence[JudgedClaim]) -> None:
+    """A verdict for each claim, with the figure that decides it."""
+    if not judged:
+        return
+    out.print()
+    out.print(Text("The publication's claims", "bold"))
+    explanation = (
+        "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
+        "hold if one lies outside; else it is undecided. Shown is the figure that decides."
+    )
+    for line in textwrap.wrap(explanation, text_width(out)):
+        out.print(line)
+    indent = " " * 15
+    for claim in judged:
+        out.print()
+        first, *others = textwrap.wrap(claim.claim.text, text_width(out) - len(indent))
+        head = Text(f"{claim.verdict:<15}", STYLES[claim.verdict])
+        out.print(head.append(first, "default"), soft_wrap=True)
+        for line in (*others, *textwrap.wrap(evidence(claim), text_width(out) - len(indent))):
+            out.print(indent + line, soft_wrap=True)
+
+
+def evidence(claim: JudgedClaim) -> str:
+    """The deciding figure of a claim, its range, and what the publication's own table says."""
+    figure = deciding(claim)
+    most = len(claim.figures)
+    good = sum(one.verdict == "holds" for one in claim.figures)
+    of_all = f" ({good} of {most} figures hold)" if most > 1 else ""
+    parts = [f"{figure.figure.label}: {valued(figure)}, claimed {bounds(figure)}{of_all}"]
+    if figure.printed is not None:
+        agrees = "agrees" if claim.in_print else "DISAGREES"
+        parts.append(f"the paper's own table: {shown(figure, figure.printed)}, {agrees}")
+    return "; ".join(parts)
+
+
+def deciding(claim: JudgedClaim) -> Judged:
+    """The figure on which the verdict hangs: of the worst verdict, the farthest from its range."""
+    worst = [figure for figure in claim.figures if figure.verdict == claim.verdict]
+    return min(worst, key=lambda figure: figure.margin)
+
+
+def shown(figure: Judged, value: float) -> str:
+    return percent(value) if figure.figure.unit == "%" else f"{value:,.0f}"
+
+
+def valued(figure: Judged) -> str:
+    if figure.low is None or figure.high is None:
+        return f"{shown(figure, figure.value)} (one seed gives no interval)"
+    low, high = shown(figure, figure.low), shown(figure, figure.high)
+    return f"{shown(figure, figure.value)} ({low} to {high})"
+
+
+def bounds(figure: Judged) -> str:
+    """The range of a figure in words."""
+    low, high = figure.figure.at_least, figure.figure.at_most
+    if low > float("-inf") and high < float("inf"):
+        return f"{shown(figure, low)} to {shown(figure, high)}"
+    if low > float("-inf"):
+        return "above 0" if low == 0 else f"at least {shown(figure, low)}"
+    return "below 0" if high == 0 else f"at most {shown(figure, high)}"
+
+
+def print_remarks(out: Console, remarks: Sequence[str]) -> None:
+    """Where the publication contradicts itself."""
+    if not remarks:
+        return
+    out.print()
+    out.print(Text("Where the publication contradicts itself or leaves things open", "bold"))
+    for remark in remarks:
+        lines = textwrap.wrap(remark, text_width(out) - 2)
+        for bullet, line in zip(["- ", *["  "] * len(lines)], lines, strict=False):
+            out.print(bullet + line, soft_wrap=True)

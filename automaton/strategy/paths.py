@@ -1,0 +1,53 @@
+"""Shortest paths for strategies written in Python; compiled ones call automaton.kernels.search.
+
+All costs are ticks on poses (cell, heading), turns included; ties are settled by rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from automaton.kernels import search
+from automaton.world.state import NIL, Workspace, World
+
+UNREACHABLE = search.FAR
+
+
+def position(view: World, robot: int) -> int:
+    """The cell of a robot (storage index), or the home cell through which it leaves its bay."""
+    cell = int(view.robots.cell[robot])
+    return int(view.robots.home[robot]) if cell == NIL else cell
+
+
+def distance(view: World, space: Workspace, robot: int, target: int) -> int:
+    """Ticks from a robot's pose to a target cell on the empty floor, or UNREACHABLE."""
+    heading = int(view.robots.heading[robot])
+    return int(search.distance(view, space, position(view, robot), heading, target))
+
+
+def nearest(
+    view: World, space: Workspace, robot: int, cells: Iterable[int], around: bool = False
+) -> int | None:
+    """The index of the cell of least path cost from a robot; ties to the lowest index.
+
+    `around`: as if cells without room now were no part of the floor. None if none is reachable.
+    """
+    mark = search.begin_search(space)
+    for index, cell in enumerate(cells):
+        search.mark_goal(space, mark, cell, index)
+    heading = np.int64(view.robots.heading[robot])
+    found = search.nearest_mark(view, space, mark, position(view, robot), heading, around)
+    return None if found == NIL else int(found)
+
+
+def route(
+    view: World, space: Workspace, robot: int, target: int, around: bool = False
+) -> list[int] | None:
+    """Directions of the shortest path from a robot to a target cell, or None."""
+    steps = space.steps
+    heading = int(view.robots.heading[robot])
+    cell = position(view, robot)
+    length = search.find_path(view, space, cell, heading, target, around, steps)
+    return None if length == NIL else [int(step) for step in steps[:length]]

@@ -1,0 +1,478 @@
+"""The validator: good runs pass, and for each rule a recording that breaks it, and only it."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from automaton.recording.codes import (
+    DID_BAY_BLOCKED,
+    DID_CHARGE,
+    DID_DROP,
+    DID_PICK,
+    DID_TRY_DROP,
+    DID_WAIT,
+    DURATION,
+    INTO_BAY,
+    LEFT_BAY,
+    MOVE_EAST,
+    MOVE_NORTH,
+    MOVE_SOUTH,
+    MOVE_WEST,
+    ORDER_BY,
+    PICKED_UP,
+    SET_AT,
+    SLOT_BY,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.validator import (
+    MOST_VIOLATIONS,
+    Report,
+    validate_recording,
+    validate_stored,
+)
+from automaton.scenario.resolve import resolve
+from automaton.scenario.schema import Scenario
+from automaton.simulation import Simulation
+
+E, S, W, N = MOVE_EAST, MOVE_SOUTH, MOVE_WEST, MOVE_NORTH
+
+FLOOR = """\
+......
+.....d
+.ss..d"""
+
+BAYS = """\
+b.....
+b.....
+#.ss.d"""
+
+
+def header(
+    picture: str,
+    starts: list[tuple[int, int]] | str,
+    robots: int = 0,
+    kinematics: str = "omni",
+    **parts: Any,
+) -> dict[str, Any]:
+    """The header of a run on a drawn floor."""
+    fleet = {"robots": robots or len(starts), "kinematics": kinematics, "start": starts}
+    scenario = {"name": "drawn", "layout": {"picture": picture}, "fleet": fleet, **parts}
+    return MemoryRecorder(resolve(msgspec.convert(scenario, Scenario))).header
+
+
+def played(
+    head: dict[str, Any],
+    *ticks: dict[int, int],
+    changes: list[tuple[int, int, int, int]] | None = None,
+) -> Report:
+    """Validate a recording in which robot r does ticks[t - 1][r] in tick t."""
+    did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint8)
+    for row, acts in enumerate(ticks):
+        for robot, code in acts.items():
+            did[row, robot] = code
+    rows = np.array(changes or [], np.int64).reshape(-1, 4)
+    content = {"first": 1, "did": did, "changes": rows, "digests": np.zeros((len(ticks), 1))}
+    return validate_recording(head, [Frame(TICKS, content)])
+
+
+def rules(report: Report) -> list[str]:
+    return [violation.rule for violation in report.violations]
+
+
+def recorded(name: str, *settings: str, seed: int = 1) -> Recording:
+    resolved = resolve(name, settings)
+    recorder = MemoryRecorder(resolved, seed)
+    Simulation(resolved, seed, on_record=recorder).run()
+    return recorder.recording()
+
+
+# What the world does is right.
+
+
+@pytest.mark.parametrize("allocation", ["independent", "cooperative"])
+@pytest.mark.parametrize("move", [1, 2, 3])
+@pytest.mark.parametrize("following", ["true", "false"])
+@pytest.mark.parametrize(
+    ("name", "kinematics"),
+    [
+        ("tabletop-1", "rail"),
+        ("tabletop-2", "rail"),
+        ("crossing", "omni"),
+        ("crossing", "differential"),
+    ],
+)
+def test_runs_keep_the_rules(
+    name: str, kinematics: str, following: str, move: int, allocation: str
+) -> None:
+    report = validate_stored(
+        recorded(
+            name,
+            f"fleet.kinematics={kinematics}",
+            f"world.following={following}",
+            f"durations.move={move}",
+            f"strategy.allocation={allocation}",
+            "stop.at_most=1500",
+        )
+    )
+    assert [str(violation) for violation in report.violations] == []
+    assert report.ticks > 50 and report.complete
+
+
+def test_the_report_counts_what_robots_did() -> None:
+    recording = recorded("tabletop-mini")
+    report = validate_stored(recording)
+    assert report.counts["drop"] == report.counts["pick"] >= 25
+    assert report.counts["parked"] >= 3 and report.counts["left_bay"] >= 3
+    assert report.ticks == recording.ticks == recording.frames[-1].content["ticks"]  # type: ignore[index]
+
+
+# Motion: A is robot 0, B is robot 1.
+
+
+def test_two_robots_in_one_cell() -> None:
+    """A>.<B"""
+    report = played(header(FLOOR, [(0, 0), (2, 0)]), {0: E, 1: W})
+    assert rules(report) == ["capacity"]
+    assert report.violations[0].robots == (0, 1)
+    assert report.violations[0].cell == (1, 0)
+    assert str(report.violations[0]).startswith("tick 1: capacity: robot 0 and robot 1 at (1, 0): ")
+
+
+def test_a_robot_drives_into_one_that_stands() -> None:
+    """A>B"""
+    assert rules(played(header(FLOOR, [(0, 0), (1, 0)]), {0: E})) == ["capacity"]
+
+
+def test_a_queue_and_a_ring_move() -> None:
+    assert played(header(FLOOR, [(0, 0), (1, 0)]), {0: E, 1: E}).valid
+    ring = header(FLOOR, [(0, 0), (1, 0), (1, 1), (0, 1)])
+    assert played(ring, {0: E, 1: S, 2: W, 3: N}).valid
+
+
+def test_a_swap() -> None:
+    """A><B"""
+    assert rules(played(header(FLOOR, [(0, 0), (1, 0)]), {0: E, 1: W})) == ["swap"]
+
+
+def test_robots_pass_each_other_where_both_cells_let_them() -> None:
+    aisle = FLOOR.replace("......", ".==~~.")
+    assert played(header(aisle, [(1, 0), (2, 0)]), {0: E, 1: W}).valid is False  # both in lane 0
+    assert played(header(aisle, [(3, 0), (4, 0)]), {0: E, 1: W}).valid
+    head = header(aisle, [(0, 0), (3, 0)])
+    assert played(head, {0: E, 1: W}, {0: E, 1: W}).valid
+    assert rules(played(header(aisle, [(0, 0), (1, 0)]), {0: E, 1: W})) == ["swap"]
+
+
+def test_each_lane_holds_one_robot() -> None:
+    """A and B both go east in a cell with a lane for each direction."""
+    aisle = FLOOR.replace("......", ".==...")
+    assert played(header(aisle, [(0, 0), (3, 0)]), {0: E}, {1: W}).valid
+    assert rules(played(header(aisle, [(0, 0), (1, 1)]), {0: E}, {1: N})) == []
+    assert (
+        rules(played(header(aisle, [(0, 0), (5, 0)]), {0: E}, {1: W}, {1: W}, {1: W}, {1: W})) == []
+    )
+    two = header(aisle, [(0, 0), (0, 1)])
+    assert rules(played(two, {0: E}, {1: N}, {1: E})) == ["capacity"]
+
+
+def test_a_turning_robot_needs_both_lanes() -> None:
+    aisle = FLOOR.replace("......", ".==...")
+    head = header(aisle, [(0, 0), (1, 1)], kinematics="differential", durations={"turn": 3})
+    enters = [{0: TURN_LEFT, 1: TURN_RIGHT}, {}, {}, {0: E, 1: TURN_RIGHT}, {}, {}]
+    assert played(head, *enters, {1: N}).valid  # north: the other lane
+    assert rules(played(head, *enters, {1: N, 0: TURN_LEFT})) == ["capacity"]
+    assert rules(played(head, *enters, {0: TURN_LEFT}, {1: N})) == ["capacity"]
+    assert played(head, *enters, {0: TURN_LEFT}, {}, {1: N}).valid  # given back in its last tick
+
+
+def test_any_number_of_robots_where_there_is_no_limit() -> None:
+    square = FLOOR.replace("......", ".~....")
+    assert played(header(square, [(0, 0), (2, 0), (1, 1)]), {0: E, 1: W, 2: N}).valid
+
+
+def test_a_move_without_an_exit() -> None:
+    assert rules(played(header(FLOOR, [(0, 0)]), {0: N})) == ["exits"]
+    one_way = header(FLOOR.replace("......", ".>...."), [(1, 0)])
+    assert rules(played(one_way, {0: W})) == ["exits"]
+
+
+def test_a_move_across_the_heading() -> None:
+    for kinematics in ("rail", "differential"):
+        head = header(FLOOR, [(0, 0)], kinematics=kinematics)
+        assert played(head, {0: S}).valid
+        assert rules(played(head, {0: E})) == ["heading"]
+    head = header(FLOOR, [(0, 1)], kinematics="differential")
+    assert rules(played(head, {0: N})) == ["heading"]  # only rail robots reverse
+    assert played(header(FLOOR, [(0, 1)], kinematics="rail"), {0: N}).valid
+
+
+def test_a_turn_where_there_is_none() -> None:
+    rails = FLOOR.replace("......", "+-----")
+    turned = header(rails, [(0, 0)], kinematics="rail")
+    assert played(turned, {0: TURN_RIGHT}, {0: E}).valid
+    assert rules(played(turned, {0: TURN_RIGHT}, {0: E}, {0: TURN_RIGHT})) == ["turn"]
+    assert rules(played(turned, {0: TURN_LEFT})) == ["turn"]
+    assert rules(played(header(FLOOR, [(0, 0)]), {0: TURN_RIGHT})) == ["turn"]
+
+
+@pytest.mark.parametrize(
+    ("durations", "acts"),
+    [({"move": 3}, (E, 0, E)), ({"turn": 3}, (TURN_RIGHT, 0, TURN_RIGHT)), ({}, (DID_WAIT, E, 0))],
+)
+def test_an_operation_that_begins_too_early(
+    durations: dict[str, int], acts: tuple[int, ...]
+) -> None:
+    kinematics = "differential" if TURN_RIGHT in acts else "omni"
+    head = header(FLOOR, [(0, 0)], kinematics=kinematics, durations=durations)
+    wait = [(1, DURATION, 0, 2)] if DID_WAIT in acts else []
+    assert rules(played(head, *({0: act} for act in acts), changes=wait)) == ["busy"]
+    late = (acts[0], 0, 0, acts[2] or E)
+    assert played(head, *({0: act} for act in late), changes=wait).valid
+
+
+def test_a_long_move_holds_both_cells_until_it_arrives() -> None:
+    head = header(FLOOR, [(1, 0), (0, 0), (2, 1)], durations={"move": 3})
+    assert rules(played(head, {0: E}, {1: E})) == ["capacity"]  # into the cell left too early
+    assert rules(played(head, {0: E}, {2: N})) == ["capacity"]  # into the cell entered
+    assert played(head, {0: E}, {}, {1: E}).valid  # in the tick of the arrival
+
+
+def test_without_following_a_cell_must_be_empty_when_the_tick_begins() -> None:
+    head = header(FLOOR, [(0, 0), (1, 0)], world={"following": False})
+    assert rules(played(head, {0: E, 1: E})) == ["following"]
+    assert played(head, {1: E}, {0: E}).valid
+    long = header(FLOOR, [(0, 0), (1, 0)], world={"following": False}, durations={"move": 2})
+    assert rules(played(long, {1: E}, {0: E})) == ["following"]
+    assert played(long, {1: E}, {}, {0: E}).valid
+
+
+# Bays: A's home is (0, 0), B's is (0, 1).
+
+
+def test_robots_leave_and_enter_their_bays() -> None:
+    head = header(BAYS, "bays", 2)
+    report = played(head, {0: LEFT_BAY | E}, {0: W | INTO_BAY}, {0: LEFT_BAY | S})
+    assert report.valid and report.counts["left_bay"] == 2
+
+
+def test_bays_are_left_only_onto_an_empty_home_cell() -> None:
+    head = header(BAYS, "bays", 2)
+    report = played(head, {0: LEFT_BAY | S}, {1: LEFT_BAY | E, 0: N})
+    assert rules(report) == ["bay"]
+
+
+def test_nobody_follows_a_robot_that_came_out_of_its_bay() -> None:
+    head = header(BAYS, "bays", 2)
+    assert rules(played(head, {1: LEFT_BAY | E}, {1: N}, {1: W, 0: LEFT_BAY | S})) == ["bay"]
+    assert played(head, {1: LEFT_BAY | E}, {1: N}, {0: LEFT_BAY | S}, {1: W}).valid
+
+
+def test_a_robot_in_its_bay_does_nothing() -> None:
+    head = header(BAYS, "bays", 2)
+    assert rules(played(head, {0: E})) == ["bay"]
+    assert played(head, {0: DID_BAY_BLOCKED}).valid
+    assert rules(played(head, {0: LEFT_BAY | E}, {0: DID_BAY_BLOCKED})) == ["bay"]
+    assert rules(played(head, {0: LEFT_BAY | E}, {0: LEFT_BAY | E}))[0] == "bay"
+
+
+def test_a_robot_parks_at_its_own_home_only() -> None:
+    head = header(BAYS, "bays", 2)
+    assert rules(played(head, {0: LEFT_BAY | S | INTO_BAY})) == ["bay"]
+    early = header(BAYS, "bays", 2, durations={"move": 2})
+    assert rules(played(early, {0: LEFT_BAY | E}, {}, {0: W | INTO_BAY})) == ["bay"]
+    assert played(early, {0: LEFT_BAY | E}, {}, {0: W}, {0: INTO_BAY}).valid
+
+
+def test_a_robot_with_an_order_does_not_park() -> None:
+    head = header(BAYS, "bays", 2)
+    given = [(1, ORDER_BY, 0, 0)]
+    assert rules(played(head, {0: LEFT_BAY | E}, {0: W | INTO_BAY}, changes=given)) == ["bay"]
+
+
+def test_a_bay_holds_one_robot() -> None:
+    head = copy.deepcopy(header(BAYS, "bays", 2))
+    for name in ("bay", "home"):
+        head["robots"][name][1] = head["robots"][name][0]
+    assert rules(played(head, {})) == ["bay"]
+    head = copy.deepcopy(header(BAYS, "bays", 2))
+    head["robots"]["home"][1] += 1
+    assert rules(played(head, {})) == ["bay"]
+
+
+def test_robots_start_in_different_drivable_cells() -> None:
+    head = copy.deepcopy(header(FLOOR, [(0, 0), (1, 0)]))
+    head["robots"]["cell"][1] = head["robots"]["cell"][0]
+    assert rules(played(head, {})) == ["capacity"]
+
+
+# Loads. Slots in table order: 0 = shelf (1, 2), 1 = shelf (2, 2), 2 and 3 = destinations at (5, 1)
+# and (5, 2). Orders 0 and 1 lie on shelves 0 and 1; A stands at (1, 1), B at (2, 1).
+
+TO_LAST = {"list": [{"from": [1, 2], "to": [5, 2]}, {"from": [2, 2], "to": [1, 2]}]}
+
+
+def table(*starts: tuple[int, int]) -> dict[str, Any]:
+    return header(FLOOR, list(starts) or [(1, 1), (2, 1)], orders=TO_LAST)
+
+
+PICK_0 = [(1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]
+PICK_1 = [(1, ORDER_BY, 1, 1), (1, PICKED_UP, 1, 1)]
+
+
+def test_a_load_is_carried_to_its_destination() -> None:
+    changes = [*PICK_0, (5, SET_AT, 0, 3), (5, ORDER_BY, 0, -1)]
+    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E | 0}, {0: DID_DROP}]
+    report = played(table((1, 1)), *way[:4], {0: S}, changes=PICK_0)
+    assert report.valid
+    ended = [(6, *row[1:]) if row[0] == 5 else row for row in changes]
+    assert played(table((1, 1)), *way[:4], {0: S}, {0: DID_DROP}, changes=ended).valid
+
+
+@pytest.mark.parametrize(
+    ("rule", "changes"),
+    [
+        ("load", [(1, ORDER_BY, 0, 0)]),  # picks, but what?
+        ("order", [(1, PICKED_UP, 0, 0)]),  # not reserved
+        ("order", [(1, ORDER_BY, 0, 1), (1, PICKED_UP, 0, 0)]),  # reserved by B
+        ("load", [(1, ORDER_BY, 1, 0), (1, PICKED_UP, 0, 1)]),  # not beside it
+        ("order", [(1, ORDER_BY, 0, 1), (1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]),  # two have it
+        ("order", [(1, ORDER_BY, 1, 0), *PICK_0]),  # one has two
+        ("order", [(1, ORDER_BY, 1, -1), *PICK_0]),  # nobody had it
+        ("order", [*PICK_0, (1, ORDER_BY, 0, -1)]),  # it is carried
+        ("slot", [*PICK_0, (1, SLOT_BY, 1, 0)]),  # a full shelf
+        ("slot", [*PICK_0, (1, SLOT_BY, 3, 0)]),  # a destination
+        ("slot", [(1, SLOT_BY, 0, 0), *PICK_0]),  # full, and before there is a load
+        ("slot", [*PICK_0, (1, SLOT_BY, 0, 1)]),  # B has no load
+        ("slot", [*PICK_0, (1, SLOT_BY, 0, -1)]),  # nobody had it
+        ("duration", [*PICK_0, (1, DURATION, 0, 5)]),
+        ("record", [*PICK_0, (1, 99, 0, 0)]),
+        ("record", [*PICK_0, (1, ORDER_BY, 7, 0)]),
+    ],
+)
+def test_a_pick_that_breaks_a_rule(rule: str, changes: list[tuple[int, int, int, int]]) -> None:
+    assert set(rules(played(table(), {0: DID_PICK}, changes=changes))) == {rule}
+
+
+def test_two_robots_reserve_one_shelf() -> None:
+    picked = [*PICK_0, *PICK_1, (1, SLOT_BY, 0, 0)]
+    both = {0: DID_PICK, 1: DID_PICK}
+    assert played(table(), both, changes=picked).valid
+    assert rules(played(table(), both, changes=[*picked, (1, SLOT_BY, 0, 1)])) == ["slot"]
+    assert rules(played(table(), both, changes=[*picked, (1, SLOT_BY, 1, 0)])) == ["slot"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "rows"),
+    [
+        (None, [(2, SLOT_BY, 0, 0), (2, SET_AT, 0, 0), (2, ORDER_BY, 0, -1), (2, SLOT_BY, 0, -1)]),
+        ("slot", [(2, SET_AT, 0, 0)]),  # an empty shelf, but not reserved
+        ("load", []),  # drops, but where?
+        ("load", [(2, SLOT_BY, 0, 0), (2, SET_AT, 0, 0), (2, SET_AT, 0, 0)]),  # the second of none
+        ("load", [(2, SET_AT, 0, 3)]),  # its destination, far away
+    ],
+)
+def test_a_drop(rule: str | None, rows: list[tuple[int, int, int, int]]) -> None:
+    report = played(table(), {0: DID_PICK}, {0: DID_DROP}, changes=[*PICK_0, *rows])
+    assert set(rules(report)) == ({rule} if rule else set())
+
+
+def test_a_drop_at_a_foreign_destination() -> None:
+    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E}, {0: DID_DROP}]
+    assert rules(played(table((1, 1)), *way, changes=[*PICK_0, (5, SET_AT, 0, 2)])) == ["load"]
+
+
+def test_a_drop_on_a_full_shelf() -> None:
+    rows = [*PICK_0, (2, SET_AT, 0, 1)]
+    broken = rules(played(table((1, 1)), {0: DID_PICK}, {0: E}, changes=PICK_0))
+    assert broken == []
+    moved = [(3, *row[1:]) if row[1] == SET_AT else row for row in rows]
+    report = played(table((1, 1)), {0: DID_PICK}, {0: E}, {0: DID_DROP}, changes=moved)
+    assert rules(report) == ["load", "slot"]  # full, and so it cannot have been reserved
+
+
+def test_a_second_load_and_a_load_from_nowhere() -> None:
+    twice = [*PICK_0, (2, PICKED_UP, 0, 0)]
+    report = played(table(), {0: DID_PICK}, {0: DID_PICK}, changes=twice)
+    assert set(rules(report)) == {"load"}
+    assert rules(played(table(), {0: 0}, changes=PICK_0)) == ["load"]  # picked without a pick
+    assert rules(played(table(), {0: DID_TRY_DROP})) == ["load"]
+
+
+def test_two_loads_on_one_shelf_at_the_start() -> None:
+    head = copy.deepcopy(table())
+    head["orders"]["source"][1] = 0
+    assert rules(played(head, {})) == ["load"]
+
+
+def test_waits_and_charging_say_how_long_they_take() -> None:
+    head = header(FLOOR, [(0, 0)])
+    for code in (DID_WAIT, DID_CHARGE):
+        assert rules(played(head, {0: code})) == ["duration"]
+        assert rules(played(head, {0: code}, changes=[(1, DURATION, 0, 0)])) == ["duration"]
+        assert played(head, {0: code}, changes=[(1, DURATION, 0, 4)]).valid
+
+
+# The recording agrees with itself.
+
+
+STATES = [
+    *("robots.cell", "robots.claim", "robots.heading", "robots.busy", "robots.load"),
+    *("robots.order", "robots.parked", "orders.state", "orders.place", "orders.by"),
+    *("slots.content", "slots.by"),
+]
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_a_recorded_state_that_differs_from_the_replay(name: str) -> None:
+    recording = recorded("tabletop-mini", "stop.at_most=300")
+    frames = copy.deepcopy(list(recording.frames))
+    part, field = name.split(".")
+    state = [content for kind, content in frames if kind == KEYFRAME][-1]
+    state[part][field][1] += 1
+    report = validate_recording(recording.header, frames)
+    assert rules(report) == ["record"]
+    assert name in report.violations[0].text and report.violations[0].tick == 300
+
+
+def test_an_end_that_is_not_true() -> None:
+    recording = recorded("tabletop-mini")
+    for change in ({"ticks": 5}, {"finished": False}):
+        frames = [
+            Frame(kind, {**content, **change}) if kind == END else Frame(kind, content)
+            for kind, content in recording.frames
+        ]
+        assert rules(validate_recording(recording.header, frames)) == ["record"]
+
+
+def test_missing_ticks_and_changes_out_of_order() -> None:
+    recording = recorded("tabletop-mini")
+    frames = list(recording.frames)
+    second = [i for i, frame in enumerate(frames) if frame.kind == TICKS][1]
+    report = validate_recording(recording.header, frames[:second] + frames[second + 1 :])
+    assert rules(report) == ["record"]
+    head = header(FLOOR, [(0, 0)])
+    assert rules(played(head, {}, changes=[(2, ORDER_BY, 0, 0)])) == ["record"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
+    recording = recorded("tabletop-1", f"fleet.robots={1 + seed % 5}", seed=seed)
+    frames = copy.deepcopy(list(recording.frames))
+    ticks = [content for kind, content in frames if kind == TICKS]
+    rng = np.random.default_rng(seed)
+    content = ticks[rng.integers(len(ticks))]
+    moves = np.argwhere((content["did"] >= MOVE_EAST) & (content["did"] <= MOVE_NORTH))
+    row, robot = moves[rng.integers(len(moves))]
+    content["did"][row, robot] = 0
+    report = validate_recording(recording.header, frames)
+    assert not report.valid
+    assert report.violations[0].tick >= content["first"] + row
+    assert len(report.violations) <= MOST_VIOLATIONS

@@ -1,4 +1,4 @@
-"""One run without a screen: to its end or its limit, with what stands still when it does not end."""
+"""One run without a screen: to its end or its limit, and what stands still at the limit."""
 
 from __future__ import annotations
 

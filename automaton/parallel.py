@@ -1,4 +1,4 @@
-"""Many runs over all cores: every (scenario, seed) is one run, whose result depends on nothing else.
+"""Many runs over all cores: each (scenario, seed) is one run, and nothing else decides its result.
 
 Processes are spawned, not forked, so that it works the same everywhere; each imports the compiled
 kernels from the cache, which the parent has filled before.

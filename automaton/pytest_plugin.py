@@ -175,8 +175,8 @@ def pytest_runtest_makereport(
     """Tell the session, through the report (pytest-xdist carries it), what became of goldens."""
     report = yield
     if report.when == "call":
-        report.grids_written = item.stash.get(WRITTEN, [])
-        report.grids_stale = list(_stale(item)) if report.passed else []
+        stale = list(_stale(item)) if report.passed else []
+        vars(report).update(grids_written=item.stash.get(WRITTEN, []), grids_stale=stale)
     return report
 
 

@@ -17,6 +17,7 @@ from automaton.strategy.layer import Strategy
 from automaton.world.build import (
     build_buffers,
     build_record,
+    build_sight,
     build_world,
     no_memory,
 )
@@ -53,8 +54,9 @@ class Simulation:
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
         self.space = floor.space
-        self.view: World = self.world.read_only()
-        self.asked, self.answers = build_buffers(self.world)
+        self.seen = build_sight(self.world, floor)
+        self.view: World = self.seen.read_only()
+        self.batch, self.asked, self.answers = build_buffers(self.world)
         self.on_record = on_record
         self.record = build_record(
             self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES)
@@ -81,7 +83,9 @@ class Simulation:
     def _start(self) -> Iterator[int]:
         arguments = (
             self.world,
+            self.seen,
             self.view,
+            self.batch,
             self.asked,
             self.answers,
             self.record,
@@ -96,7 +100,8 @@ class Simulation:
             if strategy is not None:
                 serving[index] = loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
-        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories)
+        vaults = [memory.copied() for memory in self._memories]
+        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
         return ticks
 
     @property
@@ -149,6 +154,6 @@ def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any
     """The loop, compiled or loaded once per process: all worlds have the same types."""
     if "loop" not in _LOOPS:
         done = announce_first_compilation()
-        _LOOPS["loop"] = loop_kernels.compile_loop(*arguments, memory)
+        _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)
         done()
     return _LOOPS["loop"]

@@ -15,7 +15,7 @@ Read-only arrays give a type of their own, and kernels that write to them do not
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from llvmlite import ir
@@ -69,7 +69,21 @@ class Struct:
         address: int = self._table.__array_interface__["data"][0]
         return address
 
-    def read_only(self) -> Any:
+    def replaced(self, **values: Any) -> Self:
+        """The same struct with some fields replaced."""
+        return type(self)(**{name: values.get(name, getattr(self, name)) for name in self._fields})
+
+    def copied(self) -> Self:
+        """The same struct over copies of its arrays."""
+        arrays = {name: getattr(self, name) for name in self._fields}
+        return type(self)(
+            **{
+                name: value.copy() if isinstance(value, np.ndarray) else value
+                for name, value in arrays.items()
+            }
+        )
+
+    def read_only(self) -> Self:
         """The same memory, closed to writing: what strategies see."""
         seen = object.__new__(type(self))
         for name, value in self.__dict__.items():

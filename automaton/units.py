@@ -25,7 +25,7 @@ class Unit(NamedTuple):
 
 
 def unit(text: str) -> Unit:
-    """The unit that a scenario writes as "1 cycle" or "0.5 s"; text without a number counts as 1."""
+    """The unit that a scenario writes as "1 cycle" or "0.5 s"; without a number it counts as 1."""
     found = NUMBER_AND_NAME.fullmatch(text)
     if found is None or float(found[1]) == 0:
         return Unit(1.0, text.strip() or "tick")

@@ -25,6 +25,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "bench": ("automaton.commands.bench", "measure the speed of this machine"),
 }
 
+LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 
 
@@ -58,8 +59,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except Exception as error:
         _show_traceback(debug)
-        kind = type(error).__name__
-        print(f"automaton: internal error, {kind}: {error} (--debug shows where)", file=sys.stderr)
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        what = what if len(what) < LONGEST_ERROR else what[:LONGEST_ERROR] + " ..."
+        print(f"automaton: internal error, {what} (--debug shows where)", file=sys.stderr)
         return FAILED
 
 
@@ -84,6 +86,9 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
             f"unknown {what} '{name}'{nearest(name, COMMANDS)}; see `automaton --help`"
         )
     module_name, summary = COMMANDS[name]
+    if os.getcwd() not in sys.path:
+        # So that "module:Class" in a scenario finds a file beside it; last, lest it hide another.
+        sys.path.append(os.getcwd())
     module = importlib.import_module(module_name)
     parser = Parser(
         prog=f"automaton {name}",

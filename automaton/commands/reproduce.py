@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from automaton.reproductions.study import Reproduced
 
 SEEDS = 60
-Progress = tuple[Callable[[int], None] | None, Callable[[int], None] | None]
+Listeners = tuple[Callable[[int], None] | None, Callable[[int], None] | None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,22 +68,23 @@ def run(args: argparse.Namespace) -> int:
     if reproduced.unfinished:
         sys.stdout.flush()
         runs = len(reproduced.cases) * reproduced.seeds
-        print(f"automaton: {reproduced.unfinished} of {runs:,} runs did not finish", file=sys.stderr)
+        unfinished = f"{reproduced.unfinished:,} of {runs:,} runs did not finish"
+        print(f"automaton: {unfinished}", file=sys.stderr)
         return 1
     return 0
 
 
 @contextlib.contextmanager
-def progress() -> Iterator[Progress]:
+def progress() -> Iterator[Listeners]:
     """A progress bar on a terminal's stderr; nothing in a pipe."""
     if not sys.stderr.isatty():
         yield None, None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     bar = Progress(
-        TextColumn("runs"),
+        "runs",
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),

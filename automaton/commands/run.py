@@ -100,7 +100,8 @@ def progress(resolved: Resolved) -> Iterator[Any]:
         shown = now
         orders = simulation.world.orders
         done = int((orders.delivered >= 0).sum())
-        text = f"tick {simulation.tick:,} of at most {limit:,}, {done:,} of {len(orders.state):,} orders"
+        ticks = f"tick {simulation.tick:,} of at most {limit:,}"
+        text = f"{ticks}, {done:,} of {len(orders.state):,} orders delivered"
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
     try:

@@ -2,7 +2,8 @@
 
     orders -> zoning -> charging -> allocation -> routing -> right of way -> motion -> digest
 
-A layer is asked when something concerns it: a compiled strategy is called right here; for a Python
+A layer is asked when something concerns it: in one call about all the robots concerned, or, with
+limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
 strategy the generator yields ASK and the layer, and goes on in mid-tick when it is resumed.
 """
 
@@ -27,6 +28,7 @@ from automaton.kernels.commit import (
 from automaton.kernels.digest import digest_world
 from automaton.kernels.drive import drive, leave_bays, settle
 from automaton.kernels.motion import move_all
+from automaton.kernels.sight import end_turn, take_turn, turns
 from automaton.world.state import (
     ALLOCATION,
     CHANGED,
@@ -54,11 +56,15 @@ INTERPRETED = 2
 
 
 def ticks(
-    world, view, asked, answers, record, space, serving,
+    world, seen, view, batch, asked, answers, record, space, serving,
     zoning, charging, allocation, routing, right_of_way,
     memory_z, memory_c, memory_a, memory_r, memory_w,
+    vault_z, vault_c, vault_a, vault_r, vault_w,
 ):  # fmt: skip
-    """Run ticks until world.clock[UNTIL]; pauses there, when a buffer is full, and at the end."""
+    """Run ticks until world.clock[UNTIL]; pauses there, when a buffer is full, and at the end.
+
+    `seen` and `view` are the same memory: what strategies see, writable and read-only.
+    """
     clock = world.clock
     while True:
         if clock[TICK] >= clock[UNTIL] or clock[FINISHED] or is_full(clock, record):
@@ -67,45 +73,60 @@ def ticks(
         clock[TICK] += 1
         world.robots.did[:] = 0
 
-        if serving[ZONING] and batch_everybody(world, asked, ZONING):
-            clear_answers(asked, answers, ZONING)
-            if serving[ZONING] == COMPILED:
-                zoning(view, asked, answers, memory_z, space)
-            else:
-                yield ZONING
-            commit_zoning(world, record, asked, answers)
+        if serving[ZONING] and batch_everybody(world, batch, ZONING):
+            for turn in range(turns(world, batch)):
+                take_turn(world, seen, batch, asked, memory_z, vault_z, turn)
+                clear_answers(asked, answers, ZONING)
+                if serving[ZONING] == COMPILED:
+                    zoning(view, asked, answers, memory_z, space)
+                else:
+                    yield ZONING
+                commit_zoning(world, record, asked, answers)
+                end_turn(world, memory_z, vault_z, batch, turn)
 
-        if serving[CHARGING] and batch_everybody(world, asked, CHARGING):
-            clear_answers(asked, answers, CHARGING)
-            if serving[CHARGING] == COMPILED:
-                charging(view, asked, answers, memory_c, space)
-            else:
-                yield CHARGING
-            commit_charging(world, record, asked, answers)
+        if serving[CHARGING] and batch_everybody(world, batch, CHARGING):
+            for turn in range(turns(world, batch)):
+                take_turn(world, seen, batch, asked, memory_c, vault_c, turn)
+                clear_answers(asked, answers, CHARGING)
+                if serving[CHARGING] == COMPILED:
+                    charging(view, asked, answers, memory_c, space)
+                else:
+                    yield CHARGING
+                commit_charging(world, record, asked, answers)
+                end_turn(world, memory_c, vault_c, batch, turn)
 
-        if batch_allocation(world, asked):
-            clear_answers(asked, answers, ALLOCATION)
-            if serving[ALLOCATION] == COMPILED:
-                allocation(view, asked, answers, memory_a, space)
-            else:
-                yield ALLOCATION
-            commit_allocation(world, record, asked, answers)
+        if batch_allocation(world, batch):
+            for turn in range(turns(world, batch)):
+                take_turn(world, seen, batch, asked, memory_a, vault_a, turn)
+                clear_answers(asked, answers, ALLOCATION)
+                if serving[ALLOCATION] == COMPILED:
+                    allocation(view, asked, answers, memory_a, space)
+                else:
+                    yield ALLOCATION
+                commit_allocation(world, record, asked, answers)
+                end_turn(world, memory_a, vault_a, batch, turn)
 
-        if batch_routing(world, asked):
-            clear_answers(asked, answers, ROUTING)
-            if serving[ROUTING] == COMPILED:
-                routing(view, asked, answers, memory_r, space)
-            else:
-                yield ROUTING
-            commit_routing(world, record, asked, answers)
+        if batch_routing(world, batch):
+            for turn in range(turns(world, batch)):
+                take_turn(world, seen, batch, asked, memory_r, vault_r, turn)
+                clear_answers(asked, answers, ROUTING)
+                if serving[ROUTING] == COMPILED:
+                    routing(view, asked, answers, memory_r, space)
+                else:
+                    yield ROUTING
+                commit_routing(world, record, asked, answers)
+                end_turn(world, memory_r, vault_r, batch, turn)
 
-        if batch_right_of_way(world, asked):
-            clear_answers(asked, answers, RIGHT_OF_WAY)
-            if serving[RIGHT_OF_WAY] == COMPILED:
-                right_of_way(view, asked, answers, memory_w, space)
-            else:
-                yield RIGHT_OF_WAY
-            commit_right_of_way(world, record, asked, answers)
+        if batch_right_of_way(world, batch):
+            for turn in range(turns(world, batch)):
+                take_turn(world, seen, batch, asked, memory_w, vault_w, turn)
+                clear_answers(asked, answers, RIGHT_OF_WAY)
+                if serving[RIGHT_OF_WAY] == COMPILED:
+                    right_of_way(view, asked, answers, memory_w, space)
+                else:
+                    yield RIGHT_OF_WAY
+                commit_right_of_way(world, record, asked, answers)
+                end_turn(world, memory_w, vault_w, batch, turn)
 
         motion(world, record)
         if clock[RECORDING]:
@@ -158,14 +179,18 @@ def is_finished(world):
     return 1 if world.rules.stop == STOP_DELIVERED else 0
 
 
-def compile_loop(world, view, asked, answers, record, space, serving, memory):
-    """The generator function for arguments of these types, and the signature of `decide`."""
+def compile_loop(arguments, memory):
+    """The generator function, and the signature of `decide`.
+
+    `arguments`: world, seen, view, batch, asked, answers, record, space, serving of any run; all
+    runs have the same types.
+    """
     if not jit_is_on():
         return ticks, None
     from numba import typeof
 
-    decide = types.void(*(typeof(x) for x in (view, asked, answers, memory, space)))
-    layer = types.FunctionType(decide)
-    arguments = tuple(typeof(x) for x in (world, view, asked, answers, record, space, serving))
-    signature = (*arguments, *([layer] * 5), *([typeof(memory)] * 5))
-    return kernel(ticks, signature=signature), decide
+    kinds = [typeof(argument) for argument in arguments]
+    _, _, view, _, asked, answers, _, space, _ = kinds
+    decide = types.void(view, asked, answers, typeof(memory), space)
+    layers = [types.FunctionType(decide)] * 5
+    return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 10))), decide

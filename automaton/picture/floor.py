@@ -34,9 +34,10 @@ BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
 NEW_SYMBOLS = "oxytkzaefghijlmnpqruw0123456789"  # those that a legend may add
 CONFLICT = 100  # cost of an exit that should not hold; more than any preference
 ADDED = 50  # cost of a symbol that the legend has to explain
-LOOSE = 5  # cost of an exit or entry that only the neighbour's symbol closes: '>>>', not '>.>'
+LOOSE = 5  # cost of an exit that only the neighbour's symbol closes: '>>>' rather than '>.>'
 IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
 SWEEPS = 40
+SHAKES = 200
 
 
 class Drawing(NamedTuple):
@@ -112,17 +113,26 @@ def _new_mark(legend: list[tuple[str, Symbol]]) -> str:
 
 def _symbols(plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
     """Symbols in the order of preference, and the index of each cell's symbol."""
-    symbols = _built_in(plan)
+    symbols = _built_in()
     chosen = _fit(plan, symbols, np.zeros(plan.kind.shape, np.intp))
-    if _conflicts(plan, symbols, chosen):
-        symbols += _further(plan, symbols)
+    if not _conflicts(plan, symbols, chosen).any():
+        return symbols, chosen
+    symbols += _further(plan, symbols)
+    fits = np.stack(_fixed_costs(plan, _behind(plan.exits), symbols)) < IMPOSSIBLE
+    generator = np.random.default_rng(1)
+    for _ in range(SHAKES):
         chosen = _fit(plan, symbols, chosen)
-    if _conflicts(plan, symbols, chosen):
-        raise InputError("the floor has exits that no picture can express")
-    return symbols, chosen
+        wrong = _conflicts(plan, symbols, chosen)
+        if not wrong.any():
+            return symbols, chosen
+        # Stuck where two neighbours would have to change at once: shake the cells around.
+        near = np.logical_or.reduce([np.roll(wrong, shift, (0, 1)) for shift in (*AROUND, (0, 0))])
+        shaken = np.argmax(np.where(fits, generator.random(fits.shape), -1), axis=0)
+        chosen = np.where(near, shaken, chosen)
+    raise InputError("the floor has exits that no picture can express")
 
 
-def _built_in(plan: FloorPlan) -> list[Symbol]:
+def _built_in() -> list[Symbol]:
     """One symbol for each meaning of a built-in character, the plainest first."""
     return sorted(dict.fromkeys(SYMBOLS.values()), key=lambda symbol: -BITS_SET[symbol.exits])
 
@@ -174,7 +184,7 @@ def _fixed_costs(
 ) -> list[npt.NDArray[np.int64]]:
     """What each symbol costs in every cell, whatever its neighbours turn out to be."""
     drivable = np.where(plan.drivable(), np.uint8(ALL_EXITS), np.uint8(NO_EXITS))
-    to, since = _ahead(drivable), _behind(drivable)
+    to = _ahead(drivable)
     built_in = set(SYMBOLS.values())
     costs = []
     for index, symbol in enumerate(symbols):
@@ -187,19 +197,22 @@ def _fixed_costs(
         if symbol != Symbol(FLOOR, ALL_EXITS):
             wrong.reshape(-1)[list(plan.starts)] = True  # robots are drawn on free floor
         loose = BITS_SET[np.uint8(symbol.exits) & ~plan.exits & to]
-        loose += BITS_SET[entry & ~incoming & since]
         preference = index // 4 + LOOSE * loose + (0 if symbol in built_in else ADDED)
         costs.append(np.where(wrong, IMPOSSIBLE, preference))
     return costs
 
 
-def _conflicts(plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]) -> bool:
-    """Whether the chosen symbols would give another floor."""
+def _conflicts(
+    plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
+) -> npt.NDArray[np.bool_]:
+    """The cells that the chosen symbols would make different from the plan's."""
     field = np.array([tuple(map(int, symbol)) for symbol in symbols], np.uint8)
     kind, leave, capacity, loaded = (field[chosen, k] for k in range(4))
-    exits = np.where(DRIVABLE[kind], leave & _ahead(ENTRIES[kind, leave]), 0)
-    drawn = np.stack([kind, exits, np.where(DRIVABLE[kind], capacity, plan.capacity), loaded])
-    return not np.array_equal(drawn, np.stack([plan.kind, plan.exits, plan.capacity, plan.loads]))
+    drivable = DRIVABLE[kind]
+    exits = np.where(drivable, leave & _ahead(ENTRIES[kind, leave]), 0)
+    other = (kind != plan.kind) | (exits != plan.exits) | (loaded != plan.loads)
+    wrong: npt.NDArray[np.bool_] = other | (drivable & (capacity != plan.capacity))
+    return wrong
 
 
 def _ahead(values: CellBytes) -> CellBytes:

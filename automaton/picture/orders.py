@@ -15,7 +15,7 @@ from automaton.picture.phrases import Facts, Phrase, Value, read_facts, write_fa
 from automaton.world.plan import FloorPlan
 from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING, World
 
-NUMBERS = "state delivered legs".split()
+NUMBERS = ("state", "delivered", "legs")
 
 STATE = (
     Phrase("delivered to {place} in tick {delivered}", state=DELIVERED),
@@ -29,10 +29,10 @@ LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
 def order_line(world: World, plan: FloorPlan, order: int) -> str | None:
     """The line of an order, None if nothing about it needs to be said."""
     facts = order_facts(world, plan, order)
-    moved = facts["place"] != facts["source"]
-    if facts["legs"] == (1 if moved else 0) and facts["state"] != DELIVERED:
-        if not moved or facts["state"] == CARRIED:
-            return None
+    if facts["place"] == facts["source"] and facts["legs"] == 0:
+        return None  # where it was at the start
+    if facts["state"] == CARRIED and facts["legs"] == 1:
+        return None  # the robot's line says it
     return f"order {order} {', '.join(write_facts(GROUPS, facts, default_facts(facts)))}"
 
 

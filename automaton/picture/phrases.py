@@ -16,7 +16,7 @@ Pair = tuple[int, int]
 Value = int | Pair | None  # a number, or a cell (x, y), or no cell
 Facts = dict[str, Value]
 
-CELLS = frozenset("cell claim stand slot place target".split())  # named values that are cells
+CELLS = {"claim", "stand", "slot", "place", "target"}  # the named values that are cells
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 BETWEEN_FACTS = re.compile(r", (?![^(]*\))")  # a comma, but not the one inside of (x, y)
 
@@ -70,9 +70,7 @@ def pair(text: str) -> Pair:
     return int(x), int(y)
 
 
-def write_facts(
-    groups: Iterable[Iterable[Phrase]], facts: Facts, default: Facts
-) -> list[str]:
+def write_facts(groups: Iterable[Iterable[Phrase]], facts: Facts, default: Facts) -> list[str]:
     """Of each group the first phrase that applies."""
     written = []
     for group in groups:

@@ -34,7 +34,6 @@ from automaton.world.state import (
     GOAL_PICK,
     HOLD_ASK,
     HOLD_WAITED,
-    IDLE,
     NEED_ALLOCATION,
     NEED_ROUTE,
     NEED_WAY,
@@ -47,10 +46,16 @@ from automaton.world.state import (
     World,
 )
 
-NUMBERS = (  # fields that a line gives as they are
-    "heading travel action busy priority load order goal stay try_drop withdrawing blocked hold "
-    "parked zone reason route_reason asked_at step"
-).split()
+# Fields that a line gives as they are, and of those the ones that are 0 unless it says otherwise.
+ZERO = (
+    *("action", "busy", "goal", "stay", "try_drop", "priority"),
+    *("withdrawing", "blocked", "hold"),
+)
+NUMBERS = (
+    *ZERO,
+    *("heading", "travel", "load", "order", "parked", "zone"),
+    *("reason", "route_reason", "asked_at", "step"),
+)
 NEEDS = {"need_work": NEED_ALLOCATION, "need_route": NEED_ROUTE, "need_way": NEED_WAY}
 
 DOING = {  # of each action: while it lasts, and when it is over
@@ -96,7 +101,10 @@ GROUPS = (
     (Phrase("failed {blocked} time(s)"),),
     (Phrase("then retries", hold=HOLD_WAITED), Phrase("is stuck", hold=HOLD_ASK)),
     (Phrase("asks for the right of way", need_way=1),),
-    (Phrase("found no work at change {asked_at}", need_work=1), Phrase("asks for work", need_work=1)),
+    (
+        Phrase("found no work at change {asked_at}", need_work=1),
+        Phrase("asks for work", need_work=1),
+    ),
     REASON,
     (Phrase("asks for a route", need_route=1),),
     (
@@ -175,11 +183,9 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
 
 def default_facts(facts: Facts, tick: int) -> Facts:
     """The values that a line leaves out, given what else it says."""
-    zeros = "action busy priority stay stayed try_drop withdrawing blocked hold goal".split()
-    default: Facts = dict.fromkeys([*zeros, *NEEDS], 0)
+    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "stayed"], 0)
     default.update(dict.fromkeys(("load", "order", "zone", "asked_at"), NIL))
     default.update(dict.fromkeys(("claim", "stand", "slot", "place")))
-    default["action"] = IDLE
     default["step"] = NO_STEP
     default["cell"] = None
     default["heading"] = default["travel"] = facts.get("heading", 0)

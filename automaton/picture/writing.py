@@ -111,4 +111,3 @@ def _canvas(plan: FloorPlan) -> tuple[NDArray[np.str_], int]:
 @lru_cache(maxsize=16)
 def _drawing(plan: FloorPlan) -> Drawing:
     return floor_drawing(plan)
-

@@ -29,7 +29,7 @@ class Figure:
     of: Callable[[Mean], float]
     at_least: float = -math.inf
     at_most: float = math.inf
-    unit: str = ""  # "%" shows shares as percent
+    unit: str = ""  # "%" and "points" show shares times 100
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from automaton.units import count, number, percent
 
 STYLES = {"holds": "green", "does not hold": "red", "undecided": "yellow"}
 SHORT = {"configuration": "cfg", "robots": "N"}
-PRINTED, OURS_ALONE = 4, 2  # columns of a metric with and without a printed figure
 WIDEST_TEXT = 110
 
 
@@ -74,10 +73,14 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row]) -> Table:
     for metric in metrics:
         heads = ["paper", "ours", "sd", "error"] if metric in printed else ["ours", "sd"]
         first, *others = heads
-        table.add_column(f"{metric}\n{first}", justify="right", no_wrap=True)
+        table.add_column(f"  {metric}\n  {first}", justify="right", no_wrap=True)
         for head in others:
             table.add_column(f"\n{head}", justify="right", no_wrap=True)
+    group: list[str] = []
     for lines in cases_of(rows):
+        before, group = group, [str(value) for value in lines[metrics[0]].case.values()][:-1]
+        if before and before != group:
+            table.add_row()
         cells = [str(value) for value in lines[metrics[0]].case.values()]
         for metric in metrics:
             cells += figures(lines[metric], metric in printed)
@@ -146,7 +149,7 @@ def evidence(claim: JudgedClaim) -> str:
     most = len(claim.figures)
     good = sum(one.verdict == "holds" for one in claim.figures)
     of_all = f" ({good} of {most} figures hold)" if most > 1 else ""
-    parts = [f"{figure.figure.label}: {valued(figure)}, claimed {bounds(figure)}{of_all}"]
+    parts = [f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{of_all}"]
     if figure.printed is not None:
         agrees = "agrees" if claim.in_print else "DISAGREES"
         parts.append(f"the paper's own table: {shown(figure, figure.printed)}, {agrees}")
@@ -160,7 +163,8 @@ def deciding(claim: JudgedClaim) -> Judged:
 
 
 def shown(figure: Judged, value: float) -> str:
-    return percent(value) if figure.figure.unit == "%" else f"{value:,.0f}"
+    unit = figure.figure.unit
+    return f"{100 * value:,.1f} {unit}" if unit else f"{value:,.0f}"
 
 
 def valued(figure: Judged) -> str:

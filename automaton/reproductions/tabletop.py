@@ -50,12 +50,11 @@ REMARKS: Final = (
     "configuration 2; in the table three are enough.",
     "The floor's printed size leaves no column for the destinations, and configuration 2 has 6 "
     "destinations beside 7 rows.",
-    "Text and pseudo-code differ on how long a blocked robot waits and what it does then: the "
-    "pseudo-code replans at once and would never leave a head-on meeting.",
+    "After a wait the pseudo-code always plans anew, the text only if the cell is still held; "
+    "without a withdrawal neither resolves a head-on meeting.",
     "Nothing says when a robot begins to withdraw, nor what ends the search for a free shelf to "
     "the right (x_a + 2).",
-    "Turns cost 22 cycles and pick-ups 9, but the definition of empty runs does not say whether "
-    "moves, operations or cycles are counted.",
+    "Empty runs are introduced as moves without cargo and then discussed as cycles and as time.",
     "Unexplained by any reading tried: T_Rtotal at five robots in configuration 1 (5990 and "
     "3355), and the cooperative T_total that rises there from four robots to five.",
 )

@@ -22,6 +22,8 @@ E_U: Final = {
     "E_U_cycles": "cycles",
 }
 
+SAME: Final = 0.02  # shares this close count as the same
+
 Of = Callable[[Mean], float]
 
 
@@ -55,7 +57,9 @@ def least_rise(metric: str, configuration: int, strategy: str) -> Of:
 def least_loss_of_gain(configuration: int, strategy: str) -> Of:
     """How much less T_total each robot saves than the one before it: the smallest such figure."""
     rises = [added("T_total", configuration, strategy, robots) for robots in ROBOTS[1:]]
-    return lambda mean: min(after - before for before, after in pairwise(rise(mean) for rise in rises))
+    return lambda mean: min(
+        after - before for before, after in pairwise(rise(mean) for rise in rises)
+    )
 
 
 def rise_after_least(configuration: int, strategy: str) -> Of:
@@ -73,20 +77,22 @@ def steeper(configuration: int) -> Of:
     )
 
 
-def signed(metric: str, configuration: int, fewer: tuple[int, ...], more: tuple[int, ...]) -> Iterator[Figure]:
-    """Cooperation needs `more` than independence for these numbers of robots, `fewer` for those."""
+def signed(
+    metric: str, configuration: int, fewer: tuple[int, ...], more: tuple[int, ...]
+) -> Iterator[Figure]:
+    """Cooperation needs less than independence for these `fewer` N, and more for these `more` N."""
     for robots in sorted((*fewer, *more)):
         of = saved(metric, configuration, robots)
-        label = f"saved, N = {robots}"
+        label = f"{metric} saved by cooperation, N = {robots}"
         if robots in fewer:
             yield Figure(label, of, at_least=0)
         else:
             yield Figure(label, of, at_most=0)
 
 
-def by_curve(make: Callable[[int, str], Of]) -> tuple[Figure, ...]:
+def by_curve(what: str, make: Callable[[int, str], Of]) -> tuple[Figure, ...]:
     """A figure for each strategy and configuration, which must be above zero."""
-    return tuple(Figure(f"cfg {c} {s}", make(c, s), at_least=0) for c, s in CURVES)
+    return tuple(Figure(f"{what}, {s}, cfg {c}", make(c, s), at_least=0) for c, s in CURVES)
 
 
 def empty_runs() -> Iterator[Claim]:
@@ -95,13 +101,14 @@ def empty_runs() -> Iterator[Claim]:
         yield Claim(
             f"Configuration 2: cooperative robots run empty less at every N (E_U by {name})",
             tuple(
-                Figure(f"less, N = {n}", saved(metric, 2, n), at_least=0, unit="%") for n in ROBOTS
+                Figure(f"less by, N = {n}", saved(metric, 2, n), at_least=0, unit="points")
+                for n in ROBOTS
             ),
         )
         yield Claim(
             f"Configuration 1: empty runs are the same with 3 to 5 robots (E_U by {name})",
             tuple(
-                Figure(f"less, N = {n}", saved(metric, 1, n), at_least=-0.02, at_most=0.02, unit="%")
+                Figure(f"less by, N = {n}", saved(metric, 1, n), -SAME, SAME, unit="points")
                 for n in ROBOTS[2:]
             ),
         )
@@ -122,7 +129,7 @@ CLAIMS: Final = (
     ),
     Claim(
         "Each robot added shortens T_total by less than the one before",
-        by_curve(least_loss_of_gain),
+        by_curve("smallest drop of the gain", least_loss_of_gain),
     ),
     Claim(
         "Configuration 1: few robots (N = 1) finish earlier if independent",
@@ -145,8 +152,11 @@ CLAIMS: Final = (
         tuple(signed("T_total", 2, fewer=(), more=(5,))),
     ),
     Claim(
-        "T_R has an optimum: it is higher with 5 robots than with some fewer",
-        by_curve(rise_after_least),
+        "T_R of independent robots has an optimum: it is higher with 5 than with some fewer",
+        tuple(
+            Figure(f"above the least, cfg {c}", rise_after_least(c, INDEPENDENT), at_least=0)
+            for c in (1, 2)
+        ),
     ),
     Claim(
         "Configuration 1: T_R of independent robots rises rapidly from 2 robots to 5",
@@ -161,11 +171,11 @@ CLAIMS: Final = (
     ),
     Claim(
         "T_Rtotal rises with every robot added",
-        by_curve(lambda c, s: least_rise("T_Rtotal", c, s)),
+        by_curve("smallest rise", lambda c, s: least_rise("T_Rtotal", c, s)),
     ),
     Claim(
         "T_Rtotal rises faster for independent robots (from 1 robot to 5)",
-        tuple(Figure(f"cfg {c}, rise apart", steeper(c), at_least=0) for c in (1, 2)),
+        tuple(Figure(f"difference of the rises, cfg {c}", steeper(c), at_least=0) for c in (1, 2)),
     ),
     Claim(
         "Configuration 2: cooperation needs 4 robots to have the smaller T_Rtotal",

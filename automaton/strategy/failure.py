@@ -22,7 +22,7 @@ NUMBA_PLACE = re.compile(r'File "([^"]+)", line (\d+)')
 
 
 def strategy_failure(error: Exception, resolved: Resolved) -> InputError | None:
-    """The sentence about an exception that came out of a strategy; None if it came from elsewhere."""
+    """The sentence about an exception from inside a strategy; None if it came from elsewhere."""
     frames = list(traceback.walk_tb(error.__traceback__))
     for depth, (frame, _) in enumerate(frames):
         if frame.f_code in CALLS:
@@ -49,7 +49,8 @@ def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
         return ""
     strategy = called_from.f_locals.get("strategy")
     module = sys.modules.get(type(strategy).__module__)
-    own = [place for place in inner if place[0].f_code.co_filename == getattr(module, "__file__", "")]
+    file = getattr(module, "__file__", "")
+    own = [place for place in inner if place[0].f_code.co_filename == file]
     frame, line = (own or inner)[-1]
     return f" ({frame.f_code.co_filename}:{line})"
 

@@ -77,6 +77,9 @@ def load(layer: str, name: str) -> Any:
         module = importlib.import_module(module_name)
     except ImportError as error:
         raise InputError(f"{layer} strategy {name!r}: cannot import {module_name!r}: {error}") from error
+    except Exception as error:  # whatever a user's module does wrong while it is imported
+        raised = f"{type(error).__name__}: {error}"
+        raise InputError(f"{layer} strategy {name!r}: importing {module_name!r} raised {raised}") from error
     found = getattr(module, class_name, None)
     if found is None:
         classes = [key for key, value in vars(module).items() if isinstance(value, type)]

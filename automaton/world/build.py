@@ -20,6 +20,7 @@ from automaton.world.state import (
     NEED_ALLOCATION,
     NIL,
     NO_STEP,
+    ORDER_LIST,
     SEEN_CHANGES,
     UNDELIVERED,
     UNPARKED,
@@ -44,14 +45,14 @@ from automaton.world.state import (
 )
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
-ORDER_LIST_ONLY = -2
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
 class Buffers(NamedTuple):
     """What the loop passes to strategies besides the view."""
 
-    asked: Asked
+    batch: Asked  # the robots concerned
+    asked: Asked  # those that one call of decide is about
     answers: Answers
 
 
@@ -107,7 +108,7 @@ def build_world(
 
 def radius_of(information: Any) -> int:
     if isinstance(information, str):
-        return NIL if information == "everything" else ORDER_LIST_ONLY
+        return NIL if information == "everything" else ORDER_LIST
     return int(information.radius)
 
 
@@ -291,8 +292,22 @@ def build_buffers(world: World) -> Buffers:
             verb=numbers(), value=numbers(), release=numbers(), priority=numbers()
         ),
     )
-    asked = Asked(count=np.zeros(1, np.int64), robot=numbers(), reason=np.zeros(n, np.uint8))
-    return Buffers(asked, answers)
+    batch, asked = (
+        Asked(count=np.zeros(1, np.int64), robot=numbers(), reason=np.zeros(n, np.uint8))
+        for _ in range(2)
+    )
+    return Buffers(batch, asked, answers)
+
+
+def build_sight(world: World, floor: Floor) -> World:
+    """What strategies see: the world itself, or, with limited sight, masked copies."""
+    if world.rules.radius == NIL:
+        return world
+    return world.replaced(
+        robots=world.robots.copied(),
+        traffic=world.traffic.replaced(occupancy=floor.occupancy.copy()),
+        tally=world.tally.copied(),
+    )
 
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:

@@ -49,6 +49,8 @@ WAITING: Final = 0  # on a slot, to be picked up
 CARRIED: Final = 1
 DELIVERED: Final = 2
 
+ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
+
 # Layers, in the order in which a tick asks them.
 ZONING: Final = 0
 CHARGING: Final = 1
@@ -118,7 +120,7 @@ class Rules(Struct):
     seed: Any  # uint64
     following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
     stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
-    radius: int  # how far strategies see, cells (Chebyshev); NIL everything, -2 the order list only
+    radius: int  # how far strategies see, cells (Chebyshev); NIL everything, or ORDER_LIST
     duration: Array  # (A,) int32, ticks of each action
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never

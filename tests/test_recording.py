@@ -1,0 +1,275 @@
+"""The file of a recording: what goes in comes out, and what is cut or damaged is noticed."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automaton.errors import InputError
+from automaton.recording import frames as stored
+from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording, read_recording
+from automaton.recording.header import resolved_of
+from automaton.recording.recorder import KEYFRAME_TICKS, MemoryRecorder, Recorder
+from automaton.scenario.resolve import Resolved, resolve
+from automaton.simulation import Simulation
+
+SETTINGS = ("stop.at_most=600",)
+
+
+def write(path: Path, name: str = "tabletop-mini", settings: Iterable[str] = SETTINGS) -> Resolved:
+    resolved = resolve(name, settings)
+    with Recorder(path, resolved, resolved.scenario.seed) as recorder:
+        Simulation(resolved, on_record=recorder).run()
+        recorder.end({"T_total": 7})
+    return resolved
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("recordings") / "run.rec"
+    write(path)
+    return path.read_bytes()
+
+
+def same(one: Any, other: Any) -> bool:
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    return bool(one == other)
+
+
+def starts_of_frames(data: bytes) -> list[int]:
+    """The first byte of each frame, the header's included, and the end of the file."""
+    at = [stored.PREAMBLE.size]
+    while at[-1] < len(data):
+        at.append(at[-1] + stored.FRAME.size + stored.FRAME.unpack_from(data, at[-1])[1])
+    return at
+
+
+def reread(tmp_path: Path, data: bytes) -> Recording:
+    path = tmp_path / "changed.rec"
+    path.write_bytes(data)
+    return read_recording(path)
+
+
+def test_a_file_gives_back_what_was_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "run.rec"
+    resolved = write(path)
+    memory = MemoryRecorder(resolved)
+    Simulation(resolved, on_record=memory).run()
+    kept, read = memory.recording(), read_recording(path)
+    assert read.complete and not read.damage and read.ticks == kept.ticks == 600
+    assert same(read.header, kept.header)
+    theirs, mine = list(read.frames), list(kept.frames)
+    assert [frame.kind for frame in theirs] == [frame.kind for frame in mine]
+    for one, other in zip(theirs[:-1], mine[:-1], strict=True):
+        assert same(one.content, other.content)
+    assert theirs[-1].content["metrics"] == {"T_total": 7}
+
+
+def test_ticks_follow_each_other_whatever_the_pauses(tmp_path: Path) -> None:
+    resolved = resolve("tabletop-mini")
+    at_once, in_steps = MemoryRecorder(resolved), MemoryRecorder(resolved)
+    Simulation(resolved, on_record=at_once).run()
+    simulation = Simulation(resolved, on_record=in_steps)
+    while not simulation.finished:
+        simulation.run(until=simulation.tick + 7)
+    for name in ("did", "changes", "digests"):
+        one, other = (
+            np.concatenate([f.content[name] for f in memory.recording().frames if f.kind == TICKS])
+            for memory in (at_once, in_steps)
+        )
+        assert np.array_equal(one, other), name
+    assert max(len(f.content["did"]) for f in in_steps.frames if f.kind == TICKS) <= 256
+
+
+def test_keyframes_come_at_the_start_now_and_then_and_at_the_end() -> None:
+    resolved = resolve("tabletop-1", ["fleet.robots=1"])
+    memory = MemoryRecorder(resolved)
+    Simulation(resolved, on_record=memory).run()
+    ticks = [f.content["tick"] for f in memory.recording().frames if f.kind == KEYFRAME]
+    assert ticks[0] == 0 and ticks[-1] > 4000
+    assert all(late - early < KEYFRAME_TICKS + 256 for early, late in pairwise(ticks))
+    assert memory.frames[-1].kind == END
+
+
+def test_states_and_actions_are_stored_by_identity() -> None:
+    resolved = resolve("tabletop-mini", SETTINGS)
+    plain, permuted = MemoryRecorder(resolved), MemoryRecorder(resolved)
+    Simulation(resolved, on_record=plain).run()
+    Simulation(resolved, storage=np.array([2, 0, 1], np.int32), on_record=permuted).run()
+    for one, other in zip(plain.recording().frames, permuted.recording().frames, strict=True):
+        # Changes of one tick stand in the order in which robots are stored.
+        content = [
+            {name: value for name, value in frame.content.items() if name != "changes"}
+            for frame in (one, other)
+        ]
+        assert same(*content)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        (
+            "tabletop-1",
+            ["fleet.robots=2", "strategy.right_of_way.retries=2", "world.following=false"],
+        ),
+        ("crossing", ["information={radius: 3}"]),
+        ("crossing", ["fleet.start=[[1,0],[2,0],[3,0],[4,0]]"]),
+    ],
+)
+def test_the_header_is_enough_to_run_again(name: str, settings: list[str]) -> None:
+    resolved = resolve(name, settings)
+    header = MemoryRecorder(resolved, 5).header
+    payload = stored.encode(stored.HEADER, header)[stored.FRAME.size :]
+    again = resolved_of(stored.decode(stored.HEADER, payload))
+    assert again == resolved
+    one, other = Simulation(resolved, 5), Simulation(again, 5)
+    one.run(until=300)
+    other.run(until=300)
+    assert one.digest == other.digest
+
+
+def test_the_header_names_no_place_of_this_machine(whole: bytes, tmp_path: Path) -> None:
+    header = reread(tmp_path, whole).header
+    assert str(Path(stored.__file__).parent.parent) not in str(header)
+    assert {"python", "numpy", "numba"} <= set(header["versions"])
+
+
+def test_a_file_cut_anywhere_reads_to_its_last_whole_frame(whole: bytes, tmp_path: Path) -> None:
+    starts = starts_of_frames(whole)
+    assert len(starts) > 5
+    for whole_frames, (begin, end) in enumerate(pairwise(starts[1:])):
+        for cut in (begin, begin + 1, begin + stored.FRAME.size, (begin + end) // 2, end - 1):
+            recording = reread(tmp_path, whole[:cut])
+            assert len(list(recording.frames)) == whole_frames
+            assert not recording.complete and not recording.damage
+
+
+def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) -> None:
+    starts = starts_of_frames(whole)
+    for number, begin in enumerate(starts[1:-1]):
+        end = starts[number + 2]
+        checksum = begin + stored.CHECKED.size
+        for place in (
+            begin,
+            begin + 1,
+            checksum,
+            begin + stored.FRAME.size,
+            (begin + end) // 2,
+            end - 1,
+        ):
+            data = bytearray(whole)
+            data[place] ^= 0x10
+            recording = reread(tmp_path, bytes(data))
+            assert len(list(recording.frames)) == number
+            assert not recording.complete
+            in_payload = place >= checksum
+            assert bool(recording.damage) or not in_payload
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (b"", "the file is empty, not a recording"),
+        (b"name: tabletop-1\n", "this is not a recording of automaton"),
+        (stored.MAGIC[:5], "cut short before its first frame ends"),
+        (stored.preamble(), "cut short or damaged before its first frame ends"),
+        (stored.preamble() + b"\x01\x02", "cut short or damaged before its first frame ends"),
+        (
+            struct.pack("<12sH", stored.MAGIC, 9),
+            "has format 9, this version of automaton reads format 1",
+        ),
+    ],
+)
+def test_what_is_no_recording_is_refused_in_one_sentence(
+    data: bytes, told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as error:
+        reread(tmp_path, data)
+    assert told in str(error.value) and "\n" not in str(error.value)
+    assert str(error.value).startswith(str(tmp_path / "changed.rec"))
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    for place in (tmp_path / "nothing.rec", tmp_path):
+        with pytest.raises(InputError, match="cannot read the recording"):
+            read_recording(place)
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    resolved = resolve("tabletop-mini")
+    for place in (tmp_path / "no" / "run.rec", tmp_path):
+        with pytest.raises(InputError, match="cannot write the recording"):
+            Recorder(place, resolved, 1)
+
+
+def test_an_older_file_is_replaced_only_at_the_end(tmp_path: Path) -> None:
+    path, part = tmp_path / "run.rec", tmp_path / "run.rec.part"
+    path.write_text("older")
+    resolved = resolve("tabletop-mini", SETTINGS)
+    with Recorder(path, resolved, 1) as recorder:
+        Simulation(resolved, on_record=recorder).run()
+        assert path.read_text() == "older"
+        assert read_recording(part).ticks >= 256  # what a killed process would leave
+    assert read_recording(path).complete and not part.exists()
+
+
+def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
+    path = tmp_path / "run.rec"
+    resolved = resolve("tabletop-mini", SETTINGS)
+    with pytest.raises(KeyboardInterrupt), Recorder(path, resolved, 1) as recorder:
+        Simulation(resolved, on_record=recorder).run(until=300)
+        raise KeyboardInterrupt
+    recording = read_recording(path)
+    assert recording.ticks == 300 and not recording.complete and not recording.damage
+
+
+def test_a_failed_run_leaves_an_older_file_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.rec"
+    path.write_text("older")
+    resolved = resolve("tabletop-mini", SETTINGS)
+    with pytest.raises(ZeroDivisionError), Recorder(path, resolved, 1) as recorder:
+        Simulation(resolved, on_record=recorder).run(until=300)
+        raise ZeroDivisionError
+    assert path.read_text() == "older"
+    assert read_recording(tmp_path / "run.rec.part").ticks == 300
+
+
+def test_recordings_are_small(tmp_path: Path) -> None:
+    write(tmp_path / "run.rec", "tabletop-1", ["fleet.robots=5"])
+    data = (tmp_path / "run.rec").read_bytes()
+    recording = read_recording(tmp_path / "run.rec")
+    per_tick = len(data) / recording.ticks
+    actions = [frame.content["did"] for frame in recording.frames if frame.kind == TICKS]
+    packed = sum(
+        len(stored.zlib.compress(np.ascontiguousarray(did.T).tobytes())) for did in actions
+    )
+    print(
+        f"{per_tick / 5:.2f} bytes per robot and tick, digests included; "
+        f"actions alone {8 * packed / (5 * recording.ticks):.2f} bits"
+    )
+    assert per_tick < 100
+    assert 8 * packed / (5 * recording.ticks) < 3
+
+
+def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
+    content = {
+        "first": 9,
+        "did": np.zeros((2, 3), np.uint8),
+        "changes": np.zeros((0, 4), np.int64),
+        "digests": np.array([[1, 2**64 - 1], [1, 0]], np.uint64),
+    }
+    data = stored.encode(TICKS, content)
+    assert same(
+        Frame(TICKS, stored.decode(TICKS, data[stored.FRAME.size :])), Frame(TICKS, content)
+    )

@@ -42,7 +42,7 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "E_U_operations": ("share", "moves, turns and waits without load / operations"),
     "E_U_cycles": ("share", "ticks of moves, turns and waits without load / active ticks"),
     "delivered": ("orders", "orders at their targets"),
-    "throughput": ("orders/1000 ticks", "deliveries per thousand ticks"),
+    "throughput": ("orders/1000 ticks", "deliveries by time"),
     "ticks_per_operation": ("ticks", "active ticks per operation"),
     "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
     "utilization": ("share", "active ticks / all robot ticks"),

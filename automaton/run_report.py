@@ -70,7 +70,8 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     """What ran, how it ended, and what one tick is."""
     scenario = resolved.scenario
     time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
-    end = f"finished after {time}" if outcome.finished else f"NOT FINISHED after {time}"
+    finished = "finished after" if scenario.stop.when != "never" else "ran for"
+    end = f"{finished if outcome.finished else 'NOT FINISHED after'} {time}"
     picks = [
         f"{layer.replace('_', ' ')} {pick.name}"
         for layer, pick in resolved.picks.items()

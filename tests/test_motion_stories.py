@@ -52,14 +52,12 @@ def test_a_ring_with_one_robot_standing_stands() -> None:
     assert moved("AB\nDC", A="east", B="south", C="west") == rows("AB", "DC")
 
 
-def test_who_drives_into_a_ring_from_outside_does_not_stop_it() -> None:
-    story = Story("EAB\n.DC", priority={"E": 9})
+def test_who_wants_a_cell_of_a_ring_breaks_it_only_if_it_goes_first() -> None:
     ring = {"A": "east", "B": "south", "C": "west", "D": "north"}
-    assert story.tick(**ring, E="east") in (
-        rows("EDA", ".CB"),  # E lost its cell to D
-        rows("EAB", ".DC"),  # E won it: the ring has lost a link
-    )
-    assert "E" in story.refused
+    late = Story("EAB\n.DC", priority={"D": 1})
+    assert late.tick(**ring, E="east") == rows("EDA", ".CB")
+    first = Story("EAB\n.DC", priority={"E": 1})
+    assert first.tick(**ring, E="east") == rows("EAB", ".DC"), "A has nowhere to go, so E neither"
 
 
 def test_two_robots_may_not_close_a_ring_of_two() -> None:
@@ -75,20 +73,18 @@ def test_a_swap_is_refused() -> None:
     assert story.refused == "AB"
 
 
-def test_a_refused_swap_competes_for_nothing() -> None:
-    # C wants the cell that B leaves only in a swap: B stays, so C stays too. D wants a cell that
-    # nobody can have but A, and A's claim is refused: had A competed, B's cell would count as won.
-    story = Story("DAB.\n..C.", priority={"A": 9, "B": 9})
-    assert story.tick(A="east", B="west", C="north", D="east") == rows("DAB.", "..C.")
+def test_a_queue_behind_a_refused_swap_stands() -> None:
+    story = Story("CABD", priority={"A": 9, "B": 9})
+    assert story.tick(A="east", B="west", C="east", D="west") == "CABD"
     assert story.refused == "ABCD"
 
 
-def test_a_robot_in_a_refused_swap_takes_no_cell_from_others() -> None:
-    # A and B would swap between the aisle and the plain cell; the aisle has a free lane for C.
+def test_a_refused_swap_competes_for_nothing() -> None:
+    # B and C want the same free lane of the aisle. B goes first, but may not swap with A.
     story = Story(rows("A=B", "#.#", "#C#"), priority={"B": 9})
     assert story.tick(A="east", C="north") == rows(".AB", "#C#", "#.#")
-    assert story.tick(A="east", B="west", C="north") == rows(".AB", "#C#", "#.#")
-    assert "A" in story.refused and "B" in story.refused
+    assert story.tick(A="east", B="west", C="north") == rows(".@B", "#.#", "#.#")
+    assert story.refused == "AB"
 
 
 def test_robots_pass_each_other_in_an_aisle_for_two() -> None:

@@ -1,0 +1,291 @@
+"""Pictures: what they show, and that text and world are the same thing twice."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from automaton.errors import InputError
+from automaton.picture import (
+    drawn,
+    floor_drawing,
+    floor_legend,
+    floor_picture,
+    picture_of,
+    world_from,
+)
+from automaton.picture.phrases import read_route, write_route
+from automaton.pytest_plugin import GridSnapshot
+from automaton.scenario.pictures import draw_floor, symbol_of
+from automaton.scenario.resolve import Resolved, resolve
+from automaton.simulation import Simulation
+from automaton.world.plan import floor_plan
+from automaton.world.state import CHANGED, CLOCK_SIZE, RECORDED, RECORDING, UNTIL
+from layouts.tabletop import Tabletop
+
+SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
+DERIVED = [k for k in range(CLOCK_SIZE) if k not in (UNTIL, RECORDING, RECORDED, CHANGED)]
+SYMBOLS = "#.-|+sdc><v^=~$b"
+LEGEND = (
+    ("o", symbol_of("track", exits=("east",))),
+    ("x", symbol_of("turntable", 2, ("east", "north"))),
+    ("y", symbol_of("floor", 2, ())),
+    ("z", symbol_of("charger", 0, ("west",))),
+)
+
+
+def simulation(name: str, *settings: str, tick: int = 0) -> Simulation:
+    made = Simulation(resolve(name, settings))
+    if tick:
+        made.run(until=tick)
+    return made
+
+
+def assert_same_state(one: Simulation, other: Simulation) -> None:
+    assert one.digests().tolist() == other.digests().tolist()
+    assert one.world.clock[DERIVED].tolist() == other.world.clock[DERIVED].tolist()
+    assert np.array_equal(one.world.traffic.occupancy, other.world.traffic.occupancy)
+    assert np.array_equal(one.world.orders.by, other.world.orders.by)
+    assert np.array_equal(one.world.slots.content, other.world.slots.content)
+
+
+# Worlds
+
+
+@pytest.mark.parametrize("tick", [0, 1, 40, 200])
+@pytest.mark.parametrize("name", ["tabletop-mini", "crossing"])
+def test_pictures_of_shipped_scenarios(
+    name: str, tick: int, grid_snapshot: GridSnapshot
+) -> None:
+    grid_snapshot(simulation(name, tick=tick))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        (),
+        ("strategy.allocation=independent", "fleet.robots=5"),
+        ("durations.move=3", "durations.turn=5", "fleet.robots=5"),
+        ("world.following=false", "seed=7"),
+        ("strategy.right_of_way=wait", "durations.move=2"),
+    ],
+)
+def test_a_picture_restores_the_world_in_every_tick(name: str, settings: tuple[str, ...]) -> None:
+    running = simulation(name, *settings)
+    if name == "crossing" and "fleet.robots=5" in settings:
+        pytest.skip("the crossing has four bays")
+    for tick in [*range(60), *range(60, 700, 13)]:
+        if tick:
+            running.run(until=tick)
+        picture = picture_of(running)
+        restored = world_from(picture, running.resolved)
+        assert_same_state(running, restored)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_restored_world_goes_on_with_the_same_digests(name: str) -> None:
+    running = simulation(name, "strategy.allocation=independent", tick=123)
+    restored = world_from(picture_of(running), running.resolved)
+    for tick in range(124, 400):
+        running.run(until=tick)
+        restored.run(until=tick)
+        assert running.digest == restored.digest, f"after tick {tick}"
+    running.run()
+    restored.run()
+    assert (running.tick, running.digest) == (restored.tick, restored.digest)
+    assert running.finished and restored.finished
+
+
+def test_a_finished_world_stays_finished() -> None:
+    running = simulation("crossing")
+    running.run()
+    restored = world_from(picture_of(running), running.resolved)
+    restored.run()
+    assert (restored.tick, restored.digest) == (running.tick, running.digest)
+
+
+def test_the_seed_of_a_run_is_in_its_picture() -> None:
+    resolved = resolve("tabletop-mini")
+    running = Simulation(resolved, seed=77)
+    running.run(until=50)
+    assert world_from(picture_of(running), resolved).digest == running.digest
+
+
+def test_how_robots_are_stored_does_not_show() -> None:
+    resolved = resolve("tabletop-mini")
+    other = Simulation(resolved, storage=np.array([2, 0, 1]))
+    other.run(until=90)
+    assert picture_of(other) == picture_of(simulation("tabletop-mini", tick=90))
+
+
+def test_a_world_and_its_view_have_pictures_too() -> None:
+    running = simulation("crossing", tick=9)
+    assert picture_of(running.view, running.resolved.plan) == picture_of(running)
+    with pytest.raises(TypeError, match="needs its plan"):
+        picture_of(running.world)
+
+
+BIG = """
+layout:
+  picture: |
+    {row}
+    {row}
+    {row}
+    sdd
+fleet: {{robots: 30, start: random, kinematics: {kinematics}}}
+orders: {{list: [{{from: [0, 3], to: [1, 3]}}]}}
+name: big
+"""
+
+
+def big(tmp_path_factory: pytest.TempPathFactory, kinematics: str, row: str) -> Resolved:
+    path = tmp_path_factory.mktemp("big") / "big.yaml"
+    path.write_text(BIG.format(kinematics=kinematics, row=row))
+    return resolve(path)
+
+
+def test_robots_beyond_the_26th_have_numbers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    resolved = big(tmp_path_factory, "omni", "." * 20)
+    running = Simulation(resolved)
+    picture = picture_of(running)
+    assert picture.split("\n\n")[1].count("@") == 4
+    assert "\nZ (" in picture and "\n26 (" in picture and "\n29 (" in picture
+    assert_same_state(running, world_from(picture, resolved))
+
+
+def test_robots_in_passing_aisles_and_crowds_are_restored(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    resolved = big(tmp_path_factory, "differential", ".==~~==.~~~~~~~..")
+    running = Simulation(resolved)
+    for tick in range(1, 60):
+        running.run(until=tick)
+        assert_same_state(running, world_from(picture_of(running), resolved))
+
+
+# Contradictions
+
+
+def test_an_edited_picture_that_contradicts_itself_is_refused() -> None:
+    running = simulation("tabletop-mini", tick=40)
+    picture, resolved = picture_of(running), running.resolved
+    line = next(line for line in picture.split("\n") if line.startswith("A ("))
+
+    def refused(old: str, new: str) -> str:
+        assert old in picture
+        with pytest.raises(InputError) as error:
+            world_from(picture.replace(old, new), resolved)
+        return str(error.value)
+
+    assert "line for robot A" in refused(f"{line}\n", "")
+    assert "says nothing that is known about robot A" in refused("turns for", "dances for")
+    assert refused("tick 40", "tock 40").startswith("the picture:1: it has to begin with")
+    assert "contradicts the rest of the picture" in refused("b|$|$", "b|s|$")
+    assert "is no line about a robot" in refused("A (", "the robot (")
+    assert "not on the floor" in refused("via (10, 1)", "via (10, 99)")
+    assert "the scenario has only 25" in refused("fetches 20", "fetches 99")
+
+
+def test_a_world_may_be_changed_by_editing_its_picture() -> None:
+    running = simulation("tabletop-mini", tick=40)
+    edited = picture_of(running).replace("turns for 14 more ticks", "turns for 1 more tick")
+    restored = world_from(edited, running.resolved)
+    assert restored.world.robots.busy[0] == 1
+    restored.run()
+    assert restored.finished
+
+
+# Floors
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, "tabletop-2"])
+def test_shipped_floors_need_no_legend_and_come_back(name: str) -> None:
+    plan = resolve(name).plan
+    assert draw_floor(floor_picture(plan)) == plan
+    assert floor_legend(plan) == {}
+
+
+def test_a_floor_is_drawn_as_a_person_would() -> None:
+    picture = "b>>>>v\nb^$s$vd\nb====~d\n#^<<<.c\n##A.B#+"
+    lines = [line.ljust(7, "#") for line in picture.split("\n")]
+    assert floor_picture(draw_floor(picture)).split("\n") == lines
+
+
+def test_what_has_no_symbol_gets_one_and_a_legend() -> None:
+    table = symbol_of("turntable", capacity=2)
+    one_way = symbol_of("charger", exits=("east",))
+    plan = draw_floor("..x.\n.k..", (("x", table), ("k", one_way)))
+    drawing = floor_drawing(plan)
+    assert drawing.picture == "..o.\n.x.."
+    assert floor_legend(plan) == {
+        "o": {"kind": "turntable", "capacity": 2},
+        "x": {"kind": "charger", "exits": ["east"]},
+    }
+    assert draw_floor(*drawing) == plan
+
+
+def test_bays_at_x_0_are_not_taken_for_the_column_before_it() -> None:
+    plan = draw_floor("o.\n#.\no.", (("o", symbol_of("bay")),))
+    drawing = floor_drawing(plan)
+    assert draw_floor(*drawing) == plan
+
+
+def test_a_floor_that_no_picture_expresses_is_refused() -> None:
+    plan = draw_floor("...\n...")
+    exits = plan.exits.copy()
+    exits[1, 1] = 4  # out through the border
+    with pytest.raises(InputError, match="no picture can express"):
+        floor_picture(replace(plan, exits=exits))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.text(SYMBOLS + "oxyz", min_size=6, max_size=6), min_size=1, max_size=6))
+def test_every_floor_comes_back(rows: list[str]) -> None:
+    picture = "\n".join(["." * 6, *rows]).replace("b", ".")
+    plan = draw_floor(picture, LEGEND)
+    assert draw_floor(*floor_drawing(plan)) == plan
+
+
+def test_generated_floors_come_back() -> None:
+    for tables, positions in ((1, 1), (3, 2), (40, 60)):
+        plan = Tabletop(tables=tables, positions=positions).build()
+        assert draw_floor(*floor_drawing(plan)) == plan
+    assert floor_plan(plan.kind, plan.exits, plan.capacity, plan.loads) == plan
+
+
+# Routes, imports
+
+
+@given(st.lists(st.integers(0, 3), max_size=40), st.data())
+def test_routes_come_back(steps: list[int], data: st.DataObject) -> None:
+    at = data.draw(st.integers(0, len(steps)))
+    assert read_route(write_route(steps, at)) == (steps, at)
+
+
+def test_a_route_tells_steps_driven_from_steps_to_come() -> None:
+    assert write_route([0, 0, 1, 1, 0], 2) == "eeSSE"
+    assert write_route([0] * 12 + [1], 4) == "4e8ES"
+    with pytest.raises(InputError, match="no route"):
+        read_route("EEss")
+
+
+def test_a_floor_is_drawn_without_numba() -> None:
+    code = (
+        "import sys; from automaton.picture import drawn; from layouts.tabletop import Tabletop;"
+        "print(drawn(Tabletop(tables=1, positions=1).build())); assert 'numba' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "b+-+d\nb|$|d\nb+-+d\n", done.stderr
+
+
+def test_drawn_takes_whatever_has_a_picture() -> None:
+    running = simulation("crossing")
+    assert drawn(running) == picture_of(running)
+    assert drawn(running.resolved.plan) == floor_picture(running.resolved.plan)

@@ -10,9 +10,9 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import NamedTuple
 
 from automaton.headless import run_to_end, strategies_blamed
@@ -41,6 +41,7 @@ class Chunk(NamedTuple):
     seeds: tuple[int, ...]
 
 
+Batches = Generator[tuple[int, list[Result]], None, None]  # a scenario's number and its results
 OnDone = Callable[[int], None]  # called with the runs just done
 
 
@@ -66,11 +67,12 @@ def run_all(
     chunks = list(_chunks(scenarios, seeds, workers))
     results: list[dict[int, Result]] = [{} for _ in scenarios]
     workers = min(workers, len(chunks))
-    done = _run_here(chunks) if workers <= 1 else _run_spread(chunks, workers)
-    for number, batch in done:
-        results[number].update((result.seed, result) for result in batch)
-        if on_done is not None:
-            on_done(len(batch))
+    run = _run_here(chunks) if workers <= 1 else _run_spread(chunks, workers)
+    with closing(run) as done:  # whatever is raised in here, no process is left behind
+        for number, batch in done:
+            results[number].update((result.seed, result) for result in batch)
+            if on_done is not None:
+                on_done(len(batch))
     return [[found[seed] for seed in seeds] for found in results]
 
 
@@ -86,9 +88,7 @@ def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
     return chunk.number, batch
 
 
-def _chunks(
-    scenarios: Sequence[Resolved], seeds: Sequence[int], workers: int
-) -> Iterator[Chunk]:
+def _chunks(scenarios: Sequence[Resolved], seeds: Sequence[int], workers: int) -> Iterator[Chunk]:
     runs = len(scenarios) * len(seeds)
     size = max(1, min(LARGEST_CHUNK, runs // (CHUNKS_PER_WORKER * workers)))
     for number, resolved in enumerate(scenarios):
@@ -96,13 +96,11 @@ def _chunks(
             yield Chunk(number, resolved, tuple(seeds[begin : begin + size]))
 
 
-def _run_here(chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[Result]]]:
-    return map(run_chunk, chunks)
+def _run_here(chunks: Sequence[Chunk]) -> Batches:
+    yield from map(run_chunk, chunks)
 
 
-def _run_spread(
-    chunks: Sequence[Chunk], workers: int
-) -> Iterator[tuple[int, list[Result]]]:
+def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
     """Results in the order in which they are ready."""
     _warm(chunks)
     context = multiprocessing.get_context("spawn")

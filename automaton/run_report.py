@@ -82,7 +82,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(picks),
         f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
-        f"{1000 * outcome.wall_s:,.1f} ms",
+        f"computed in {1000 * outcome.wall_s:,.1f} ms",
     ]
 
 

@@ -15,6 +15,7 @@ Read-only arrays give a type of their own, and kernels that write to them do not
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any, Self
 
 import numpy as np
@@ -107,7 +108,8 @@ class StructType(types.Type):
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
         self.fields = fields
         described = ", ".join(f"{field}: {kind}" for field, kind in fields)
-        super().__init__(name=f"{name}({described})")
+        # Short: the name is repeated in every symbol (with the fields spelled out, a third slower).
+        super().__init__(name=f"{name}_{hashlib.sha256(described.encode()).hexdigest()[:8]}")
 
     def row(self, attribute: str) -> int:
         return [field for field, _ in self.fields].index(attribute)

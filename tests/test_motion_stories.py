@@ -6,8 +6,16 @@ from itertools import permutations
 
 import pytest
 
+import automaton.world.build
 from automaton.errors import InputError
 from automaton.picture import Story, moved
+
+
+@pytest.fixture(autouse=True, params=["crowded", "sparse"])
+def contest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every story is told twice: contests are kept per cell on crowded floors, else in a table."""
+    if request.param == "sparse":
+        monkeypatch.setattr(automaton.world.build, "CROWDED", 0)
 
 
 def rows(*lines: str) -> str:

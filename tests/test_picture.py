@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.errors import InputError
+from automaton.kernels.digest import ROBOT_FIELDS
 from automaton.picture import (
     drawn,
     floor_drawing,
@@ -21,12 +22,13 @@ from automaton.picture import (
     world_from,
 )
 from automaton.picture.phrases import read_route, write_route
+from automaton.picture.robots import NUMBERS
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.pictures import draw_floor, symbol_of
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 from automaton.world.plan import floor_plan
-from automaton.world.state import CHANGED, CLOCK_SIZE, RECORDED, RECORDING, UNTIL
+from automaton.world.state import CHANGED, CLOCK_SIZE, GOAL_CHARGE, RECORDED, RECORDING, UNTIL
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
@@ -60,9 +62,7 @@ def assert_same_state(one: Simulation, other: Simulation) -> None:
 
 @pytest.mark.parametrize("tick", [0, 1, 40, 200])
 @pytest.mark.parametrize("name", ["tabletop-mini", "crossing"])
-def test_pictures_of_shipped_scenarios(
-    name: str, tick: int, grid_snapshot: GridSnapshot
-) -> None:
+def test_pictures_of_shipped_scenarios(name: str, tick: int, grid_snapshot: GridSnapshot) -> None:
     grid_snapshot(simulation(name, tick=tick))
 
 
@@ -71,16 +71,14 @@ def test_pictures_of_shipped_scenarios(
     "settings",
     [
         (),
-        ("strategy.allocation=independent", "fleet.robots=5"),
-        ("durations.move=3", "durations.turn=5", "fleet.robots=5"),
+        ("strategy.allocation=independent", "fleet.robots=4"),
+        ("durations.move=3", "durations.turn=5", "fleet.robots=4"),
         ("world.following=false", "seed=7"),
         ("strategy.right_of_way=wait", "durations.move=2"),
     ],
 )
 def test_a_picture_restores_the_world_in_every_tick(name: str, settings: tuple[str, ...]) -> None:
     running = simulation(name, *settings)
-    if name == "crossing" and "fleet.robots=5" in settings:
-        pytest.skip("the crossing has four bays")
     for tick in [*range(60), *range(60, 700, 13)]:
         if tick:
             running.run(until=tick)
@@ -168,6 +166,47 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
     for tick in range(1, 60):
         running.run(until=tick)
         assert_same_state(running, world_from(picture_of(running), resolved))
+
+
+def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
+    told = {*NUMBERS, "cell", "claim", "stand", "slot", "need", "length", "at", "route"}
+    assert set(ROBOT_FIELDS) <= told
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        ({"priority": -3, "zone": 2}, "priority -3, zone 2"),
+        ({"withdrawing": 1, "need": 4, "length": 0, "at": 0}, "withdraws 1 more step, asks for"),
+        ({"blocked": 2, "hold": 2, "need": 4}, "failed 2 times, is stuck, asks for the right"),
+        ({"action": 10, "busy": 0}, "was kept in its bay"),
+        ({"action": 7, "busy": 30, "stay": 90}, "charges for 30 more ticks"),
+        ({"stay": 1}, "charged for 1 tick"),
+        ({"try_drop": 1}, "will try to set down first"),
+        ({"reason": 3, "route_reason": 0}, "last asked for a new plan, never routed"),
+        ({"need": 3, "asked_at": 7}, "found no work at change 7, asks for a route"),
+        ({"step": 2}, "is told to step west"),
+    ],
+)
+def test_whatever_a_robot_is_doing_is_told_and_restored(state: dict[str, int], words: str) -> None:
+    running = simulation("crossing", tick=41)
+    robots = running.world.robots
+    for field, value in state.items():
+        getattr(robots, field)[2] = value
+    if state.get("length") == 0:
+        robots.route_sum[2] = 0
+    picture = picture_of(running)
+    assert words in picture
+    assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
+
+
+def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
+    running = simulation("crossing", tick=200)
+    robots, plan = running.world.robots, running.resolved.plan
+    robots.goal[3], robots.stay[3], robots.stand[3] = GOAL_CHARGE, 250, plan.cell(9, 5)
+    picture = picture_of(running)
+    assert "D (2, 4) facing west, goes to (9, 5) to charge for 250 ticks" in picture
+    assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
 
 
 # Contradictions
@@ -282,7 +321,7 @@ def test_a_floor_is_drawn_without_numba() -> None:
         "print(drawn(Tabletop(tables=1, positions=1).build())); assert 'numba' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout == "b+-+d\nb|$|d\nb+-+d\n", done.stderr
+    assert done.stdout == "b+-+d\nb|s|d\nb+-+d\n", done.stderr
 
 
 def test_drawn_takes_whatever_has_a_picture() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
@@ -251,9 +252,7 @@ def test_recordings_are_small(tmp_path: Path) -> None:
     recording = read_recording(tmp_path / "run.rec")
     per_tick = len(data) / recording.ticks
     actions = [frame.content["did"] for frame in recording.frames if frame.kind == TICKS]
-    packed = sum(
-        len(stored.zlib.compress(np.ascontiguousarray(did.T).tobytes())) for did in actions
-    )
+    packed = sum(len(zlib.compress(np.ascontiguousarray(did.T).tobytes())) for did in actions)
     print(
         f"{per_tick / 5:.2f} bytes per robot and tick, digests included; "
         f"actions alone {8 * packed / (5 * recording.ticks):.2f} bits"

@@ -3,100 +3,31 @@
 from __future__ import annotations
 
 import copy
-from typing import Any
+import subprocess
+import sys
 
-import msgspec
 import numpy as np
 import pytest
+from drawn_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, recorded, rules
 
 from automaton.recording.codes import (
     DID_BAY_BLOCKED,
-    DID_CHARGE,
-    DID_DROP,
-    DID_PICK,
-    DID_TRY_DROP,
     DID_WAIT,
     DURATION,
     INTO_BAY,
     LEFT_BAY,
     MOVE_EAST,
     MOVE_NORTH,
-    MOVE_SOUTH,
-    MOVE_WEST,
     ORDER_BY,
-    PICKED_UP,
-    SET_AT,
-    SLOT_BY,
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording
-from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.frames import END, KEYFRAME, TICKS, Frame
 from automaton.recording.validator import (
     MOST_VIOLATIONS,
-    Report,
     validate_recording,
     validate_stored,
 )
-from automaton.scenario.resolve import resolve
-from automaton.scenario.schema import Scenario
-from automaton.simulation import Simulation
-
-E, S, W, N = MOVE_EAST, MOVE_SOUTH, MOVE_WEST, MOVE_NORTH
-
-FLOOR = """\
-......
-.....d
-.ss..d"""
-
-RAILS = """\
-+--+--d
-|ss|###"""
-
-BAYS = """\
-b.....
-b.....
-#.ss.d"""
-
-
-def header(
-    picture: str,
-    starts: list[tuple[int, int]] | str,
-    robots: int = 0,
-    kinematics: str = "omni",
-    **parts: Any,
-) -> dict[str, Any]:
-    """The header of a run on a drawn floor."""
-    fleet = {"robots": robots or len(starts), "kinematics": kinematics, "start": starts}
-    scenario = {"name": "drawn", "layout": {"picture": picture}, "fleet": fleet, **parts}
-    return MemoryRecorder(resolve(msgspec.convert(scenario, Scenario))).header
-
-
-def played(
-    head: dict[str, Any],
-    *ticks: dict[int, int],
-    changes: list[tuple[int, int, int, int]] | None = None,
-) -> Report:
-    """Validate a recording in which robot r does ticks[t - 1][r] in tick t."""
-    did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint8)
-    for row, acts in enumerate(ticks):
-        for robot, code in acts.items():
-            did[row, robot] = code
-    rows = np.array(changes or [], np.int64).reshape(-1, 4)
-    content = {"first": 1, "did": did, "changes": rows, "digests": np.zeros((len(ticks), 1))}
-    return validate_recording(head, [Frame(TICKS, content)])
-
-
-def rules(report: Report) -> list[str]:
-    return [violation.rule for violation in report.violations]
-
-
-def recorded(name: str, *settings: str, seed: int = 1) -> Recording:
-    resolved = resolve(name, settings)
-    recorder = MemoryRecorder(resolved, seed)
-    Simulation(resolved, seed, on_record=recorder).run()
-    return recorder.recording()
-
 
 # What the world does is right.
 
@@ -312,107 +243,6 @@ def test_robots_start_in_different_drivable_cells() -> None:
     assert rules(played(head, {})) == ["capacity"]
 
 
-# Loads. Slots in table order: 0 = shelf (1, 2), 1 = shelf (2, 2), 2 and 3 = destinations at (5, 1)
-# and (5, 2). Orders 0 and 1 lie on shelves 0 and 1; A stands at (1, 1), B at (2, 1).
-
-TO_LAST = {"list": [{"from": [1, 2], "to": [5, 2]}, {"from": [2, 2], "to": [1, 2]}]}
-
-
-def table(*starts: tuple[int, int]) -> dict[str, Any]:
-    return header(FLOOR, list(starts) or [(1, 1), (2, 1)], orders=TO_LAST)
-
-
-PICK_0 = [(1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]
-PICK_1 = [(1, ORDER_BY, 1, 1), (1, PICKED_UP, 1, 1)]
-
-
-def test_a_load_is_carried_to_its_destination() -> None:
-    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E}, {0: S}, {0: DID_DROP}]
-    changes = [*PICK_0, (6, SET_AT, 0, 3), (6, ORDER_BY, 0, -1)]
-    assert played(table((1, 1)), *way, changes=changes).valid
-
-
-@pytest.mark.parametrize(
-    ("rule", "changes"),
-    [
-        ("load", [(1, ORDER_BY, 0, 0)]),  # picks, but what?
-        ("order", [(1, PICKED_UP, 0, 0)]),  # not reserved
-        ("order", [(1, ORDER_BY, 0, 1), (1, PICKED_UP, 0, 0)]),  # reserved by B
-        ("load", [(1, ORDER_BY, 1, 0), (1, PICKED_UP, 0, 1)]),  # not beside it
-        ("order", [(1, ORDER_BY, 0, 1), (1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]),  # two have it
-        ("order", [(1, ORDER_BY, 1, 0), *PICK_0]),  # one has two
-        ("order", [(1, ORDER_BY, 1, -1), *PICK_0]),  # nobody had it
-        ("order", [*PICK_0, (1, ORDER_BY, 0, -1)]),  # it is carried
-        ("slot", [*PICK_0, (1, SLOT_BY, 1, 0)]),  # a full shelf
-        ("slot", [*PICK_0, (1, SLOT_BY, 3, 0)]),  # a destination
-        ("slot", [(1, SLOT_BY, 0, 0), *PICK_0]),  # full, and before there is a load
-        ("slot", [*PICK_0, (1, SLOT_BY, 0, 1)]),  # B has no load
-        ("slot", [*PICK_0, (1, SLOT_BY, 0, -1)]),  # nobody had it
-        ("duration", [*PICK_0, (1, DURATION, 0, 5)]),
-        ("record", [*PICK_0, (1, 99, 0, 0)]),
-        ("record", [*PICK_0, (1, ORDER_BY, 7, 0)]),
-    ],
-)
-def test_a_pick_that_breaks_a_rule(rule: str, changes: list[tuple[int, int, int, int]]) -> None:
-    assert set(rules(played(table(), {0: DID_PICK}, changes=changes))) == {rule}
-
-
-def test_two_robots_reserve_one_shelf() -> None:
-    picked = [*PICK_0, *PICK_1, (1, SLOT_BY, 0, 0)]
-    both = {0: DID_PICK, 1: DID_PICK}
-    assert played(table(), both, changes=picked).valid
-    assert rules(played(table(), both, changes=[*picked, (1, SLOT_BY, 0, 1)])) == ["slot"]
-    assert rules(played(table(), both, changes=[*picked, (1, SLOT_BY, 1, 0)])) == ["slot"]
-
-
-@pytest.mark.parametrize(
-    ("rule", "rows"),
-    [
-        (None, [(2, SLOT_BY, 0, 0), (2, SET_AT, 0, 0), (2, ORDER_BY, 0, -1), (2, SLOT_BY, 0, -1)]),
-        ("slot", [(2, SET_AT, 0, 0)]),  # an empty shelf, but not reserved
-        ("load", []),  # drops, but where?
-        ("load", [(2, SLOT_BY, 0, 0), (2, SET_AT, 0, 0), (2, SET_AT, 0, 0)]),  # the second of none
-        ("load", [(2, SET_AT, 0, 3)]),  # its destination, far away
-    ],
-)
-def test_a_drop(rule: str | None, rows: list[tuple[int, int, int, int]]) -> None:
-    report = played(table(), {0: DID_PICK}, {0: DID_DROP}, changes=[*PICK_0, *rows])
-    assert set(rules(report)) == ({rule} if rule else set())
-
-
-def test_a_drop_at_a_foreign_destination() -> None:
-    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E}, {0: DID_DROP}]
-    assert rules(played(table((1, 1)), *way, changes=[*PICK_0, (5, SET_AT, 0, 2)])) == ["load"]
-
-
-def test_a_drop_on_a_full_shelf() -> None:
-    changes = [*PICK_0, (3, SET_AT, 0, 1)]
-    report = played(table((1, 1)), {0: DID_PICK}, {0: E}, {0: DID_DROP}, changes=changes)
-    assert rules(report) == ["load", "slot"]  # full, and so it cannot have been reserved
-
-
-def test_a_second_load_and_a_load_from_nowhere() -> None:
-    twice = [*PICK_0, (2, PICKED_UP, 0, 0)]
-    report = played(table(), {0: DID_PICK}, {0: DID_PICK}, changes=twice)
-    assert set(rules(report)) == {"load"}
-    assert rules(played(table(), {0: 0}, changes=PICK_0)) == ["load"]  # picked without a pick
-    assert rules(played(table(), {0: DID_TRY_DROP})) == ["load"]
-
-
-def test_two_loads_on_one_shelf_at_the_start() -> None:
-    head = copy.deepcopy(table())
-    head["orders"]["source"][1] = 0
-    assert rules(played(head, {})) == ["load"]
-
-
-def test_waits_and_charging_say_how_long_they_take() -> None:
-    head = header(FLOOR, [(0, 0)])
-    for code in (DID_WAIT, DID_CHARGE):
-        assert rules(played(head, {0: code})) == ["duration"]
-        assert rules(played(head, {0: code}, changes=[(1, DURATION, 0, 0)])) == ["duration"]
-        assert played(head, {0: code}, changes=[(1, DURATION, 0, 4)]).valid
-
-
 # The recording agrees with itself.
 
 
@@ -469,3 +299,13 @@ def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
     assert not report.valid
     assert report.violations[0].tick >= content["first"] + row
     assert len(report.violations) <= MOST_VIOLATIONS
+
+
+def test_the_validator_shares_no_code_with_the_kernels() -> None:
+    code = "import sys, automaton.recording.validator; print(*sys.modules)"
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    loaded = answer.stdout.split()
+    foreign = ("numba", "automaton.kernels", "automaton.simulation", "automaton.world.build")
+    assert not [name for name in loaded if name.startswith(foreign)]

@@ -1,1 +1,27 @@
-"""The speed of this machine: what `automaton bench` measures, and how."""
+"""The speed of this machine: what `automaton bench` measures, and how.
+
+A part is a module with `measurements()`; each measurement prepares a world and then takes samples.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+
+class Part(NamedTuple):
+    """Measurements that are asked for together."""
+
+    module: str
+    usual: bool  # measured when nothing else is asked for
+    summary: str
+
+
+PARTS: Final[dict[str, Part]] = {
+    "step": Part("automaton.bench.step", True, "the bare step: occupancy rules alone"),
+    "tabletop": Part("automaton.bench.tabletop", True, "whole runs of the table-top warehouse"),
+    "routes": Part("automaton.bench.routes", True, "the loop, driving routes without decisions"),
+    "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
+    "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
+    "compile": Part("automaton.bench.compile", False, "the first run, in a process of its own"),
+    "startup": Part("automaton.bench.startup", False, "commands, in processes of their own"),
+}

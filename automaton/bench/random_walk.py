@@ -5,10 +5,11 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
 from automaton.kernels.motion import LIVE, U, move_all
+from automaton.world.state import World
 
 
 @kernel
-def random_walk(world, first, last):
+def random_walk(world: World, first: int, last: int) -> None:
     """Run the ticks first .. last-1 of a fleet whose intents are drawn by the hash."""
     robots, traffic = world.robots, world.traffic
     for tick in range(first, last):
@@ -17,4 +18,20 @@ def random_walk(world, first, last):
             bits = mix(base | np.uint64(robots.identity[U(i)]))
             free = robots.busy[U(i)] == 0
             traffic.want[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62))) if free else 0
+        move_all(world.grid, world.rules, robots, traffic, tick)
+
+
+@kernel
+def random_walk_in_spans(world: World, first: int, last: int) -> None:
+    """As random_walk, but a tenth of the moves take 2 or 3 ticks."""
+    robots, traffic = world.robots, world.traffic
+    for tick in range(first, last):
+        base = np.uint64(tick) << np.uint64(32)
+        for i in range(robots.cell.shape[0]):
+            traffic.want[U(i)] = 0
+            if robots.busy[U(i)] == 0:
+                bits = mix(base | np.uint64(robots.identity[U(i)]))
+                traffic.want[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62)))
+                slow = np.int64(bits) & 1023 < 102
+                traffic.span[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
         move_all(world.grid, world.rules, robots, traffic, tick)

@@ -51,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise InputError(f"{option} must be at least 1, not {value}")
     reproduction = find(args.name)
-    strategies = [name.strip() for name in args.strategies.split(",") if name.strip()]
+    names = (name.strip() for name in args.strategies.split(","))
+    strategies = list(dict.fromkeys(name for name in names if name))
     with progress() as (on_start, on_done):
         reproduced = reproduce(
             reproduction, args.seeds, strategies, args.workers, on_start, on_done

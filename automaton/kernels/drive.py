@@ -25,6 +25,7 @@ from automaton.kernels.operations import (
     need_allocation,
     need_route,
     need_way,
+    no_route_needed,
     no_way_needed,
     note,
     pick_up,
@@ -244,6 +245,7 @@ def park_if_home(world, i):
     robots.goal[i] = GOAL_NONE
     robots.stand[i] = NIL
     drop_route(robots, i)
+    no_route_needed(world, i)
     robots.did[i] = np.int64(robots.did[i]) | INTO_BAY
     world.clock[UNPARKED] -= 1
     need_allocation(world, i, FREE)

@@ -1,4 +1,4 @@
-"""What a recording says of a robot in a tick (one byte), and of orders and slots (rows of changes)."""
+"""What a recording says of a robot in a tick (a byte), and of orders and slots (rows)."""
 
 from typing import Final
 

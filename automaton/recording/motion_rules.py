@@ -202,13 +202,14 @@ class Motion:
             limited = self.capacity[start] == 1 or self.capacity[to] == 1
             if opposite is not None and opposite > r and limited:
                 self.complain(tick, "swap", [r, opposite], to, "two robots pass through each other")
-            holder = self.holder.get(self.resource(to, direction))
+            resource = self.resource(to, direction)
+            holder = self.holder.get(resource)
             if holder is None:
                 continue
             if not self.following:
                 text = "enters a cell that was held when the tick began"
                 self.complain(tick, "following", [r, holder], to, text)
-            elif holder in placed:
+            elif holder in placed and self.resource(to, self.travel[holder]) == resource:
                 text = "follows a robot that came out of its bay in this tick"
                 self.complain(tick, "bay", [r, holder], to, text)
 

@@ -154,7 +154,8 @@ def _changes(recorded: Array, ours: Array) -> Difference | None:
     theirs, mine = recorded.tolist(), ours.tolist()
     if theirs == mine:
         return None
-    equal = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(theirs, mine, strict=False)))
+    pairs = zip(theirs, mine, strict=False)
+    equal = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
     tick = min(rows[equal][0] for rows in (theirs, mine) if equal < len(rows))
     return Difference(tick, "changes", "of an order, a reservation or a duration")
 

@@ -1,0 +1,46 @@
+"""Floors without shelves and scenes without orders: nothing but driving."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.schema import LAYERS, Fleet, Scenario, Stop, Strategies
+from automaton.strategy import lookup
+from automaton.world.cells import ALL_EXITS, FLOOR, UNLIMITED
+from automaton.world.plan import FloorPlan, bordered, floor_plan
+
+NEVER_ENDS = Stop(when="never", at_most=2_000_000_000)
+IDLE = "automaton.bench.strategies:Idle"
+
+
+def open_floor(width: int, height: int) -> FloorPlan:
+    """Free floor, one robot to a cell."""
+    kind, leave = bordered(height, width), bordered(height, width)
+    kind[1:-1, 1:-1], leave[1:-1, 1:-1] = FLOOR, ALL_EXITS
+    return floor_plan(kind, leave)
+
+
+def mixed_floor(width: int, height: int) -> FloorPlan:
+    """Free floor whose cells hold 1, 2 or any number of robots, each a third, at random."""
+    plain = open_floor(width, height)
+    capacity = bordered(height, width)
+    choice = np.random.default_rng(1).choice([1, 2, UNLIMITED], (height, width))
+    capacity[1:-1, 1:-1] = choice
+    return floor_plan(plain.kind, plain.exits, capacity)
+
+
+def scene(plan: FloorPlan, robots: int) -> Resolved:
+    """Omnidirectional robots in random cells of a floor, no orders, nobody asked for decisions."""
+    scenario = Scenario(
+        name="bench",
+        layout={},
+        fleet=Fleet(robots=robots, kinematics="omni", start="random"),
+        strategy=Strategies(allocation=IDLE, right_of_way="wait"),
+        stop=NEVER_ENDS,
+    )
+    picks = {}
+    for layer in LAYERS:
+        name = getattr(scenario.strategy, layer)
+        picks[layer] = Pick(name, lookup.parameters_type(layer, name)())
+    return Resolved(scenario, plan, picks, start="random", source="")

@@ -1,0 +1,70 @@
+"""What is measured, and how a figure comes of it: a warm-up, then the median of several samples.
+
+Samples within the process are CPU time, which does not count the ticks that others were given the
+core; compiled kernels run on one core, so on an idle machine it equals the time on the wall.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+Sample = Callable[[], float]  # takes one sample, in the unit of the measurement
+
+NS_PER_TICK = "ns per tick"
+NS_PER_ROBOT_AND_TICK = "ns per robot and tick"
+US = "us"
+US_PER_TICK = "us per tick"
+MS_PER_RUN = "ms CPU per run"
+SECONDS = "s"
+
+
+class Measurement(NamedTuple):
+    """Something to measure."""
+
+    name: str
+    unit: str
+    prepare: Callable[[], Sample]  # builds what is needed, outside the measured time
+    warm_up: bool = True  # False: the first sample counts
+    at_most: int = 1_000_000  # samples, where one takes long
+
+
+class Figure(NamedTuple):
+    """A measured figure; low and high are the extremes of the samples."""
+
+    name: str
+    unit: str
+    median: float
+    low: float
+    high: float
+
+
+def take(measurement: Measurement, repeat: int) -> Figure:
+    """Prepare, warm up, and take `repeat` samples."""
+    sample = measurement.prepare()
+    if measurement.warm_up:
+        sample()
+    values = [sample() for _ in range(min(repeat, measurement.at_most))]
+    figures = (rounded(f(values)) for f in (statistics.median, min, max))
+    return Figure(measurement.name, measurement.unit, *figures)
+
+
+def rounded(value: float) -> float:
+    """To four digits: the noise begins before."""
+    return float(f"{value:.4g}")
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """CPU seconds of this process that `work` takes."""
+    begun = time.process_time_ns()
+    work()
+    return (time.process_time_ns() - begun) * 1e-9
+
+
+def wall_seconds(work: Callable[[], object]) -> float:
+    """Seconds that `work` takes on the wall, for work in other processes."""
+    begun = time.perf_counter()
+    work()
+    return time.perf_counter() - begun

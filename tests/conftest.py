@@ -1,0 +1,14 @@
+"""Settings for all tests: property tests draw the same examples in every run of CI."""
+
+from __future__ import annotations
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+# Compiled code is compiled once, in whatever example comes first: no deadline, no health check.
+COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+
+settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
+settings.register_profile("explore", derandomize=False, **COMMON)  # new examples in every run
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))

@@ -1,0 +1,243 @@
+"""The instrument of `automaton bench`: that it measures what it says. How fast is for no test."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automaton.bench import PARTS, layers, loop, routes, tabletop
+from automaton.bench.floors import open_floor, scene
+from automaton.bench.measurement import Measurement, rounded, take
+from automaton.bench.random_walk import random_walk, random_walk_in_spans
+from automaton.bench.step import OPEN, Case, prepare, storage_of, walking_fleet
+from automaton.commands import main
+from automaton.commands.bench import chosen, measurements
+from automaton.world.cells import UNLIMITED
+from automaton.world.state import ALLOCATION, NIL, ZONING, World
+
+USUAL = [
+    "step 10,000 on 1000x1000",
+    "step 100,000 on 1000x1000",
+    "step 1,000,000 on 4000x4000",
+    "step 500,000 on 1000x1000 (half full)",
+    "step 10,000 on 1000x1000, stored in reading order",
+    "step 100,000 on 1000x1000, stored in reading order",
+    "step 1,000,000 on 4000x4000, stored in reading order",
+    "step 500,000 on 1000x1000 (half full), stored in reading order",
+    "step 100,000 on 1000x1000, mixed capacities, 8 priorities",
+    "step 100,000 on 1000x1000, mixed, a tenth of moves 2-3 ticks",
+    "table-top run",
+    "routes driven without decisions",
+    "layer asked every tick, compiled",
+    "layer asked every tick, Python",
+    "loop, idle fleet",
+    "digest",
+]
+COMMANDS = [
+    "first run, compiling",
+    "start-up, --help",
+    "start-up, check tabletop-1",
+    "start-up, run tabletop-1",
+]
+CROWDED = Case(200, 20)
+SPARSE = Case(200, 100)
+EXITS = np.uint8(15)  # bits of grid.rule that no wall has
+
+
+def holders(world: World, cells: Any) -> Any:
+    """(C,) robots that hold each cell: standing there, or entering it."""
+    held = np.concatenate([world.robots.cell, world.robots.claim[world.robots.claim != NIL]])
+    return np.bincount(held, minlength=cells)
+
+
+def test_the_rows_are_named_as_documented() -> None:
+    names = [measurement.name for measurement in measurements(chosen([], False, False))]
+    assert names == USUAL
+    everything = [measurement.name for measurement in measurements(chosen([], True, True))]
+    assert everything == USUAL + COMMANDS
+
+
+def test_parts_are_chosen_by_name_and_by_option() -> None:
+    assert chosen(["loop"], False, False) == ["loop"]
+    assert chosen(["routes", "loop", "loop"], False, False) == ["routes", "loop"]
+    assert chosen(["loop"], True, False) == ["loop", "compile"]
+    assert chosen(["startup"], False, False) == ["startup"]
+    assert chosen([], False, True) == [*(n for n, part in PARTS.items() if part.usual), "startup"]
+
+
+def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
+    values = iter([1000.0, 3.0, 1.0, 2.00004, 7.0, 9.0])
+    figure = take(Measurement("it", "s", lambda: lambda: next(values)), 5)
+    assert figure._asdict() == {"name": "it", "unit": "s", "median": 3.0, "low": 1.0, "high": 9.0}
+    assert take(Measurement("it", "s", lambda: lambda: 5.0, warm_up=False), 1).low == 5.0
+    few = iter([4.0, 6.0])
+    slow = Measurement("it", "s", lambda: lambda: next(few), warm_up=False, at_most=2)
+    assert take(slow, 7).median == 5.0
+    assert rounded(0.0123456) == 0.01235
+    assert rounded(123456.0) == 123500.0
+
+
+@pytest.mark.parametrize("case", [CROWDED, SPARSE, CROWDED._replace(reading_order=True)])
+def test_random_walkers_never_share_a_cell_and_none_is_lost(case: Case) -> None:
+    world = walking_fleet(case)
+    start = world.robots.cell.copy()
+    for first in range(0, 300, 20):
+        random_walk(world, first, first + 20)
+        assert len(np.unique(world.robots.cell)) == case.robots
+        assert np.all(world.grid.rule[world.robots.cell] & EXITS), "a robot has left the floor"
+    assert np.count_nonzero(world.robots.cell != start) > 0.8 * case.robots
+
+
+@pytest.mark.parametrize("walk", [random_walk, random_walk_in_spans])
+def test_random_walkers_keep_to_the_capacities_of_a_mixed_floor(walk: Any) -> None:
+    world = walking_fleet(Case(300, 20, mixed=True))
+    capacity = (world.grid.rule >> np.uint8(5)) & 3
+    most = np.where(capacity == UNLIMITED, 300, capacity)
+    entering = shared = 0
+    for tick in range(300):
+        walk(world, tick, tick + 1)
+        held = holders(world, len(most))
+        assert np.all(held <= most)
+        entering += int(np.count_nonzero(world.robots.claim != NIL))
+        shared += int(np.count_nonzero(held > 1))
+    assert shared > 0
+    assert (entering > 0) == (walk is random_walk_in_spans)
+
+
+def test_how_robots_are_stored_changes_nothing_but_the_speed() -> None:
+    cells = []
+    for case in (CROWDED, CROWDED._replace(reading_order=True)):
+        world = walking_fleet(case)
+        random_walk(world, 0, 50)
+        cells.append(world.robots.cell[world.robots.at_index])
+    assert np.array_equal(cells[0], cells[1])
+
+
+def test_fleets_are_stored_in_random_order_or_along_the_floor() -> None:
+    steps = []
+    for along in (False, True):
+        case = CROWDED._replace(reading_order=along)
+        storage = storage_of(case, open_floor(case.side, case.side))
+        assert np.array_equal(np.sort(storage), np.arange(case.robots))
+        steps.append(np.diff(walking_fleet(case).robots.cell) > 0)
+    assert 0.3 < steps[0].mean() < 0.7
+    assert steps[1].all()
+
+
+def test_the_sizes_quoted_are_the_sizes_measured() -> None:
+    assert [(case.robots, case.side) for case in OPEN] == [
+        (10_000, 1000),
+        (100_000, 1000),
+        (1_000_000, 4000),
+        (500_000, 1000),
+    ]
+    world = walking_fleet(SPARSE)
+    assert len(world.robots.cell) == SPARSE.robots
+    assert np.count_nonzero(world.grid.rule & EXITS) == SPARSE.side**2
+
+
+def test_routes_are_driven_in_every_tick_and_nobody_is_asked() -> None:
+    robots, side = 60, 10
+    simulation = routes.circling_fleet(robots, side)
+    start = simulation.world.robots.cell.copy()
+    asked = simulation.world.tally.asked.copy()
+    assert asked[ALLOCATION] == 1
+    for _ in range(3):
+        assert routes.cpu_seconds_of_driving(simulation, 2 * side) > 0
+        assert np.array_equal(simulation.world.robots.cell, start), "a round ends where it began"
+    assert routes.cpu_seconds_of_driving(simulation, 1) >= 0
+    assert np.all(simulation.world.robots.cell != start)
+    assert np.array_equal(simulation.world.tally.asked, asked)
+    assert len(np.unique(simulation.world.robots.cell)) == robots
+
+
+def test_a_robot_in_the_way_of_the_routes_is_noticed() -> None:
+    simulation = routes.circling_fleet(60, 10)
+    simulation.world.robots.busy[0] = 5
+    with pytest.raises(AssertionError, match="did not drive"):
+        routes.cpu_seconds_of_driving(simulation, 20)
+
+
+@pytest.mark.parametrize("strategy", [layers.COMPILED, layers.IN_PYTHON])
+def test_the_layer_is_asked_every_tick_and_moves_nobody(strategy: str) -> None:
+    simulation = loop.idle_fleet(strategy)
+    before = simulation.world.tally.asked.copy()
+    loop.seconds_of(simulation, 50)
+    after = simulation.world.tally.asked
+    assert after[ZONING] - before[ZONING] == 50
+    assert np.array_equal(np.delete(after, ZONING), np.delete(before, ZONING))
+    assert simulation.world.robots.parked.all()
+    assert not simulation.finished
+
+
+def test_every_sampler_returns_a_figure() -> None:
+    assert prepare(CROWDED._replace(robots=20_000, side=200))() > 0
+    assert routes.prepare(60, 10, 30)() > 0
+    assert tabletop.prepare([1])() > 0
+    assert loop.prepare_loop(1000)() > 0
+    assert loop.prepare_digest(10)() > 0
+    for strategy in (layers.COMPILED, layers.IN_PYTHON):
+        assert isinstance(layers.prepare(strategy, 100)(), float)
+
+
+def test_a_scene_has_no_orders_and_never_ends() -> None:
+    resolved = scene(open_floor(8, 6), 5)
+    assert resolved.scenario.stop.when == "never"
+    assert resolved.plan.slots().size == 0
+
+
+def test_bench_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "loop", "--repeat", "3", "--json"]) == 0
+    captured = capsys.readouterr()
+    rows = json.loads(captured.out)
+    assert [list(row) for row in rows] == [["name", "unit", "median", "low", "high"]] * 2
+    assert [(row["name"], row["unit"]) for row in rows] == [
+        ("loop, idle fleet", "ns per tick"),
+        ("digest", "us"),
+    ]
+    assert all(0 < row["low"] <= row["median"] <= row["high"] for row in rows)
+
+
+def test_bench_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "loop", "--repeat", "1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["measured", "median", "low", "high", "unit"]
+    assert lines[1].startswith("loop, idle fleet") and lines[1].endswith("ns per tick")
+    assert lines[-1].startswith("1 sample each; ")
+
+
+def test_interrupted_it_prints_what_it_has(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted() -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(
+        "automaton.commands.bench.measurements",
+        lambda parts: [
+            Measurement("first", "s", lambda: lambda: 1.0),
+            Measurement("second", "s", interrupted),
+        ],
+    )
+    assert main(["bench", "--json"]) == 130
+    captured = capsys.readouterr()
+    assert [row["name"] for row in json.loads(captured.out)] == ["first"]
+    assert "interrupted" in captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--only", "lop"], "unknown part 'lop' (did you mean 'loop'?)"),
+        (["--repeat", "0"], "--repeat must be at least 1"),
+        (["--jsno"], "'--jsno' (did you mean '--json'?)"),
+    ],
+)
+def test_bad_arguments_are_told(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bench", *arguments]) == 2
+    assert told in capsys.readouterr().err

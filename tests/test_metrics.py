@@ -1,0 +1,146 @@
+"""The figures of a run add up: by robot, by action, and with what can be said without running."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automaton.metrics import (
+    GLOSSARY,
+    OPERATIONS,
+    executed_ticks,
+    illegal_by_layer,
+    metrics_by_robot,
+    metrics_of,
+)
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.world.state import BAY_BLOCKED, PICK, TRY_DROP, TURN, WAIT
+
+RUNS = [
+    ("tabletop-1", 1, "independent"),
+    ("tabletop-1", 4, "cooperative"),
+    ("tabletop-2", 5, "independent"),
+    ("tabletop-2", 3, "cooperative"),
+    ("tabletop-mini", 5, "cooperative"),
+]
+
+
+def ran(scenario: str, robots: int, allocation: str, until: int | None = None) -> Simulation:
+    settings = [f"fleet.robots={robots}", f"strategy.allocation={allocation}"]
+    simulation = Simulation(resolve(scenario, settings), seed=7)
+    simulation.run(until)
+    return simulation
+
+
+@pytest.fixture(params=RUNS, ids=lambda run: "-".join(map(str, run)))
+def run(request: pytest.FixtureRequest) -> Simulation:
+    return ran(*request.param)
+
+
+def test_every_metric_has_a_unit_and_a_meaning(run: Simulation) -> None:
+    assert list(metrics_of(run)) == list(GLOSSARY)
+    assert all(unit and meaning for unit, meaning in GLOSSARY.values())
+
+
+def test_the_fleets_operations_are_those_of_its_robots(run: Simulation) -> None:
+    fleet, robots = metrics_of(run), metrics_by_robot(run)
+    assert [row["robot"] for row in robots] == list(range(len(robots)))
+    assert fleet["T_Rtotal"] == sum(row["operations"] for row in robots)
+    assert fleet["T_R"] * len(robots) == fleet["T_Rtotal"]
+    for row in robots:
+        kinds = ("moves", "turns", "picks", "drops", "try_drops", "waits")
+        assert row["operations"] == sum(row[kind] for kind in kinds)
+    for name in GLOSSARY:
+        if name.startswith("lost_"):
+            assert fleet[name] == sum(row[name] for row in robots)
+
+
+@pytest.mark.parametrize("until", [1, 10, 333, 1000])
+def test_every_tick_of_every_robot_is_counted_once_in_mid_run_too(until: int) -> None:
+    simulation = ran("tabletop-1", 4, "cooperative", until)
+    by_robot = executed_ticks(simulation.world).sum((1, 2))
+    assert by_robot.tolist() == [until] * 4
+
+
+@pytest.mark.parametrize("which", RUNS, ids=lambda run: "-".join(map(str, run)))
+def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, int, str]) -> None:
+    simulation = ran(*which, until=0)
+    idle = np.zeros(which[1], np.int64)
+    parked = simulation.world.robots.parked == 1
+    while not simulation.finished:
+        simulation.run(simulation.tick + 1)
+        after = simulation.world.robots.parked == 1
+        idle += parked & after & (simulation.world.robots.action != BAY_BLOCKED)
+        parked = after
+    active = executed_ticks(simulation.world).sum((1, 2))
+    assert (active + idle).tolist() == [simulation.tick] * which[1]
+    assert metrics_of(simulation)["T_total"] == simulation.tick
+
+
+def test_operations_take_the_ticks_that_the_scenario_says(run: Simulation) -> None:
+    times, ticks = run.world.tally.times.sum((0, 2)), run.world.tally.ticks.sum((0, 2))
+    for action in OPERATIONS:
+        if action != WAIT:
+            assert ticks[action] == times[action] * run.world.rules.duration[action]
+    assert times[WAIT] <= ticks[WAIT] <= 10 * times[WAIT]
+
+
+def test_every_pick_up_is_a_leg_of_an_order(run: Simulation) -> None:
+    figures, picks = metrics_of(run), int(run.world.tally.times[:, PICK].sum())
+    assert figures["delivered"] == len(run.world.orders.state)
+    assert figures["legs_per_order"] * figures["delivered"] == pytest.approx(picks)
+    assert sum(row["drops"] for row in metrics_by_robot(run)) == picks
+
+
+def test_shares_are_shares(run: Simulation) -> None:
+    for name, (unit, _) in GLOSSARY.items():
+        if unit == "share":
+            assert 0 <= metrics_of(run)[name] <= 1
+
+
+def test_a_robot_alone_never_waits() -> None:
+    for allocation in ("independent", "cooperative"):
+        figures = metrics_of(simulation := ran("tabletop-1", 1, allocation))
+        lost = [figures[name] for name in GLOSSARY if name.startswith("lost_")]
+        assert (lost, figures["withdrawals"], figures["blocked"]) == ([0] * 5, 0, 0)
+        assert metrics_by_robot(simulation)[0]["waits"] == 0
+
+
+def test_only_cooperative_robots_try_to_drop_and_pass_on() -> None:
+    independent = ran("tabletop-2", 3, "independent")
+    cooperative = ran("tabletop-2", 3, "cooperative")
+    assert independent.world.tally.times[:, TRY_DROP].sum() == 0
+    assert metrics_of(independent)["legs_per_order"] == 1
+    picks = cooperative.world.tally.times[:, PICK].sum()
+    assert cooperative.world.tally.times[:, TRY_DROP].sum() == picks
+    assert metrics_of(cooperative)["legs_per_order"] > 1
+
+
+def test_empty_runs_by_cycles_counted_by_hand() -> None:
+    simulation = ran("tabletop-mini", 1, "independent")
+    tally = simulation.world.tally
+    driving = [1, TURN, WAIT]  # MOVE is 1
+    empty = tally.ticks[0, driving, 0].sum()
+    assert metrics_of(simulation)["E_U_cycles"] == pytest.approx(empty / tally.ticks[0, 1:].sum())
+
+
+def test_a_run_of_no_ticks_has_figures() -> None:
+    simulation = Simulation(resolve("tabletop-mini"))
+    figures = metrics_of(simulation)
+    assert figures["T_total"] == figures["throughput"] == figures["utilization"] == 0
+    assert len(metrics_by_robot(simulation)) == 3
+
+
+def test_no_strategy_of_the_table_top_breaks_a_rule(run: Simulation) -> None:
+    assert set(illegal_by_layer(run).values()) == {0}
+
+
+def test_figures_do_not_depend_on_how_robots_are_stored() -> None:
+    resolved = resolve("tabletop-1")
+    plain = Simulation(resolved)
+    turned = Simulation(resolved, storage=np.array([2, 0, 3, 1]))
+    plain.run()
+    turned.run()
+    assert metrics_of(plain) == metrics_of(turned)
+    assert metrics_by_robot(plain) == metrics_by_robot(turned)

@@ -1,0 +1,215 @@
+"""On random floors the kernel moves robots exactly as the rules say, however they are stored.
+
+Every case drives a fleet for some ticks with random wants, once with the contest of a crowded floor
+and once with the hash table, and compares each tick with `naive_motion`.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from naive_motion import Floor, Robot, luck, mix
+
+from automaton.kernels import draws
+from automaton.kernels.motion import CLAIMS, ENTERED, LIVE, MOVED, ON_PATH, REFUSED, move_all, rank
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import Resolved
+from automaton.scenario.schema import Fleet, Scenario, WorldRules
+from automaton.world import build
+from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.state import NIL, World
+
+CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
+
+ROOM_OF_EMPTY = {0: 128, 1: 32, 2: 32 | 64}  # bits of traffic.occupancy
+ALL_ROOM = 128 | 64 | 32
+
+# An exit in four, a capacity in three: crossings, one-way loops, aisles, walls.
+SYMBOLS = ".......===~~><v^#"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A floor, a fleet on it, and what robots want in every tick."""
+
+    plan: FloorPlan
+    cells: tuple[int, ...]  # of robots, by identity
+    following: bool
+    storage: tuple[int, ...]
+    first_tick: int
+    ticks: tuple[tuple[int, ...], ...]  # per tick and robot one byte, read by `wish`
+
+
+def wish(byte: int) -> tuple[int, int, int, bool] | None:
+    """(direction, ticks, priority, came out of a bay) of a byte; None: it stands."""
+    if byte % 8 == 7:
+        return None
+    spans = (1, 1, 1, 2, 1, 1, 1, 3)
+    return byte & 3, spans[byte >> 3 & 7], (byte >> 6) - 1, byte % 61 == 60
+
+
+@st.composite
+def cases(draw: Any) -> Case:
+    width = draw(st.integers(1, 5))
+    row = st.text(SYMBOLS, min_size=width, max_size=width)
+    picture = "\n".join(draw(st.lists(row, min_size=1, max_size=4)))
+    if not set(picture) - set("#\n"):
+        picture = picture.replace("#", ".")
+    plan = draw_floor(picture)
+    drivable = np.flatnonzero(plan.drivable()).tolist()
+    shuffled = draw(st.permutations(drivable))
+    cells = shuffled[: draw(st.integers(1, len(drivable)))]
+    # Cells without limit may hold several robots from the start.
+    crowd = [cell for cell in cells if plan.capacity.flat[cell] == 0]
+    cells += crowd[: draw(st.integers(0, 2))]
+    n = len(cells)
+    wishes = draw(st.lists(st.binary(min_size=n, max_size=n), min_size=1, max_size=6))
+    return Case(
+        plan=plan,
+        cells=tuple(cells),
+        following=draw(st.booleans()),
+        storage=tuple(draw(st.permutations(range(n)))),
+        first_tick=draw(st.integers(0, 2**31)),
+        ticks=tuple(tuple(line) for line in wishes),
+    )
+
+
+def built(case: Case, storage: tuple[int, ...] | None) -> World:
+    scenario = Scenario(
+        name="case",
+        layout={},
+        fleet=Fleet(robots=len(case.cells), kinematics="omni"),
+        world=WorldRules(following=case.following),
+    )
+    resolved = Resolved(scenario, case.plan, picks={}, start=case.cells, source="")
+    order = None if storage is None else np.array(storage, np.int32)
+    return build.build_world(resolved, 1, order)[0]
+
+
+def tick(world: World, number: int, wishes: tuple[int, ...]) -> tuple[set[int], set[int]]:
+    """One tick of the kernel; returns the identities of those who moved, and who were refused."""
+    robots, traffic = world.robots, world.traffic
+    traffic.want[:] = 0
+    for identity, byte in enumerate(wishes):
+        i, wanted = robots.at_index[identity], wish(byte)
+        if wanted is not None and robots.busy[i] == 0:
+            direction, traffic.span[i], robots.priority[i], entered = wanted
+            traffic.want[i] = LIVE | direction | (ENTERED if entered else 0)
+    with np.errstate(over="ignore"):
+        move_all(world.grid, world.rules, robots, traffic, number)
+    who = robots.identity
+    done = traffic.want & LIVE != 0
+    moved, refused = (done & (traffic.want & bit != 0) for bit in (MOVED, REFUSED))
+    return set(who[moved].tolist()), set(who[refused].tolist())
+
+
+def naive(case: Case) -> Floor:
+    plan = case.plan
+    floor = Floor(
+        exits=plan.exits.ravel().tolist(),
+        capacity=plan.capacity.ravel().tolist(),
+        offset=(1, plan.stride, -1, -plan.stride),
+        following=case.following,
+    )
+    floor.robots = {i: Robot(i, cell) for i, cell in enumerate(case.cells)}
+    return floor
+
+
+def naive_tick(
+    floor: Floor, number: int, wishes: tuple[int, ...]
+) -> tuple[set[int], set[int]]:
+    wants, entered = {}, []
+    for identity, byte in enumerate(wishes):
+        wanted = wish(byte)
+        if wanted is not None and floor.robots[identity].busy == 0:
+            direction, span, floor.robots[identity].priority, is_new = wanted
+            wants[identity] = (direction, span)
+            entered += [identity] if is_new else []
+    return floor.tick(number, wants, entered)
+
+
+def assert_equal_states(world: World, floor: Floor) -> None:
+    """Positions, long moves, and the room that is left in every cell."""
+    by_identity = world.robots.at_index
+    for name in ("cell", "claim", "busy"):
+        nothing = NIL if name == "claim" else 0
+        mine = [getattr(r, name) for _, r in sorted(floor.robots.items())]
+        expected = [nothing if value is None else value for value in mine]
+        assert getattr(world.robots, name)[by_identity].tolist() == expected, name
+    room = [ROOM_OF_EMPTY[capacity] for capacity in floor.capacity]
+    for cell, kind in enumerate(world.grid.kind.tolist()):
+        room[cell] *= bool(DRIVABLE[kind])
+    for robot in floor.robots.values():
+        for cell, direction in robot.holds():
+            bit = {0: 0, 1: 32, 2: 32 << (direction >> 1)}[floor.capacity[cell]]
+            assert room[cell] & bit == bit, "a cell is held twice"
+            room[cell] -= bit
+    assert (world.traffic.occupancy & ALL_ROOM).tolist() == room
+    assert not (world.traffic.occupancy & CLAIMS).any(), "claims are left from this tick"
+    assert (world.traffic.contest == NIL).all(), "the contest is not cleared"
+
+
+@pytest.mark.parametrize("crowded", [CROWDED, SPARSE], ids=["crowded", "hash table"])
+def test_the_kernel_finds_the_greatest_set_of_moves(
+    crowded: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(build, "CROWDED", crowded)
+    reached: Counter[str] = Counter()
+
+    @settings(max_examples=1500)
+    @given(cases())
+    def check(case: Case) -> None:
+        world, floor = built(case, None), naive(case)
+        other = built(case, case.storage)
+        assert (world.traffic.key.size == 0) == (crowded == CROWDED)
+        for number, wishes in enumerate(case.ticks, case.first_tick):
+            expected = naive_tick(floor, number, wishes)
+            assert tick(world, number, wishes) == expected
+            assert tick(other, number, wishes) == expected, "the storage of robots matters"
+            assert_equal_states(world, floor)
+            assert_equal_states(other, floor)
+            reached["moved"] += len(expected[0])
+            reached["refused"] += len(expected[1])
+            # Only the contest walks along chains of robots to find rings.
+            reached["in chains"] += np.count_nonzero(world.traffic.want & ON_PATH)
+
+    check()
+    assert len(reached) == 3 and min(reached.values()) > 1000, reached
+
+
+def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:
+    room = draw_floor("\n".join(["." * 20] * 20))
+    cells = tuple(np.flatnonzero(room.drivable()).tolist())
+    keys = {
+        robots: built(Case(room, cells[:robots], True, (), 0, ()), None).traffic.key.size
+        for robots in (10, 200)
+    }
+    assert keys[10] > 0 and keys[200] == 0
+
+
+def test_priority_then_the_hash_of_tick_and_identity_rank_claimants() -> None:
+    for number in (1, 7, 2**31):
+        ranks = [int(rank(0, number, i)) for i in range(200)]
+        assert len(set(ranks)) == 200
+        expected = sorted(range(200), key=lambda i: luck(number, i))
+        assert sorted(range(200), key=ranks.__getitem__) == expected
+        assert min(int(rank(1, number, i)) for i in range(200)) > max(ranks)
+
+
+def test_the_mixer_is_the_published_one() -> None:
+    with np.errstate(over="ignore"):
+        for value in (0, 1, 2**32 + 5, 2**64 - 1):
+            assert int(draws.mix(np.uint64(value))) == mix(value)
+
+
+def test_the_naive_rules_share_no_code_with_the_kernels() -> None:
+    import naive_motion
+
+    assert "automaton" not in inspect.getsource(naive_motion)

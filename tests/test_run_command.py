@@ -1,0 +1,243 @@
+"""`automaton run`: a run from the outside, what it prints, its exit codes and its errors."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from automaton.commands import main
+from automaton.headless import WINDOW, run_once
+from automaton.metrics import GLOSSARY
+from automaton.scenario.resolve import resolve
+from automaton.simulation import RECORD_TICKS, Simulation
+from automaton.units import Unit, listed, number, unit
+
+STRATEGIES = '''
+import msgspec
+from automaton.strategy.layer import Strategy
+
+def one_over(x):
+    return 1 / x
+
+class Raises(Strategy):
+    layer = "allocation"
+    def decide(self, view, asked, answers, memory, space):
+        one_over(0)
+
+class RaisesAtReset(Strategy):
+    layer = "allocation"
+    def reset(self, view):
+        raise ValueError("no\\nroom")
+
+class Short(Strategy):
+    layer = "allocation"
+    def decide(self):
+        pass
+
+class Idle(Strategy):
+    """Never does anything."""
+    layer = "allocation"
+    def decide(self, view, asked, answers, memory, space):
+        pass
+'''
+
+
+@pytest.fixture
+def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with strategies of one's own, as the current one."""
+    (tmp_path / "own_strategies.py").write_text(STRATEGIES)
+    (tmp_path / "own_broken.py").write_text("class X(:\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "own_strategies", raising=False)
+    return tmp_path
+
+
+def as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
+    code = main(["run", *arguments, "--json"])
+    printed: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert code == (0 if printed["finished"] else 1)
+    return printed
+
+
+def test_json_says_what_was_run_and_what_came_out(capsys: pytest.CaptureFixture[str]) -> None:
+    run = as_json(capsys, "tabletop-1", "--seed", "3", "--set", "fleet.robots=2")
+    assert (run["scenario"], run["seed"], run["finished"]) == ("tabletop-1", 3, True)
+    assert (run["orders"], run["delivered"]) == (50, 50)
+    assert len(run["digest"]) == 16 and int(run["digest"], 16) >= 0
+    assert run["metrics"].keys() == GLOSSARY.keys()
+    assert run["metrics"]["T_total"] == run["ticks"]
+    assert [robot["robot"] for robot in run["robots"]] == [0, 1]
+    assert 0 < run["wall_s"] < 60
+
+
+def test_the_command_runs_what_a_simulation_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    simulation = Simulation(resolve("tabletop-mini"), seed=5)
+    simulation.run()
+    run = as_json(capsys, "tabletop-mini", "--seed", "5")
+    assert (run["digest"], run["ticks"]) == (simulation.digest, simulation.tick)
+
+
+def test_looking_at_a_run_now_and_then_does_not_change_it() -> None:
+    resolved = resolve("tabletop-2")
+    seen: list[int] = []
+    watched = run_once(resolved, on_window=lambda simulation: seen.append(simulation.tick))
+    assert watched.digest == run_once(resolved).digest
+    assert seen == [*range(WINDOW, watched.ticks, WINDOW), watched.ticks]
+    assert WINDOW % RECORD_TICKS == 0
+
+
+def test_the_report_in_a_pipe_has_80_columns_and_no_colours(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    assert main(["run", "tabletop-1"]) == 0
+    text, errors = capsys.readouterr()
+    lines = text.splitlines()
+    assert lines[0].startswith("tabletop-1, 4 robots, seed 1: finished after ")
+    assert lines[0].endswith(" cycles, 50 of 50 orders delivered")
+    assert lines[1] == "allocation cooperative, routing shortest, right of way withdraw"
+    assert "\x1b" not in text and errors == ""
+    assert max(map(len, lines[3:])) <= 80
+    assert all(line == line.rstrip() for line in lines)
+    for name in GLOSSARY:
+        assert any(line.startswith(name) for line in lines), name
+    assert "…" not in text
+
+
+def test_times_are_told_in_the_units_of_the_scenario(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["--set", "units.tick=0.5 s"]
+    assert main(["run", "tabletop-mini", *settings]) == 0
+    text = capsys.readouterr().out
+    run = as_json(capsys, "tabletop-mini", *settings)
+    assert f"finished after {number(run['ticks'] / 2)} s" in text
+    assert "orders/1000 s" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "plural"),
+    [
+        ("1 cycle", Unit(1.0, "cycle"), "cycles"),
+        ("0.5 s", Unit(0.5, "s"), "s"),
+        ("2min", Unit(2.0, "min"), "min"),
+        ("beat", Unit(1.0, "beat"), "beats"),
+        ("0 s", Unit(1.0, "0 s"), "0 s"),
+    ],
+)
+def test_units_are_a_number_and_a_name(text: str, expected: Unit, plural: str) -> None:
+    assert unit(text) == expected
+    assert expected.plural == plural
+
+
+def test_numbers_in_a_row_as_text() -> None:
+    assert listed([3]) == "3"
+    assert listed([1, 2, 5]) == "1, 2 and 5"
+    assert listed(list(range(9)), most=3) == "0, 1, 2 ... (9 in all)"
+
+
+def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "tabletop-1", "--set", "stop.at_most=1500"]) == 1
+    text, errors = capsys.readouterr()
+    assert "NOT FINISHED after 1,500 cycles" in text
+    assert errors.startswith("automaton: tabletop-1 did not finish within 1,500 ticks: ")
+    assert "orders undelivered" in errors and errors.count("\n") == 1
+
+
+def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixture[str]) -> None:
+    # Four robots that only ever wait meet head-on in an alley sooner or later.
+    assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1
+    errors = capsys.readouterr().err
+    assert "robots 0, 1, 2 and 3 have done nothing but wait since tick " in errors
+
+
+def test_a_scenario_without_an_end_is_finished_at_its_limit(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = ("--set", "stop.when=never", "--set", "stop.at_most=100")
+    assert as_json(capsys, "tabletop-1", *settings)["ticks"] == 100
+    assert main(["run", "tabletop-1", *settings]) == 0
+    assert "ran for 100 cycles" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["tabletop-7"], "tabletop-"),
+        (["tabletop-1", "--seed", "-1"], "--seed -1: seed must be a whole number"),
+        (["tabletop-1", "--seed", "x"], "--seed: invalid int value: 'x'"),
+        (["tabletop-1", "--sed", "1"], "did you mean '--seed'?"),
+        (["tabletop-1", "--set", "flet.robots=3"], "did you mean"),
+        (["tabletop-1", "--set", "strategy.allocation=coperative"], "did you mean 'cooperative'?"),
+        (["tabletop-1", "--record", "no/such/folder/x.rec"], "cannot write the recording"),
+        ([], "SCENARIO"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", *arguments]) == 2
+    text, errors = capsys.readouterr()
+    assert text == "" and sentence in errors
+    assert errors.startswith("automaton: ") and errors.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        (
+            "own_strategies:Raises",
+            "the allocation strategy 'own_strategies:Raises' raised "
+            "ZeroDivisionError: division by zero ({file}:6)",
+        ),
+        ("own_strategies:RaisesAtReset", "raised ValueError: no room ({file}:16)"),
+        ("own_strategies:Short", "raised TypeError: Short.decide() takes 1 positional argument"),
+        ("own_strategies:Idel", "did you mean 'Idle'?"),
+        ("own_broken:X", "importing 'own_broken' raised SyntaxError"),
+        ("own_missing:X", "cannot import 'own_missing'"),
+    ],
+)
+def test_a_strategy_that_fails_is_named_with_its_line(
+    own: Path, name: str, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", "tabletop-mini", "--set", f"strategy.allocation={name}"]
+    assert main(arguments) == 2
+    errors = capsys.readouterr().err
+    assert sentence.format(file=own / "own_strategies.py") in errors
+    assert errors.count("\n") == 1 and "Traceback" not in errors
+    main([*arguments, "--debug"])
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_strategy_of_ones_own_is_found_in_the_current_folder(
+    own: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["--set", "strategy.allocation=own_strategies:Idle", "--set", "stop.at_most=50"]
+    assert main(["run", "tabletop-mini", *settings]) == 1
+    text, errors = capsys.readouterr()
+    assert "allocation own_strategies:Idle" in text
+    assert "25 of 25 orders undelivered, nothing was delivered" in errors
+
+
+def test_a_recorded_run_is_the_same_run_and_can_be_verified(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "run.rec"
+    plain = as_json(capsys, "tabletop-mini")
+    recorded = as_json(capsys, "tabletop-mini", "--record", str(file))
+    assert recorded["digest"] == plain["digest"]
+    assert file.exists()
+    assert main(["verify", str(file)]) == 0
+
+
+def test_json_needs_neither_rich_nor_textual() -> None:
+    code = (
+        "import sys; from automaton.commands import main; main(['run', 'tabletop-mini', '--json']);"
+        "print({m.partition('.')[0] for m in sys.modules} & {'rich', 'textual'}, file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.splitlines()[-1] == "set()"

@@ -31,7 +31,13 @@ from automaton.world.state import (
 
 OPERATIONS = [MOVE, TURN, PICK, DROP, TRY_DROP, WAIT]
 DRIVING = [MOVE, TURN, WAIT]  # what can be an empty run
-LOST = {"waiting": WAIT, "refused": BLOCKED, "withdrawing": WITHDRAW, "bay": BAY_BLOCKED, "illegal": ILLEGAL}
+LOST = {
+    "waiting": WAIT,
+    "refused": BLOCKED,
+    "withdrawing": WITHDRAW,
+    "bay": BAY_BLOCKED,
+    "illegal": ILLEGAL,
+}
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 GLOSSARY: dict[str, tuple[str, str]] = {

@@ -58,9 +58,7 @@ class Simulation:
         self.view: World = self.seen.read_only()
         self.batch, self.asked, self.answers = build_buffers(self.world)
         self.on_record = on_record
-        self.record = build_record(
-            self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES)
-        )
+        self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
         self.world.clock[RECORDING] = 1 if on_record else 0
         self._strategies = [self._strategy(layer) for layer in LAYERS]
         self._memories = [self._memory(strategy) for strategy in self._strategies]
@@ -98,7 +96,9 @@ class Simulation:
         for index, strategy in enumerate(self._strategies):
             function = None if strategy is None else type(strategy).compiled
             if strategy is not None:
-                serving[index] = loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
+                serving[index] = (
+                    loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
+                )
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
         vaults = [memory.copied() for memory in self._memories]
         ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
@@ -154,6 +154,7 @@ def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any
     """The loop, compiled or loaded once per process: all worlds have the same types."""
     if "loop" not in _LOOPS:
         done = announce_first_compilation()
-        _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)
+        _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
         done()
-    return _LOOPS["loop"]
+    found: tuple[Any, Any] = _LOOPS["loop"]
+    return found

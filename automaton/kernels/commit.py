@@ -4,6 +4,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
+from automaton.kernels.drive import replan
 from automaton.kernels.operations import (
     begin,
     drop_route,
@@ -17,7 +18,6 @@ from automaton.kernels.operations import (
     reserve_order,
     reserve_slot,
 )
-from automaton.kernels.drive import replan
 from automaton.recording.codes import DID_ILLEGAL, DID_WAIT, DID_WITHDRAW, DURATION, ZONE
 from automaton.world.state import (
     ALLOCATION,

@@ -299,7 +299,12 @@ def refused(world, record, i):
         tick = world.clock[TICK]
         identity = np.int64(robots.identity[i])
         ticks = draw_between(
-            np.int64(wait[first]), np.int64(wait[first + 1]), world.rules.seed, WAITS, tick, identity
+            np.int64(wait[first]),
+            np.int64(wait[first + 1]),
+            world.rules.seed,
+            WAITS,
+            tick,
+            identity,
         )
         begin(world, i, WAIT, ticks)
         robots.busy[i] = ticks - 1  # motion of this tick is over

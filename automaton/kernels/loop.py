@@ -7,7 +7,6 @@ limited sight, in one call for each of them. A compiled strategy is called right
 strategy the generator yields ASK and the layer, and goes on in mid-tick when it is resumed.
 """
 
-import numpy as np
 from numba import types
 
 from automaton.compiled import jit_is_on, kernel

@@ -76,7 +76,9 @@ def fill_field(grid, duration, target, field, heap):
         for direction in range(heading, 4, grid.headings):
             before = cell - grid.offset[direction]
             if 0 <= before < grid.rule.shape[0] and (np.int64(grid.rule[before]) >> direction) & 1:
-                size = relax(field, heap, size, before * grid.headings + heading, cost + duration[MOVE])
+                size = relax(
+                    field, heap, size, before * grid.headings + heading, cost + duration[MOVE]
+                )
         if grid.headings > 1 and np.int64(grid.rule[cell]) & 16:
             ahead = (heading + 1) & (grid.headings - 1)
             size = relax(field, heap, size, cell * grid.headings + ahead, cost + duration[TURN])
@@ -210,7 +212,13 @@ def find_path(view, space, cell, heading, target, around, steps):
                 to = after * grid.headings + h
                 if not is_closed(view, after, direction, target, around):
                     size = reach(
-                        space, search, size, to, cost + duration[MOVE], space.field[row, to], direction
+                        space,
+                        search,
+                        size,
+                        to,
+                        cost + duration[MOVE],
+                        space.field[row, to],
+                        direction,
                     )
         if grid.headings > 1 and np.int64(grid.rule[here]) & 16:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))

@@ -30,7 +30,9 @@ def _compile(function: Any, signature: Any) -> Any:
 
     plain = getattr(function, "py_func", None)
     if plain is None:
-        raise InputError(f"strategy kernel {function!r} is not decorated with automaton.compiled.kernel")
+        raise InputError(
+            f"strategy kernel {function!r} is not decorated with automaton.compiled.kernel"
+        )
     place = f"{inspect.getsourcefile(plain)}:{plain.__code__.co_firstlineno}"
     if len(inspect.signature(plain).parameters) != len(ARGUMENTS):
         raise InputError(f"{place}: a compiled decide takes ({', '.join(ARGUMENTS)})")
@@ -38,7 +40,11 @@ def _compile(function: Any, signature: Any) -> Any:
         function.compile(signature)
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        told = next((line for line in lines if "Error" not in line and "pipeline" not in line), lines[0])
+        told = next(
+            (line for line in lines if "Error" not in line and "pipeline" not in line), lines[0]
+        )
         where = next((line for line in lines if line.startswith("File ")), "")
-        raise InputError(f"{place}: the strategy does not compile: {told} {where}".strip()) from error
+        raise InputError(
+            f"{place}: the strategy does not compile: {told} {where}".strip()
+        ) from error
     return function

@@ -15,8 +15,7 @@ from automaton.world.state import LAYERS
 
 # Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
 CALLS = {
-    function.__code__
-    for function in (Simulation._decide, Simulation._memory, Simulation._strategy)
+    function.__code__ for function in (Simulation._decide, Simulation._memory, Simulation._strategy)
 }
 NUMBA_PLACE = re.compile(r'File "([^"]+)", line (\d+)')
 

@@ -46,9 +46,7 @@ class Strategy:
         return (1, 1, 1, 1, 1)
 
 
-def memory_of(
-    view: World, own: int = 0, shared: int = 0, parameters: Sequence[int] = ()
-) -> Memory:
+def memory_of(view: World, own: int = 0, shared: int = 0, parameters: Sequence[int] = ()) -> Memory:
     """Memory with `own` numbers for each robot and `shared` ones for all, zero at the start."""
     constants = np.array(parameters, np.int64)
     constants.setflags(write=False)

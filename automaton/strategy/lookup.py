@@ -22,7 +22,9 @@ OPTIONAL_LAYERS = ("zoning", "charging")
 
 @cache
 def _catalogue() -> dict[str, dict[str, Entry]]:
-    catalogue: dict[str, dict[str, Entry]] = importlib.import_module("strategies.catalogue").CATALOGUE
+    catalogue: dict[str, dict[str, Entry]] = importlib.import_module(
+        "strategies.catalogue"
+    ).CATALOGUE
     return catalogue
 
 
@@ -76,16 +78,23 @@ def load(layer: str, name: str) -> Any:
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:
-        raise InputError(f"{layer} strategy {name!r}: cannot import {module_name!r}: {error}") from error
+        raise InputError(
+            f"{layer} strategy {name!r}: cannot import {module_name!r}: {error}"
+        ) from error
     except Exception as error:  # whatever a user's module does wrong while it is imported
         raised = f"{type(error).__name__}: {error}"
-        raise InputError(f"{layer} strategy {name!r}: importing {module_name!r} raised {raised}") from error
+        text = f"{layer} strategy {name!r}: importing {module_name!r} raised {raised}"
+        raise InputError(text) from error
     found = getattr(module, class_name, None)
     if found is None:
         classes = [key for key, value in vars(module).items() if isinstance(value, type)]
         hint = nearest(class_name, classes)
-        raise InputError(f"{layer} strategy {name!r}: no class {class_name!r} in {module_name}{hint}")
+        raise InputError(
+            f"{layer} strategy {name!r}: no class {class_name!r} in {module_name}{hint}"
+        )
     if getattr(found, "layer", None) != layer:
         theirs = getattr(found, "layer", None)
-        raise InputError(f"{layer} strategy {name!r}: {class_name} is a strategy for layer {theirs!r}")
+        raise InputError(
+            f"{layer} strategy {name!r}: {class_name} is a strategy for layer {theirs!r}"
+        )
     return found

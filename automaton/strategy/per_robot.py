@@ -105,7 +105,10 @@ class Sees:
         """Cells (x, y) of the robots in sight, by identity."""
         robots, width = self.view.robots, self.view.grid.width
         return {
-            int(robots.identity[j]): (int(robots.cell[j] % width) - 1, int(robots.cell[j] // width) - 1)
+            int(robots.identity[j]): (
+                int(robots.cell[j] % width) - 1,
+                int(robots.cell[j] // width) - 1,
+            )
             for j in (robots.cell != NIL).nonzero()[0]
         }
 
@@ -161,9 +164,7 @@ def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Ans
         raise ValueError(f"per_robot serves the layers {', '.join(_ENTER)}, not {layer!r}")
 
     def make(decide_one: Callable[[Me, Sees], Answer | None]) -> Any:
-        def decide(
-            self: Any, view: Any, asked: Any, answers: Any, memory: Any, space: Any
-        ) -> None:
+        def decide(self: Any, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
             for k in range(asked.count[0]):
                 robot = int(asked.robot[k])
                 me = Me(view, space, robot, int(asked.reason[k]), memory.own[robot])

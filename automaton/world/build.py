@@ -8,7 +8,6 @@ import numpy as np
 
 from automaton.kernels import draws
 from automaton.scenario.resolve import Resolved
-from automaton.world.cells import SHELF
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.state import (
@@ -24,8 +23,8 @@ from automaton.world.state import (
     SEEN_CHANGES,
     UNDELIVERED,
     UNPARKED,
-    Answers,
     AllocationAnswers,
+    Answers,
     Array,
     Asked,
     ChargingAnswers,
@@ -139,7 +138,9 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, S
     plan, scenario = resolved.plan, resolved.scenario
     slot_of = floor.grid.slot
     if scenario.orders.listed is not None:
-        pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in scenario.orders.listed]
+        pairs = [
+            (plan.cell(*line.source), plan.cell(*line.target)) for line in scenario.orders.listed
+        ]
         source = slot_of[[pair[0] for pair in pairs]]
         target = slot_of[[pair[1] for pair in pairs]]
     else:

@@ -34,7 +34,8 @@ BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
 ILLEGAL: Final = 11  # a tick lost to an illegal answer
 ACTIONS: Final = 12
 ACTION_NAMES: Final = (
-    "idle move turn pick drop try_drop wait charge blocked withdraw bay_blocked illegal".split()
+    *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
+    *("blocked", "withdraw", "bay_blocked", "illegal"),
 )
 
 # Goals: what a robot drives to its stand for.
@@ -109,7 +110,9 @@ class Grid(Struct):
     width: int  # cells in a row, border included
     headings: int  # distinguished headings: 1 omni, 2 rail (axes), 4 differential
     kind: Array  # (C,) uint8, automaton.world.cells
-    rule: Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
+    rule: (
+        Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
+    )
     offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
     slot: Array  # (C,) int32: the slot in this cell, or NIL
 

@@ -1,0 +1,125 @@
+"""Which situations of traffic a run went through, read off the world after each tick."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from naive_motion import luck
+
+from automaton.kernels.motion import LIVE, MOVED
+from automaton.recording.codes import DID_BAY_BLOCKED, INTO_BAY, LEFT_BAY
+from automaton.world.state import LAYERS, NIL, TICK, World
+
+WANTED = (
+    *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
+    *("priority decides", "move of several ticks", "turn on two lanes", "two in an aisle"),
+    *("three without limit", "drove on capacity 0", "drove on capacity 1", "drove on capacity 2"),
+    *("left a bay", "went into a bay", "bay blocked"),
+    *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
+)
+
+
+class Want(NamedTuple):
+    """A robot's live intent of the last tick."""
+
+    robot: int  # identity
+    start: int
+    to: int
+    moved: bool
+    span: int
+    priority: int
+
+
+def wants(world: World) -> list[Want]:
+    """The live intents of the last tick."""
+    robots, traffic = world.robots, world.traffic
+    found = []
+    for i in np.flatnonzero(traffic.want & LIVE).tolist():
+        step = int(world.grid.offset[traffic.want[i] & 3])
+        moved = bool(traffic.want[i] & MOVED)
+        cell = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+        start = cell - step if moved and robots.claim[i] == NIL else cell
+        who, priority = int(robots.identity[i]), int(robots.priority[i])
+        found.append(Want(who, start, start + step, moved, int(traffic.span[i]), priority))
+    return found
+
+
+def count_situations(world: World, reached: Counter[str]) -> None:
+    """Add the situations of the last tick."""
+    capacity = (world.grid.rule >> 5 & 3).tolist()
+    live = wants(world)
+    made = [want for want in live if want.moved]
+    edges = {(want.start, want.to): want for want in live}
+    for want in live:
+        other = edges.get((want.to, want.start))
+        if other is not None and want.robot < other.robot:
+            reached["allowed swap"] += want.moved and other.moved
+            strict = 1 in (capacity[want.start], capacity[want.to])
+            reached["refused swap"] += strict and not want.moved and not other.moved
+    leaving = {want.start: want for want in made if capacity[want.start] == 1}
+    for want in made:
+        reached[f"drove on capacity {capacity[want.to]}"] += 1
+        reached["move of several ticks"] += want.span > 1
+        ahead = leaving.get(want.to)
+        reached["following in a queue"] += ahead is not None and ahead.to not in leaving
+    reached["rotating ring"] += rings(leaving)
+    contests(world, live, edges, capacity, reached)
+    places(world, capacity, reached)
+
+
+def rings(leaving: dict[int, Want]) -> int:
+    """Robots in rings of three and more."""
+    count = 0
+    for start in leaving:
+        cell, length = start, 0
+        while cell in leaving and length <= len(leaving):
+            cell, length = leaving[cell].to, length + 1
+            if cell == start:
+                count += length >= 3
+                break
+    return count
+
+
+def contests(
+    world: World,
+    live: list[Want],
+    edges: dict[tuple[int, int], Want],
+    capacity: list[int],
+    reached: Counter[str],
+) -> None:
+    """Cells that several robots wanted, and who got them."""
+    tick = int(world.clock[TICK])
+    rivals: dict[int, list[Want]] = {}
+    for want in live:
+        if capacity[want.to] == 1 and (want.to, want.start) not in edges:
+            rivals.setdefault(want.to, []).append(want)
+    for claimants in rivals.values():
+        reached["contested cell"] += len(claimants) > 1
+        for winner in claimants:
+            reached["priority decides"] += winner.moved and any(
+                winner.priority > other.priority
+                and luck(tick, winner.robot) < luck(tick, other.robot)
+                for other in claimants
+            )
+
+
+def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
+    """Where robots are, and how they came out of their bays and into them."""
+    robots = world.robots
+    inside = Counter(cell for cell in robots.cell.tolist() if cell != NIL)
+    for cell, number in inside.items():
+        reached["two in an aisle"] += capacity[cell] == 2 and number == 2
+        reached["three without limit"] += capacity[cell] == 0 and number >= 3
+    turning = (robots.claim != NIL) & (robots.claim == robots.cell)
+    reached["turn on two lanes"] += int(turning.sum())
+    did = robots.did[robots.bay != NIL]
+    reached["left a bay"] += int((did & LEFT_BAY != 0).sum())
+    reached["went into a bay"] += int((did & INTO_BAY != 0).sum())
+    reached["bay blocked"] += int((did == DID_BAY_BLOCKED).sum())
+
+
+def count_illegal(world: World, reached: Counter[str]) -> None:
+    for layer, count in zip(LAYERS, world.tally.illegal.tolist(), strict=True):
+        reached[f"illegal {layer}"] += count

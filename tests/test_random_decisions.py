@@ -1,0 +1,140 @@
+"""Random floors and random decisions, legal and illegal: nothing breaks a rule of the world.
+
+Every example is recorded and judged by the independent validator, and run a second time with its
+robots stored in another order. The last assertion says which situations the examples went through.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_strategies import Mood
+from situations import WANTED, count_illegal, count_situations
+
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.validator import validate_stored
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
+from automaton.simulation import Simulation
+from automaton.strategy.entry import NoParameters
+from automaton.world.plan import FloorPlan
+
+EXAMPLES = 200
+TICKS = 24
+
+# Floors on which robots are sure to meet; the last row of every floor is 's' and 'd' by turns.
+DRAWN = (
+    "><\n^v",  # see below: corners make a one-way loop
+    ">>v\n^#v\n^<<",
+    ">v>v\n^<^<",
+    "....\n....",
+    "+-+\n|#|\n+-+",
+    "+-+-+\n|#|#|\n+-+-+",
+    ".==.\n.==.",
+    "===\n=#=\n===",
+    ".~.\n~~~",
+    "~~~\n~~~",
+    ".=~.\n~.=.",
+    ".......",
+    "..c..\n.###.\n.....",
+)
+SYMBOLS = ".......+++===~~><v^-|c#"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A world and the moods of its strategies."""
+
+    resolved: Resolved
+    storage: tuple[int, ...]
+
+
+@st.composite
+def plans(draw: Any) -> FloorPlan:
+    if draw(st.booleans()):
+        lines = draw(st.sampled_from(DRAWN)).split("\n")
+    else:
+        width = draw(st.integers(2, 5))
+        row = st.text(SYMBOLS, min_size=width, max_size=width)
+        lines = draw(st.lists(row, min_size=1, max_size=3))
+    lines.append(("sd" * 5)[: len(lines[0])])
+    if draw(st.booleans()) and any(line[0] not in "#sd" for line in lines):
+        lines = [("b" if line[0] not in "#sd" else " ") + line for line in lines]
+    elif all(set(line) <= set("#sd") for line in lines):
+        lines.append("." * len(lines[0]))
+    return draw_floor("\n".join(lines))
+
+
+@st.composite
+def moods(draw: Any, layer: str) -> Mood:
+    low, high = draw(st.tuples(st.integers(1, 3), st.integers(0, 2)))
+    return Mood(
+        seed=draw(st.integers(0, 2**32)),
+        every=1 if layer == "right_of_way" else draw(st.sampled_from([1, 2, 3])),
+        illegal=draw(st.sampled_from([0, 4, 16])),
+        active=draw(st.sampled_from([40, 128, 220, 252] if layer != "charging" else [8, 64])),
+        waits=(low, low + high, low, low + high, draw(st.integers(1, 3))),
+    )
+
+
+@st.composite
+def cases(draw: Any) -> Case:
+    plan = draw(plans())
+    if len(plan.bays):
+        n, start = draw(st.integers(1, len(plan.bays))), "bays"
+    else:
+        cells = draw(st.permutations(np.flatnonzero(plan.drivable()).tolist()))
+        n = draw(st.integers(1, min(6, len(cells))))
+        start = tuple(cells[:n])
+    ticks = st.integers(1, 3)
+    scenario = Scenario(
+        name="case",
+        layout={},
+        fleet=Fleet(
+            robots=n, kinematics=draw(st.sampled_from(["rail", "differential", "omni"]))
+        ),
+        durations=Durations(move=draw(ticks), turn=draw(ticks), pick=draw(ticks), drop=draw(ticks)),
+        world=WorldRules(following=draw(st.sampled_from([True, True, False]))),
+        stop=Stop(when="never", at_most=TICKS),
+        seed=draw(st.integers(0, 2**32)),
+    )
+    picks = {"zoning": Pick("none", NoParameters())}
+    for layer, name in (
+        ("charging", "RandomCharging"),
+        ("allocation", "RandomAllocation"),
+        ("routing", "RandomRouting"),
+        ("right_of_way", "RandomRightOfWay"),
+    ):
+        picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer)))
+    resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
+    return Case(resolved, tuple(draw(st.permutations(range(n)))))
+
+
+def test_no_decision_breaks_a_rule() -> None:
+    reached: Counter[str] = Counter()
+
+    @settings(max_examples=EXAMPLES)
+    @given(cases())
+    def check(case: Case) -> None:
+        recorder = MemoryRecorder(case.resolved)
+        run = Simulation(case.resolved, on_record=recorder)
+        for number in range(1, TICKS + 1):
+            run.run(until=number)
+            count_situations(run.world, reached)
+        count_illegal(run.world, reached)
+        report = validate_stored(recorder.recording())
+        assert [str(violation) for violation in report.violations] == []
+        assert report.ticks == TICKS
+        again = Simulation(case.resolved, storage=np.array(case.storage, np.int32))
+        again.run()
+        assert again.digest == run.digest, "how robots are stored matters"
+
+    check()
+    missing = [situation for situation in WANTED if not reached[situation]]
+    assert not missing, f"never reached: {missing}; reached: {dict(reached)}"

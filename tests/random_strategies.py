@@ -23,6 +23,7 @@ from automaton.world.state import (
     STEP,
     TAKE,
     TICK,
+    WAITING,
 )
 
 
@@ -101,7 +102,8 @@ class RandomCharging(RandomStrategy):
         given.ticks[k] = dice.among([0, -1, 20_000])
 
     def act(self, view, dice, i, k, given, reason, space):
-        if view.robots.order[i] == NIL and floor_cells(view):
+        eager = view.robots.parked[i] or dice.below(6) == 0
+        if eager and view.robots.order[i] == NIL and floor_cells(view):
             given.stand[k] = dice.among(floor_cells(view))
             given.ticks[k] = 1 + dice.below(3)
 
@@ -124,10 +126,11 @@ class RandomAllocation(RandomStrategy):
             self.send(view, dice, k, given, SET_DOWN, slot)
             given.slot[k] = slot
             given.try_drop[k] = dice.below(4) == 0
-        elif dice.below(8) == 0:
+        elif dice.below(3) == 0:
             given.verb[k] = PARK
         else:
-            order = dice.below(len(view.orders.state))
+            waiting = (view.orders.state == WAITING) & (view.orders.by == NIL)
+            order = dice.among(waiting.nonzero()[0].tolist() or [0])
             self.send(view, dice, k, given, TAKE, int(view.orders.place[order]))
             given.order[k] = order
         given.ask_again[k] = dice.below(2)
@@ -171,6 +174,8 @@ class RandomRightOfWay(RandomStrategy):
         given.priority[k] = dice.among([40_000, -40_000, 3, -3])
 
     def act(self, view, dice, i, k, given, reason, space):
+        if view.robots.parked[i] and dice.below(32):
+            return
         given.verb[k] = dice.among([STEP] * 12 + [PAUSE, RETREAT])
         given.value[k] = 1 + dice.below(3)
         given.release[k] = dice.below(2)

@@ -1,0 +1,95 @@
+"""Promises about compiled code: one signature for each kernel, and a cache that notices edits."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from automaton.compiled import KERNEL_SOURCES, jit_is_on
+
+ROOT = Path(__file__).parent.parent
+
+LISTED = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+for allocation in ("independent", "cooperative", "adaptive"):
+    simulation = Simulation(resolve("tabletop-mini", [f"strategy.allocation={allocation}"]))
+    simulation.run()
+kernels = {
+    kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))
+    for kernel in vars(module).values() if isinstance(kernel, Dispatcher)
+}
+for kernel in kernels:
+    print(kernel.py_func.__name__, len(kernel.signatures), kernel.py_func.__module__)
+"""
+
+READ_AND_WRITTEN = {"has_room"}  # the kernel's occupancy is writable, a strategy's is not
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_every_kernel_is_compiled_for_one_signature() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LISTED], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert len(rows) > 60
+    several = {name for name, count, _ in rows if int(count) > 1}
+    assert several <= READ_AND_WRITTEN
+
+
+def imports_of(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text())
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in names if name.split(".")[0] in ("automaton", "strategies")}
+
+
+def module_file(name: str) -> Path | None:
+    path = ROOT / name.replace(".", "/")
+    return path.with_suffix(".py") if path.with_suffix(".py").is_file() else None
+
+
+def test_kernels_are_made_of_the_sources_that_name_the_cache_and_of_nothing_else() -> None:
+    known: set[Path] = set()
+    for package, places in KERNEL_SOURCES.items():
+        for place in places:
+            path = ROOT / package / place
+            known |= {path} if path.is_file() else set(path.rglob("*.py"))
+    kernels = [path for path in known if "@kernel" in path.read_text()]
+    assert len(kernels) > 10
+    numba_free = {"automaton.strategy.paths", "automaton.strategy.entry"}
+    for path in kernels:
+        for name in imports_of(path) - numba_free:
+            source = module_file(name)
+            assert source is None or source in known, f"{path.name} imports {name}"
+
+
+def test_the_cache_folder_changes_with_a_source(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from automaton import compiled
+
+    for package in KERNEL_SOURCES:
+        (tmp_path / package / "kernels").mkdir(parents=True)
+    edited = tmp_path / "automaton" / "kernels" / "motion.py"
+    edited.write_text("RULE = 1\n")
+    for place in KERNEL_SOURCES["automaton"]:
+        if place.endswith(".py"):
+            (tmp_path / "automaton" / place).parent.mkdir(exist_ok=True)
+            (tmp_path / "automaton" / place).write_text("")
+    monkeypatch.setattr(compiled, "_folder", lambda package: tmp_path / package)
+    compiled.source_hash.cache_clear()
+    before = compiled.source_hash()
+    edited.write_text("RULE = 2\n")
+    compiled.source_hash.cache_clear()
+    after = compiled.source_hash()
+    compiled.source_hash.cache_clear()
+    assert before != after

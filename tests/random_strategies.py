@@ -167,10 +167,9 @@ class RandomRightOfWay(RandomStrategy):
     layer = "right_of_way"
 
     def offend(self, view, dice, i, k, given):
-        given.verb[k], given.value[k] = dice.among(
-            [(STEP, 4), (STEP, -1), (STEP, dice.below(4)), (PAUSE, 0), (PAUSE, 20_000)]
-            + [(RETREAT, 0), (RETREAT, -3), (9, 1), (-7, 1)]
-        )
+        steps = ((STEP, 4), (STEP, -1), (STEP, dice.below(4)))
+        others = ((PAUSE, 0), (PAUSE, 20_000), (RETREAT, 0), (RETREAT, -3), (9, 1), (-7, 1))
+        given.verb[k], given.value[k] = dice.among(steps + others)
         given.priority[k] = dice.among([40_000, -40_000, 3, -3])
 
     def act(self, view, dice, i, k, given, reason, space):

@@ -13,7 +13,7 @@ from automaton.metrics import illegal_by_layer, metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import CHARGE, NIL
-from tests import plugins
+import example_strategies
 
 
 def run(scenario: str = "tabletop-mini", *settings: str, until: int | None = None) -> Simulation:
@@ -39,7 +39,7 @@ def test_a_named_strategy_and_its_class_are_the_same_strategy() -> None:
 
 
 def test_zones_given_by_zoning_are_seen_by_everybody() -> None:
-    simulation = run("tabletop-mini", "strategy.zoning=tests.plugins:HalfAndHalf", until=4)
+    simulation = run("tabletop-mini", "strategy.zoning=example_strategies:HalfAndHalf", until=4)
     assert set(simulation.view.robots.zone) == {NIL}  # asked for the first time in tick 5
     simulation.run(5)
     assert list(simulation.view.robots.zone) == [0, 1, 0]
@@ -48,8 +48,8 @@ def test_zones_given_by_zoning_are_seen_by_everybody() -> None:
 def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
     simulation = run(
         "crossing",
-        "strategy.charging=tests.plugins:ChargeFirst",
-        "strategy.allocation=tests.plugins:Idle",
+        "strategy.charging=example_strategies:ChargeFirst",
+        "strategy.allocation=example_strategies:Idle",
         "fleet.robots=1",
         "stop.when=never",
         until=60,
@@ -61,7 +61,7 @@ def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
 
 
 def test_illegal_answers_cost_a_tick_and_are_counted_against_their_layer() -> None:
-    simulation = run("tabletop-mini", "strategy.allocation=tests.plugins:Greedy", until=50)
+    simulation = run("tabletop-mini", "strategy.allocation=example_strategies:Greedy", until=50)
     assert illegal_by_layer(simulation) == {
         "zoning": 0, "charging": 0, "allocation": 3 * 50, "routing": 0, "right_of_way": 0
     }  # fmt: skip
@@ -70,7 +70,7 @@ def test_illegal_answers_cost_a_tick_and_are_counted_against_their_layer() -> No
 
 
 def test_a_strategy_that_stays_silent_leaves_everything_as_it_is() -> None:
-    simulation = run("tabletop-mini", "strategy.allocation=tests.plugins:Idle", until=300)
+    simulation = run("tabletop-mini", "strategy.allocation=example_strategies:Idle", until=300)
     assert not simulation.finished
     assert simulation.world.robots.parked.all()
     assert metrics_of(simulation)["T_Rtotal"] == 0
@@ -79,29 +79,29 @@ def test_a_strategy_that_stays_silent_leaves_everything_as_it_is() -> None:
 
 def test_the_view_cannot_be_written_to() -> None:
     with pytest.raises(ValueError, match="read-only"):
-        run("tabletop-mini", "strategy.allocation=tests.plugins:Writes")
+        run("tabletop-mini", "strategy.allocation=example_strategies:Writes")
 
 
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_kernel_that_writes_to_the_view_is_refused_with_its_place() -> None:
-    with pytest.raises(InputError, match=r"plugins\.py:\d+: the strategy does not compile"):
-        run("tabletop-mini", "strategy.allocation=tests.plugins:CompiledWrites")
+    with pytest.raises(InputError, match=r"example_strategies\.py:\d+: the strategy does not compile"):
+        run("tabletop-mini", "strategy.allocation=example_strategies:CompiledWrites")
 
 
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_kernel_with_a_missing_argument_is_refused_with_its_place() -> None:
-    with pytest.raises(InputError, match=r"plugins\.py:\d+: a compiled decide takes \(view, asked"):
-        run("tabletop-mini", "strategy.allocation=tests.plugins:WrongArity")
+    with pytest.raises(InputError, match=r"example_strategies\.py:\d+: a compiled decide takes \(view, asked"):
+        run("tabletop-mini", "strategy.allocation=example_strategies:WrongArity")
 
 
 def test_a_class_of_another_layer_is_refused() -> None:
     with pytest.raises(InputError, match="HalfAndHalf is a strategy for layer 'zoning'"):
-        run("tabletop-mini", "strategy.allocation=tests.plugins:HalfAndHalf")
+        run("tabletop-mini", "strategy.allocation=example_strategies:HalfAndHalf")
 
 
 def test_an_unknown_class_is_answered_with_the_nearest_one() -> None:
-    with pytest.raises(InputError, match=r"no class 'Idel' in tests.plugins \(did you mean 'Idle'"):
-        run("tabletop-mini", "strategy.allocation=tests.plugins:Idel")
+    with pytest.raises(InputError, match=r"no class 'Idel' in example_strategies \(did you mean 'Idle'"):
+        run("tabletop-mini", "strategy.allocation=example_strategies:Idel")
 
 
 def test_an_installed_plugin_is_found_by_its_entry_point(monkeypatch: Any) -> None:
@@ -109,7 +109,7 @@ def test_an_installed_plugin_is_found_by_its_entry_point(monkeypatch: Any) -> No
 
     from automaton.strategy import lookup
 
-    point = EntryPoint("allocation.lazy", "tests.plugins:Idle", lookup.PLUGINS)
+    point = EntryPoint("allocation.lazy", "example_strategies:Idle", lookup.PLUGINS)
     monkeypatch.setattr(lookup, "entry_points", lambda group: [point])
     lookup._plugins.cache_clear()
     try:
@@ -121,7 +121,7 @@ def test_an_installed_plugin_is_found_by_its_entry_point(monkeypatch: Any) -> No
 
 @pytest.mark.parametrize("information", ["everything", "orders", "{radius: 2}"])
 def test_a_strategy_for_one_robot_at_a_time_delivers_everything(information: str) -> None:
-    allocation = "strategy.allocation=tests.plugins:eager"
+    allocation = "strategy.allocation=example_strategies:eager"
     simulation = run("tabletop-mini", allocation, f"information={information}")
     assert simulation.finished
     assert metrics_of(simulation)["delivered"] == 25
@@ -129,7 +129,7 @@ def test_a_strategy_for_one_robot_at_a_time_delivers_everything(information: str
 
 
 def test_a_robot_remembers_its_own_numbers_under_a_radius() -> None:
-    allocation = "strategy.allocation=tests.plugins:counting"
+    allocation = "strategy.allocation=example_strategies:counting"
     simulation = run("tabletop-mini", allocation, "information={radius: 1}")
     assert simulation.finished
     assert metrics_of(simulation)["delivered"] == 25
@@ -137,16 +137,16 @@ def test_a_robot_remembers_its_own_numbers_under_a_radius() -> None:
 
 @pytest.mark.parametrize(("information", "reach"), [("orders", 1), ("{radius: 3}", 3)])
 def test_a_strategy_cannot_read_a_robot_beyond_its_sight(information: str, reach: int) -> None:
-    plugins.Watcher.sightings.clear()
-    plugins.Watcher.memories.clear()
-    settings = ("strategy.right_of_way=tests.plugins:Watcher", f"information={information}")
+    example_strategies.Watcher.sightings.clear()
+    example_strategies.Watcher.memories.clear()
+    settings = ("strategy.right_of_way=example_strategies:Watcher", f"information={information}")
     simulation = Simulation(resolve("tabletop-1", [*settings, "strategy.allocation=independent"]))
     width = simulation.world.grid.width
     blind = near = 0
     for tick in range(1, 400):
         cells = simulation.world.robots.cell.copy()
         simulation.run(tick)
-        for robot, seen in plugins.Watcher.sightings:
+        for robot, seen in example_strategies.Watcher.sightings:
             for other in range(len(cells)):
                 if other == robot or cells[robot] == NIL or cells[other] == NIL:
                     continue
@@ -155,17 +155,17 @@ def test_a_strategy_cannot_read_a_robot_beyond_its_sight(information: str, reach
                 far = max(dx, dy) > reach
                 blind, near = blind + far, near + (not far)
                 assert (other in seen) == (not far)
-        plugins.Watcher.sightings.clear()
+        example_strategies.Watcher.sightings.clear()
     assert blind > 100
     assert near > 10
     if information != "orders":
-        assert set(plugins.Watcher.memories) == {0}  # nobody reads another robot's memory
+        assert set(example_strategies.Watcher.memories) == {0}  # nobody reads another robot's memory
 
 
 def test_with_everything_in_sight_the_layer_is_called_once_for_all() -> None:
-    plugins.Watcher.sightings.clear()
-    simulation = run("tabletop-1", "strategy.right_of_way=tests.plugins:Watcher", until=1)
+    example_strategies.Watcher.sightings.clear()
+    simulation = run("tabletop-1", "strategy.right_of_way=example_strategies:Watcher", until=1)
     assert simulation.world.tally.asked[4] == 1
-    assert [robot for robot, _ in plugins.Watcher.sightings] == [0, 1, 2, 3]
+    assert [robot for robot, _ in example_strategies.Watcher.sightings] == [0, 1, 2, 3]
     everybody = frozenset(np.arange(4))
-    assert all(seen <= everybody for _, seen in plugins.Watcher.sightings)
+    assert all(seen <= everybody for _, seen in example_strategies.Watcher.sightings)

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from naive_motion import Floor, Robot, luck, mix
 
 from automaton.kernels import draws
-from automaton.kernels.motion import CLAIMS, ENTERED, LIVE, MOVED, ON_PATH, REFUSED, move_all, rank
+from automaton.kernels.motion import CLAIMS, ENTERED, LIVE, MOVED, REFUSED, STATE, move_all, rank
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Fleet, Scenario, WorldRules
@@ -177,8 +177,9 @@ def test_the_kernel_finds_the_greatest_set_of_moves(
             assert_equal_states(other, floor)
             reached["moved"] += len(expected[0])
             reached["refused"] += len(expected[1])
-            # Only the contest walks along chains of robots to find rings.
-            reached["in chains"] += np.count_nonzero(world.traffic.want & ON_PATH)
+            # Rows of the contest are written only for intents that the two passes left open.
+            reached["contested"] += np.count_nonzero(world.traffic.pending[:, STATE])
+            world.traffic.pending[:] = 0
 
     check()
     assert len(reached) == 3 and min(reached.values()) > 1000, reached

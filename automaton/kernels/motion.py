@@ -34,6 +34,7 @@ CAPACITY = 13  # shift of the class of capacity in a word
 GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
 OWN = 1  # the held resource if somebody may follow, then its entry, or NIL
 ROBOT = 2
+STATE = 3  # 0 undecided, else MOVED or REFUSED; ON_PATH while a ring is looked for
 
 WINNER = 0  # columns of traffic.contest: the best claimant of a resource, who wants to leave it
 LEAVER = 1
@@ -217,6 +218,7 @@ def move_uncontested(grid, rules, robots, traffic, releases):
             traffic.pending[U(pending), U(ROBOT)] = i
             traffic.pending[U(pending), U(GOAL)] = resource_of(there, target, direction, cells)
             traffic.pending[U(pending), U(OWN)] = own
+            traffic.pending[U(pending), U(STATE)] = 0
             pending += 1
         traffic.dirty[U(dirty)] = target
         dirty += 1
@@ -261,15 +263,19 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         if own != NIL:
             contest[U(own), U(LEAVER)] = k
     for k in range(pending):
-        i = U(intents[U(k), U(ROBOT)])
-        if contest[U(intents[U(k), U(GOAL)]), U(WINNER)] != k:
-            traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | REFUSED)
-        elif traffic.want[i] & np.uint8(MOVED) == 0:
+        goal = U(intents[U(k), U(GOAL)])
+        if contest[goal, U(WINNER)] != k:
+            intents[U(k), U(STATE)] = REFUSED
+        elif intents[U(k), U(STATE)] == 0:
             releases = move_queue(grid, rules, robots, traffic, k, releases)
+            if intents[U(k), U(STATE)] == 0 and contest[goal, U(LEAVER)] == NIL:
+                intents[U(k), U(STATE)] = REFUSED  # its target stays full
     for k in range(pending):
-        if outcome(traffic, k) & (MOVED | REFUSED) == 0:
+        if intents[U(k), U(STATE)] == 0:
             rotate_ring(grid, robots, traffic, k)
     for k in range(pending):
+        i = U(intents[U(k), U(ROBOT)])
+        traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | np.int64(intents[U(k), U(STATE)]))
         contest[U(intents[U(k), U(GOAL)]), U(WINNER)] = NIL
         if intents[U(k), U(OWN)] != NIL:
             contest[U(intents[U(k), U(OWN)]), U(LEAVER)] = NIL
@@ -310,6 +316,7 @@ def move_queue(grid, rules, robots, traffic, k, releases):
         if not has_room(traffic.occupancy, target, direction):
             return releases
         releases = advance(grid, rules, robots, traffic, i, releases)
+        traffic.pending[U(k), U(STATE)] = MOVED
         own = np.int64(traffic.pending[U(k), U(OWN)])
         k = NIL if own == NIL else np.int64(traffic.contest[U(own), U(WINNER)])
     return releases
@@ -322,35 +329,24 @@ def ahead_of(traffic, k):
 
 
 @kernel
-def outcome(traffic, k):
-    """What is known of intent k, as the bits of its want."""
-    return np.int64(traffic.want[U(traffic.pending[U(k), U(ROBOT)])])
-
-
-@kernel
-def settle_intent(traffic, k, bit):
-    i = U(traffic.pending[U(k), U(ROBOT)])
-    traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | bit)
-
-
-@kernel
 def rotate_ring(grid, robots, traffic, k):
     """Follow the leavers from winner k: a closed ring rotates, any other chain is refused.
 
     Members of a ring give room to each other, so the room of its cells stays as it is.
     """
+    intents = traffic.pending
     walker = k
     while True:
-        settle_intent(traffic, walker, ON_PATH)
+        intents[U(walker), U(STATE)] = ON_PATH
         walker = ahead_of(traffic, walker)
-        if walker == NIL or outcome(traffic, walker) & (MOVED | REFUSED):
+        if walker == NIL or intents[U(walker), U(STATE)] == REFUSED:
             break
-        if outcome(traffic, walker) & ON_PATH:
+        if intents[U(walker), U(STATE)] == ON_PATH:
             shift_ring(grid, robots, traffic, walker)
             break
     walker = k
-    while walker != NIL and outcome(traffic, walker) & (MOVED | REFUSED) == 0:
-        settle_intent(traffic, walker, REFUSED)
+    while walker != NIL and intents[U(walker), U(STATE)] == ON_PATH:
+        intents[U(walker), U(STATE)] = REFUSED
         walker = ahead_of(traffic, walker)
 
 
@@ -362,7 +358,7 @@ def shift_ring(grid, robots, traffic, start):
         direction = np.int64(traffic.want[i]) & 3
         robots.cell[i] = np.int64(robots.cell[i]) + grid.offset[U(direction)]
         robots.travel[i] = direction
-        settle_intent(traffic, walker, MOVED)
+        traffic.pending[U(walker), U(STATE)] = MOVED
         walker = ahead_of(traffic, walker)
         if walker == start:
             break

@@ -1,4 +1,4 @@
-"""Strategies that tests name as "tests.plugins:Class": good ones, and every kind of bad one."""
+"""Strategies that tests name as "example_strategies:Class": good ones, and every kind of bad one."""
 
 from __future__ import annotations
 

@@ -101,6 +101,8 @@ class Simulation:
                 )
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
         vaults = [memory.copied() for memory in self._memories]
+        # Kernels count no references: whatever is freed here would be overwritten under the loop.
+        self._lent = (arguments, functions, vaults)
         ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
         return ticks
 

@@ -68,8 +68,10 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
     simulation = ran(*which, until=0)
     idle = np.zeros(which[1], np.int64)
     parked = simulation.world.robots.parked == 1
-    while not simulation.finished:
-        simulation.run(simulation.tick + 1)
+    for tick in range(1, simulation.resolved.scenario.stop.at_most):
+        if simulation.finished:
+            break
+        simulation.run(tick)
         after = simulation.world.robots.parked == 1
         idle += parked & after & (simulation.world.robots.action != BAY_BLOCKED)
         parked = after

@@ -104,7 +104,7 @@ def assert_done(run: Simulation) -> None:
     assert metrics_of(run)["delivered"] == len(orders.state)
 
 
-@settings(max_examples=400)
+@settings(max_examples=1000)
 @given(floors(), st.integers(0, 10**6))
 def test_every_floor_is_emptied_and_every_robot_parked(floor: Floor, seed: int) -> None:
     run = Simulation(floor.resolved(), seed=seed)
@@ -180,7 +180,7 @@ def lone_robot_ticks(resolved: Resolved, run: Simulation) -> int:
     return ticks + drive(pose, home)[0]
 
 
-@settings(max_examples=60)
+@settings(max_examples=200)
 @given(floors(), st.integers(0, 10**6))
 def test_one_robot_takes_the_ticks_that_the_rules_give(floor: Floor, seed: int) -> None:
     alone = Floor(floor.tables, floor.positions, floor.destinations, 1, "independent")

@@ -4,9 +4,9 @@ Executed is the greatest set of intents in which every cell has room for its bes
 counting what members of the set give up; queues follow and rings rotate by themselves.
 
 One word per cell, so that one load tells all: bits 0-3 say that somebody claims the cell travelling
-E, S, W, N; bit 4 that two claim it in one direction; bits 5-7 hold its room: bit 5 a free cell of
-capacity 1, bits 5 and 6 the free lanes (E and S, W and N) of capacity 2, bit 7 a cell without limit.
-Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one lane: it has one holder, so
+E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E or
+S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a cell
+without limit keeps both. Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one lane: it has one holder, so
 one claimant at most wins.
 
 Two passes decide all but the contested and the queueing intents from these words alone; only final
@@ -17,6 +17,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
+from automaton.kernels.prefetch import prefetch
 from automaton.world.state import NIL
 
 LIVE = 4  # bits of traffic.want; bits 0-1 are the direction
@@ -24,56 +25,62 @@ ENTERED = 8  # it left its bay this tick: nobody may follow into its cell
 MOVED = 16  # outcomes
 REFUSED = 32
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
-ON_PATH = 128  # scratch of rotate_ring
 
 CLAIMS = 31
-ROOM_ENDLESS = 128
 RULE = 8  # shift of the rule in a word
 CAPACITY = 13  # shift of the class of capacity in a word
+TAKEN = 0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
+AHEAD = 16  # robots whose cells are fetched in advance
 
 GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
 OWN = 1  # the held resource if somebody may follow, then its entry, or NIL
 ROBOT = 2
-STATE = 3  # 0 undecided, else MOVED or REFUSED; ON_PATH while a ring is looked for
-
-WINNER = 0  # columns of traffic.contest: the best claimant of a resource, who wants to leave it
-LEAVER = 1
+STATE = 3  # 0 undecided, MOVED or REFUSED
 
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
 @kernel(inline=True)
-def room_bit(word, direction):
-    """The room that a robot travelling in `direction` needs in the cell of this word."""
-    capacity = (word >> 13) & 3
-    if capacity == 1:
-        return 32
-    if capacity == 2:
-        return 32 << (direction >> 1)
-    return 128
+def room_bit(direction):
+    """The room that a robot travelling in `direction` needs."""
+    return 32 << (direction >> 1)
+
+
+@kernel(inline=True)
+def taken_bits(word, direction):
+    """The room that a robot travelling in `direction` takes from the cell of this word."""
+    return ((TAKEN >> (((word >> (CAPACITY - 2)) & 12) | (direction & 2))) & 3) << 5
 
 
 @kernel
 def occupy(occupancy, cell, direction):
     """Take the room of a robot that entered `cell` in `direction`."""
     word = np.int64(occupancy[U(cell)])
-    bit = room_bit(word, np.int64(direction))
-    if bit != ROOM_ENDLESS:
-        occupancy[U(cell)] = np.uint16(word & ~bit)
+    occupancy[U(cell)] = np.uint16(word & ~taken_bits(word, np.int64(direction)))
 
 
 @kernel
 def vacate(occupancy, cell, direction):
     """Give back the room of a robot that entered `cell` in `direction`."""
     word = np.int64(occupancy[U(cell)])
-    occupancy[U(cell)] = np.uint16(word | room_bit(word, np.int64(direction)))
+    occupancy[U(cell)] = np.uint16(word | taken_bits(word, np.int64(direction)))
 
 
 @kernel
 def has_room(occupancy, cell, direction):
     """Whether a robot travelling in `direction` would find room in `cell` now."""
-    word = np.int64(occupancy[U(cell)])
-    return word & room_bit(word, np.int64(direction)) != 0
+    return np.int64(occupancy[U(cell)]) & room_bit(np.int64(direction)) != 0
+
+
+@kernel(inline=True)
+def fetch_ahead(grid, robots, traffic, i):
+    """Ask for the words that a robot stored a little later is about to need."""
+    if i + AHEAD < robots.cell.shape[0]:
+        cell = np.int64(robots.cell[U(i + AHEAD)])
+        if cell >= 0:
+            direction = np.int64(traffic.want[U(i + AHEAD)]) & 3
+            prefetch(traffic.occupancy, U(cell))
+            prefetch(traffic.occupancy, U(cell + grid.offset[U(direction)]))
 
 
 @kernel
@@ -126,8 +133,7 @@ def advance(grid, rules, robots, traffic, i, releases):
     cell = np.int64(robots.cell[U(i)])
     target = cell + grid.offset[U(direction)]
     word = np.int64(traffic.occupancy[U(target)]) & ~(1 << direction)
-    bit = room_bit(word, direction)
-    traffic.occupancy[U(target)] = np.uint16(word if bit == ROOM_ENDLESS else word & ~bit)
+    traffic.occupancy[U(target)] = np.uint16(word & ~taken_bits(word, direction))
     traffic.want[U(i)] = np.uint8(want | MOVED)
     span = np.int64(traffic.span[U(i)])
     if span > 1:
@@ -165,6 +171,7 @@ def claim_cells(grid, rules, robots, traffic):
     occupancy, want = traffic.occupancy, traffic.want
     releases = 0
     for i in range(robots.cell.shape[0]):
+        fetch_ahead(grid, robots, traffic, i)
         busy = np.int64(robots.busy[U(i)])
         if busy > 0:
             robots.busy[U(i)] = np.uint16(busy - 1)
@@ -191,6 +198,7 @@ def move_uncontested(grid, rules, robots, traffic, releases):
     pending = 0
     dirty = 0
     for i in range(robots.cell.shape[0]):
+        fetch_ahead(grid, robots, traffic, i)
         w = np.int64(want[U(i)])
         if w & LIVE == 0:
             continue
@@ -199,16 +207,15 @@ def move_uncontested(grid, rules, robots, traffic, releases):
         target = cell + grid.offset[U(direction)]
         here = np.int64(occupancy[U(cell)])
         there = np.int64(occupancy[U(target)])
-        bit = room_bit(there, direction)
         if (here >> (direction ^ 2)) & 1 and (
             (there >> CAPACITY) & 3 == 1 or (here >> CAPACITY) & 3 == 1
         ):
             # Two robots may not swap over one edge: they would pass through each other.
             want[U(i)] = np.uint8(w | REFUSED)
-        elif there & bit and there & CLAIMS == 1 << direction:
+        elif there & room_bit(direction) and there & CLAIMS == 1 << direction:
             releases = advance(grid, rules, robots, traffic, i, releases)
             continue
-        elif bit == ROOM_ENDLESS:
+        elif (there >> CAPACITY) & 3 == 0:
             releases = advance(grid, rules, robots, traffic, i, releases)
         else:
             followed = here & CLAIMS != 0 and (here >> CAPACITY) & 3 != 0 and w & ENTERED == 0
@@ -255,30 +262,23 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):
-        goal, own = U(intents[U(k), U(GOAL)]), np.int64(intents[U(k), U(OWN)])
-        best = np.int64(contest[goal, U(WINNER)])
+        goal = U(intents[U(k), U(GOAL)])
+        best = np.int64(contest[goal])
         i = np.int64(intents[U(k), U(ROBOT)])
         if best == NIL or is_before(robots, tick, i, np.int64(intents[U(best), U(ROBOT)])):
-            contest[goal, U(WINNER)] = k
-        if own != NIL:
-            contest[U(own), U(LEAVER)] = k
+            contest[goal] = k
     for k in range(pending):
-        goal = U(intents[U(k), U(GOAL)])
-        if contest[goal, U(WINNER)] != k:
+        if contest[U(intents[U(k), U(GOAL)])] != k:
             intents[U(k), U(STATE)] = REFUSED
         elif intents[U(k), U(STATE)] == 0:
             releases = move_queue(grid, rules, robots, traffic, k, releases)
-            if intents[U(k), U(STATE)] == 0 and contest[goal, U(LEAVER)] == NIL:
-                intents[U(k), U(STATE)] = REFUSED  # its target stays full
     for k in range(pending):
         if intents[U(k), U(STATE)] == 0:
             rotate_ring(grid, robots, traffic, k)
     for k in range(pending):
         i = U(intents[U(k), U(ROBOT)])
         traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | np.int64(intents[U(k), U(STATE)]))
-        contest[U(intents[U(k), U(GOAL)]), U(WINNER)] = NIL
-        if intents[U(k), U(OWN)] != NIL:
-            contest[U(intents[U(k), U(OWN)]), U(LEAVER)] = NIL
+        contest[U(intents[U(k), U(GOAL)])] = NIL
     return releases
 
 
@@ -317,37 +317,35 @@ def move_queue(grid, rules, robots, traffic, k, releases):
             return releases
         releases = advance(grid, rules, robots, traffic, i, releases)
         traffic.pending[U(k), U(STATE)] = MOVED
-        own = np.int64(traffic.pending[U(k), U(OWN)])
-        k = NIL if own == NIL else np.int64(traffic.contest[U(own), U(WINNER)])
+        k = behind(traffic, k)
     return releases
 
 
-@kernel(inline=True)
-def ahead_of(traffic, k):
-    """The intent to leave the resource that intent k wants, or NIL."""
-    return np.int64(traffic.contest[U(traffic.pending[U(k), U(GOAL)]), U(LEAVER)])
+@kernel
+def behind(traffic, k):
+    """The intent that won the resource which intent k would give up, or NIL."""
+    own = np.int64(traffic.pending[U(k), U(OWN)])
+    return NIL if own == NIL else np.int64(traffic.contest[U(own)])
 
 
 @kernel
 def rotate_ring(grid, robots, traffic, k):
-    """Follow the leavers from winner k: a closed ring rotates, any other chain is refused.
+    """Follow the winners behind winner k: a ring closes on k and rotates, any other queue is refused.
 
-    Members of a ring give room to each other, so the room of its cells stays as it is.
+    A resource has one winner, who wants one resource: so queues and rings never branch. Members of
+    a ring give room to each other, so the room of its cells stays as it is.
     """
     intents = traffic.pending
+    walker = behind(traffic, k)
+    while walker != k and walker != NIL and intents[U(walker), U(STATE)] != REFUSED:
+        walker = behind(traffic, walker)
+    if walker == k:
+        shift_ring(grid, robots, traffic, k)
+        return
     walker = k
-    while True:
-        intents[U(walker), U(STATE)] = ON_PATH
-        walker = ahead_of(traffic, walker)
-        if walker == NIL or intents[U(walker), U(STATE)] == REFUSED:
-            break
-        if intents[U(walker), U(STATE)] == ON_PATH:
-            shift_ring(grid, robots, traffic, walker)
-            break
-    walker = k
-    while walker != NIL and intents[U(walker), U(STATE)] == ON_PATH:
+    while walker != NIL and intents[U(walker), U(STATE)] != REFUSED:
         intents[U(walker), U(STATE)] = REFUSED
-        walker = ahead_of(traffic, walker)
+        walker = behind(traffic, walker)
 
 
 @kernel
@@ -359,6 +357,6 @@ def shift_ring(grid, robots, traffic, start):
         robots.cell[i] = np.int64(robots.cell[i]) + grid.offset[U(direction)]
         robots.travel[i] = direction
         traffic.pending[U(walker), U(STATE)] = MOVED
-        walker = ahead_of(traffic, walker)
+        walker = behind(traffic, walker)
         if walker == start:
             break

@@ -11,7 +11,7 @@ a strategy gets its robot's own row of memory only, and no shared memory.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.motion import CLAIMS, ROOM_ENDLESS, RULE, U
+from automaton.kernels.motion import CLAIMS, RULE, U
 from automaton.world.state import ACTIONS, NIL, NO_STEP
 
 
@@ -91,9 +91,7 @@ def forget_cell(world, seen, cell):
     """The cell looks empty."""
     if cell != NIL:
         rule = np.int64(world.grid.rule[U(cell)])
-        capacity = (rule >> 5) & 3
-        room = 32 if capacity == 1 else (96 if capacity == 2 else ROOM_ENDLESS)
-        seen.traffic.occupancy[U(cell)] = np.uint16((rule << RULE) | room)
+        seen.traffic.occupancy[U(cell)] = np.uint16((rule << RULE) | 96)  # room both ways
 
 
 @kernel

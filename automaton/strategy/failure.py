@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import traceback
 from types import FrameType
@@ -17,7 +16,6 @@ from automaton.world.state import LAYERS
 CALLS = {
     function.__code__ for function in (Simulation._decide, Simulation._memory, Simulation._strategy)
 }
-NUMBA_PLACE = re.compile(r'File "([^"]+)", line (\d+)')
 
 
 def strategy_failure(error: Exception, resolved: Resolved) -> InputError | None:
@@ -28,10 +26,6 @@ def strategy_failure(error: Exception, resolved: Resolved) -> InputError | None:
             layer = _layer(frame.f_locals)
             inner = frames[depth + 1 :]
             return _sentence(error, resolved.picks[layer].name, layer, _place(frame, inner))
-        if frame.f_code is Simulation._start.__code__ and _is_numba(error):
-            strategy = frame.f_locals.get("strategy")
-            if strategy is not None:
-                return _compilation(error, resolved.picks[strategy.layer].name, strategy.layer)
     return None
 
 
@@ -59,21 +53,3 @@ def _sentence(error: Exception, name: str, layer: str, place: str) -> InputError
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
     title = layer.replace("_", "-")
     return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")
-
-
-def _is_numba(error: Exception) -> bool:
-    return type(error).__module__.startswith("numba.")
-
-
-def _compilation(error: Exception, name: str, layer: str) -> InputError:
-    """Numba writes a page; its own file and line, and the first line that says what is wrong."""
-    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    reasons = [line for line in lines if not line.startswith("Failed in")]
-    found = NUMBA_PLACE.findall(text)
-    place = f" ({found[-1][0]}:{found[-1][1]})" if found else ""
-    title = layer.replace("_", "-")
-    return InputError(
-        f"the {title} strategy '{name}' does not compile: {(reasons or lines or ['?'])[0]}{place}"
-        "; --debug shows all"
-    )

@@ -128,7 +128,7 @@ def build_traffic(robots: int, occupancy: Array) -> Traffic:
         pending=np.zeros((robots, 4), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),
-        contest=np.full((2 * len(occupancy) if crowded else table, 2), NIL, np.int32),
+        contest=np.full(2 * len(occupancy) if crowded else table, NIL, np.int32),
         key=np.zeros(0 if crowded else table, np.int32),
     )
 
@@ -264,7 +264,7 @@ def first_headings(grid: Grid, cells: Array) -> Array:
 def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -> None:
     capacity = (grid.rule[cells].astype(np.int64) >> 5) & 3
     lane = headings.astype(np.int64) >> 1
-    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 32), 32 << lane], 0)
+    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 96), 32 << lane], 0)
     np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))
 
 

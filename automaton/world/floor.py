@@ -36,7 +36,6 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
     cells = plan.slots()
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
-    capacity = plan.capacity.reshape(-1)
     rule = rules_of(plan, kinematics)
     grid = Grid(
         width=plan.stride,
@@ -50,8 +49,7 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
     inside = (neighbours >= 0) & (neighbours < kind.size)
     neighbours = np.where(inside, neighbours, 0)
     access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
-    room = np.select([capacity == 1, capacity == 2], [32, 96], 128)
-    room = np.where(DRIVABLE[kind], room, 0).astype(np.uint16)
+    room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
     longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
     return Floor(

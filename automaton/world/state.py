@@ -199,7 +199,7 @@ class Traffic(Struct):
     pending: Array  # (n, 4) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
-    contest: Array  # (T, 2) int32: best claimant and leaver of a resource; NIL between ticks
+    contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks
     key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry
 
 

@@ -86,9 +86,7 @@ def test_what_is_not_printed_has_no_figure() -> None:
 
 def test_there_is_a_row_for_each_metric_of_each_cell(two_seeds: Reproduced) -> None:
     rows = two_seeds.rows()
-    expected = list(
-        product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS)
-    )
+    expected = list(product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS))
     assert [(*row.case.values(), row.metric) for row in rows] == expected
     assert set(rows[0].case) == {"configuration", "strategy", "robots"}
     assert two_seeds.unfinished == 0

@@ -11,6 +11,7 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.metrics import OPERATIONS, metrics_by_robot, metrics_of
+from automaton.picture import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.strategy.failure import strategy_failure
@@ -37,21 +38,26 @@ class Outcome(NamedTuple):
     metrics: dict[str, float | int]
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did
+    picture: str  # the grid at the end, if it was asked for
 
 
 def run_to_end(
-    simulation: Simulation, on_window: OnWindow | None = None, still: Array | None = None
+    simulation: Simulation,
+    on_window: OnWindow | None = None,
+    still: Array | None = None,
+    until: int | None = None,
 ) -> float:
-    """Run until finished or at the limit; the seconds that took.
+    """Run until finished, at tick `until` or at the limit; the seconds that took.
 
     `on_window` is called every WINDOW ticks. `still`: (n,) int64 output, the last window's end at
     which each stored robot had worked since the one before.
     """
     limit = simulation.resolved.scenario.stop.at_most
+    limit = limit if until is None else min(limit, until)
     begun = time.perf_counter()
     worked = operations(simulation)
     while not simulation.finished and simulation.tick < limit:
-        simulation.run(simulation.tick + WINDOW)
+        simulation.run(min(simulation.tick + WINDOW, limit))
         if still is not None:
             now = operations(simulation)
             still[now != worked] = simulation.tick
@@ -85,12 +91,17 @@ def run_once(
     resolved: Resolved,
     on_record: Callable[[Simulation], None] | None = None,
     on_window: OnWindow | None = None,
+    until: int | None = None,
+    draw: bool = False,
 ) -> Outcome:
-    """Run a scenario with its own seed. Raises InputError for a strategy that raises."""
+    """Run a scenario with its own seed, to its end or to tick `until`; `draw` the grid then.
+
+    Raises InputError for a strategy that raises.
+    """
     still = np.zeros(resolved.scenario.fleet.robots, np.int64)
     with strategies_blamed(resolved):
         simulation = Simulation(resolved, on_record=on_record)
-        wall = run_to_end(simulation, on_window, still)
+        wall = run_to_end(simulation, on_window, still, until)
     state = simulation.world.orders.state
     finished = simulation.finished or resolved.scenario.stop.when == "never"
     return Outcome(
@@ -103,6 +114,7 @@ def run_once(
         metrics=metrics_of(simulation),
         robots=metrics_by_robot(simulation),
         trouble="" if finished else trouble(simulation, still),
+        picture=picture_of(simulation) if draw else "",
     )
 
 

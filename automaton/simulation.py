@@ -53,7 +53,7 @@ class Simulation:
         self.resolved = resolved
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
-        self.space = floor.space
+        self.space = floor.borrow_space(self)
         self.seen = build_sight(self.world, floor)
         self.view: World = self.seen.read_only()
         self.batch, self.asked, self.answers = build_buffers(self.world)

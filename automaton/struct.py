@@ -1,14 +1,14 @@
 """Structs of arrays that cross into compiled code as one pointer.
 
 A subclass of Struct lists its fields by annotation: arrays (of 1 to 3 dimensions, C-contiguous),
-integers, or other structs. In Python, and with the JIT off, it is a plain object with these attributes. Compiled
-code gets the address of a table with one row per field,
+integers, or other structs. In Python, and with the JIT off, it is a plain object with these
+attributes. Compiled code gets the address of a table with one row per field,
 
     array:    data pointer, shape (3)        integer: value        struct: its table
 
 and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
 words for each array, at every call: with the 75 arrays of a world the loop then compiles in 122 s
-instead of 12 s (measured with Numba 0.68), so the world is passed by reference.
+instead of about 20 s (measured with Numba 0.68), so the world is passed by reference.
 
 Read-only arrays give a type of their own, and kernels that write to them do not compile.
 """

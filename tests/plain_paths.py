@@ -65,7 +65,9 @@ class Ways(NamedTuple):
         cost = self.costs(start, closed)
         return min(cost.get((target, heading), FAR) for heading in range(self.headings))
 
-    def driven(self, start: Pose, route: list[int], closed: Collection[int] = ()) -> tuple[int, int]:
+    def driven(
+        self, start: Pose, route: list[int], closed: Collection[int] = ()
+    ) -> tuple[int, int]:
         """(ticks, last cell) of driving these directions, turning as seldom as possible.
 
         Raises AssertionError for a step that no robot can make.

@@ -47,7 +47,7 @@ def digest(name: str, *settings: str, seed: int = 7, **options: Any) -> str:
 
 
 def told(name: str, until: int, *settings: str, **environment: str) -> str:
-    """"TICK DIGEST" of a run in a fresh process."""
+    """ "TICK DIGEST" of a run in a fresh process."""
     done = subprocess.run(
         [sys.executable, "-c", TOLD, name, str(until), *settings],
         env={**os.environ, **environment},

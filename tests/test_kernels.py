@@ -74,7 +74,9 @@ def test_kernels_are_made_of_the_sources_that_name_the_cache_and_of_nothing_else
             assert source is None or source in known, f"{path.name} imports {name}"
 
 
-def test_the_cache_folder_changes_with_a_source(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_cache_folder_changes_with_a_source(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     from automaton import compiled
 
     for package in KERNEL_SOURCES:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_motion import Floor, Robot, luck, mix
@@ -56,27 +57,30 @@ def wish(byte: int) -> tuple[int, int, int, bool] | None:
 
 @st.composite
 def cases(draw: Any) -> Case:
-    width = draw(st.integers(1, 5))
-    row = st.text(SYMBOLS, min_size=width, max_size=width)
-    picture = "\n".join(draw(st.lists(row, min_size=1, max_size=4)))
+    width = draw(st.sampled_from([5, 4, 3, 2, 1]))
+    height = draw(st.sampled_from([4, 3, 2, 1]))
+    picture = draw(pictures(SYMBOLS, width, height))
     if not set(picture) - set("#\n"):
         picture = picture.replace("#", ".")
     plan = draw_floor(picture)
     drivable = np.flatnonzero(plan.drivable()).tolist()
     shuffled = draw(st.permutations(drivable))
-    cells = shuffled[: draw(st.integers(1, len(drivable)))]
+    cells = shuffled[: draw(st.sampled_from(range(len(drivable), 0, -1)))]
     # Cells without limit may hold several robots from the start.
     crowd = [cell for cell in cells if plan.capacity.flat[cell] == 0]
     cells += crowd[: draw(st.integers(0, 2))]
     n = len(cells)
-    wishes = draw(st.lists(st.binary(min_size=n, max_size=n), min_size=1, max_size=6))
+    seed, ticks = draw(st.integers(0, 2**40)), draw(st.sampled_from([6, 3, 2, 1]))
     return Case(
         plan=plan,
         cells=tuple(cells),
         following=draw(st.booleans()),
         storage=tuple(draw(st.permutations(range(n)))),
         first_tick=draw(st.integers(0, 2**31)),
-        ticks=tuple(tuple(line) for line in wishes),
+        ticks=tuple(
+            tuple(mix(seed + n * number + robot) & 255 for robot in range(n))
+            for number in range(ticks)
+        ),
     )
 
 
@@ -121,9 +125,7 @@ def naive(case: Case) -> Floor:
     return floor
 
 
-def naive_tick(
-    floor: Floor, number: int, wishes: tuple[int, ...]
-) -> tuple[set[int], set[int]]:
+def naive_tick(floor: Floor, number: int, wishes: tuple[int, ...]) -> tuple[set[int], set[int]]:
     wants, entered = {}, []
     for identity, byte in enumerate(wishes):
         wanted = wish(byte)
@@ -181,7 +183,7 @@ def test_the_kernel_finds_the_greatest_set_of_moves(
             world.traffic.pending[:] = 0
 
     check()
-    assert len(reached) == 3 and min(reached.values()) > 300, reached
+    assert len(reached) == 3 and min(reached.values()) > 3000, reached
 
 
 def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:

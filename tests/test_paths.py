@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_paths import FAR, Pose, Ways
@@ -39,7 +40,7 @@ class Case:
         scenario = Scenario(name="paths", layout={}, fleet=fleet, durations=durations)
         start = tuple(self.robots) or (self.start[0],)
         world, floor = build_world(Resolved(scenario, self.ways.plan, {}, start, ""), 1)
-        return world.read_only(), floor.space
+        return world.read_only(), floor.borrow_space(world)
 
     def closed(self) -> set[int]:
         """Cells of capacity 1 with a robot: they have no room from any side."""
@@ -50,8 +51,7 @@ class Case:
 @st.composite
 def cases(draw: Any, symbols: str = SYMBOLS) -> Case:
     width = draw(st.integers(1, 5))
-    row = st.text(symbols, min_size=width, max_size=width)
-    lines = draw(st.lists(row, min_size=1, max_size=5))
+    lines = draw(pictures(symbols, width, draw(st.integers(1, 5)))).split("\n")
     if all(set(line) == {"#"} for line in lines):
         lines.append("." * width)
     ways = Ways(
@@ -117,7 +117,9 @@ def test_around_robots_means_through_no_cell_without_room(case: Case) -> None:
 
 @settings(max_examples=200)
 @given(cases(symbols=".....++--||><v^##"), st.booleans())
-def test_the_nearest_mark_is_the_nearest_and_ties_go_to_the_lowest(case: Case, around: bool) -> None:
+def test_the_nearest_mark_is_the_nearest_and_ties_go_to_the_lowest(
+    case: Case, around: bool
+) -> None:
     view, space = case.built()
     closed = case.closed() if around else set()
     mark = search.begin_search(space)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_strategies import Mood
@@ -69,8 +70,7 @@ def plans(draw: Any) -> FloorPlan:
         lines = draw(st.sampled_from(DRAWN)).split("\n")
     else:
         width = draw(st.integers(2, 5))
-        row = st.text(SYMBOLS, min_size=width, max_size=width)
-        lines = draw(st.lists(row, min_size=1, max_size=3))
+        lines = draw(pictures(SYMBOLS, width, draw(st.integers(1, 3)))).split("\n")
     lines.append(("sd" * 5)[: len(lines[0])])
     if draw(st.booleans()) and any(line[0] not in "#sd" for line in lines):
         lines = [("b" if line[0] not in "#sd" else " ") + line for line in lines]
@@ -104,9 +104,7 @@ def cases(draw: Any) -> Case:
     scenario = Scenario(
         name="case",
         layout={},
-        fleet=Fleet(
-            robots=n, kinematics=draw(st.sampled_from(["rail", "differential", "omni"]))
-        ),
+        fleet=Fleet(robots=n, kinematics=draw(st.sampled_from(["rail", "differential", "omni"]))),
         durations=Durations(move=draw(ticks), turn=draw(ticks), pick=draw(ticks), drop=draw(ticks)),
         world=WorldRules(following=draw(st.sampled_from([True, True, False]))),
         stop=Stop(when="never", at_most=TICKS),

@@ -209,9 +209,7 @@ def test_one_robot_on_the_published_floors(name: str) -> None:
         ("tabletop-2", "cooperative", 9363),
     ],
 )
-def test_one_robot_is_as_fast_as_the_reference(
-    name: str, allocation: str, reference: int
-) -> None:
+def test_one_robot_is_as_fast_as_the_reference(name: str, allocation: str, reference: int) -> None:
     """Within 3 standard errors + 2 % of the mean that the same rules gave elsewhere."""
     resolved = resolve(name, ["fleet.robots=1", f"strategy.allocation={allocation}"])
     ticks = []

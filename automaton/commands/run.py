@@ -38,7 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="change a value of the scenario, such as fleet.robots=3; may be repeated",
     )
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every tick in FILE")
+    parser.add_argument("--until", type=ticks, metavar="TICK", help="stop there, if not before")
+    parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+def ticks(text: str) -> int:
+    """A tick, counted from 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a tick: allowed are 1, 2, 3 and so on")
+    return int(text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -47,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
     resolved = resolve(args.scenario, args.settings, args.seed)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
-        outcome = run_once(resolved, on_record, on_window)
+        outcome = run_once(resolved, on_record, on_window, args.until, args.picture)
         if on_record is not None:
             on_record.end(outcome.metrics)
     if args.json:
@@ -55,8 +64,10 @@ def run(args: argparse.Namespace) -> int:
     else:
         from automaton.run_report import print_report
 
+        if args.picture:
+            print(outcome.picture)
         print_report(resolved, outcome)
-    if outcome.finished:
+    if outcome.finished or outcome.ticks == args.until:
         return 0
     sys.stdout.flush()
     limit = resolved.scenario.stop.at_most
@@ -124,4 +135,5 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "wall_s": round(outcome.wall_s, 6),
         "metrics": outcome.metrics,
         "robots": outcome.robots,
+        **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
     }

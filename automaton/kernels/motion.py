@@ -6,8 +6,8 @@ counting what members of the set give up; queues follow and rings rotate by them
 One word per cell, so that one load tells all: bits 0-3 say that somebody claims the cell travelling
 E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E or
 S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a cell
-without limit keeps both. Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one lane: it has one holder, so
-one claimant at most wins.
+without limit keeps both. Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one
+lane: it has one holder, so one claimant at most wins.
 
 Two passes decide all but the contested and the queueing intents from these words alone; only final
 inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.

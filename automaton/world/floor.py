@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,8 +25,18 @@ class Floor(NamedTuple):
     slot_endless: Array  # (s,) uint8
     slot_access: Array  # (s, 4) int32
     occupancy: Array  # (C,) uint16: the empty floor
-    space: Workspace
+    spaces: list[Workspace]  # those that no simulation uses now
     longest_route: int
+
+    def borrow_space(self, user: object) -> Workspace:
+        """A workspace of its own until `user` is gone; distance fields stay for the next one.
+
+        Simulations may run in threads side by side, so no two share one.
+        """
+        cells, headings = self.grid.kind.size, self.grid.headings
+        space = self.spaces.pop() if self.spaces else workspace(cells, headings, self.longest_route)
+        weakref.finalize(user, self.spaces.append, space)
+        return space
 
 
 @lru_cache(maxsize=16)
@@ -58,7 +69,7 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
         slot_endless=frozen((kind[cells] != SHELF).astype(np.uint8)),
         slot_access=frozen(access),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
-        space=workspace(kind.size, headings, longest_route),
+        spaces=[],
         longest_route=longest_route,
     )
 

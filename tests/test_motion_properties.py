@@ -164,7 +164,7 @@ def test_the_kernel_finds_the_greatest_set_of_moves(
     monkeypatch.setattr(build, "CROWDED", crowded)
     reached: Counter[str] = Counter()
 
-    @settings(max_examples=1000)
+    @settings(max_examples=2000)
     @given(cases())
     def check(case: Case) -> None:
         world, floor = built(case, None), naive(case)

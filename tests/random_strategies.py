@@ -122,17 +122,18 @@ class RandomAllocation(RandomStrategy):
     def act(self, view, dice, i, k, given, reason, space):
         if reason == PICKED or view.robots.load[i] != NIL:
             target = int(view.orders.target[view.robots.load[i]])
-            slot = target if dice.below(3) else dice.below(len(view.slots.cell))
+            empty = (view.slots.content == NIL) & (view.slots.by == NIL) & (view.slots.endless == 0)
+            slot = dice.among([target, target, *empty.nonzero()[0].tolist()])
             self.send(view, dice, k, given, SET_DOWN, slot)
             given.slot[k] = slot
             given.try_drop[k] = dice.below(4) == 0
-        elif dice.below(3) == 0:
+        elif dice.below(3) == 0 and view.robots.order[i] == NIL:
             given.verb[k] = PARK
         else:
             waiting = (view.orders.state == WAITING) & (view.orders.by == NIL)
-            order = dice.among(waiting.nonzero()[0].tolist() or [0])
-            self.send(view, dice, k, given, TAKE, int(view.orders.place[order]))
-            given.order[k] = order
+            for order in [dice.among(waiting.nonzero()[0])] if waiting.any() else []:
+                self.send(view, dice, k, given, TAKE, int(view.orders.place[order]))
+                given.order[k] = order
         given.ask_again[k] = dice.below(2)
 
     def send(self, view, dice, k, given, verb, slot):

@@ -54,6 +54,13 @@ ACTIVE = {  # shares of 256 in which a layer does something
     "routing": (128, 240),
     "right_of_way": (20, 128, 220, 240),
 }
+LOOPS = (">v\n^<\nsd", ">v\n^<\nds", "..\n..\nsd", ">.v\n^<<\nsds", "=.=\n...\nsds", "b=.\nb..\n sd")
+STRATEGIES = {
+    "charging": "RandomCharging",
+    "allocation": "RandomAllocation",
+    "routing": "RandomRouting",
+    "right_of_way": "RandomRightOfWay",
+}
 
 
 @dataclass(frozen=True)
@@ -80,44 +87,46 @@ def plans(draw: Any) -> FloorPlan:
 
 
 @st.composite
-def moods(draw: Any, layer: str) -> Mood:
-    low, high = draw(st.tuples(st.integers(1, 3), st.integers(0, 2)))
+def moods(draw: Any, layer: str, busy: bool) -> Mood:
+    low, more = draw(st.tuples(st.integers(1, 3), st.integers(0, 2)))
     return Mood(
         seed=draw(st.integers(0, 2**32)),
-        every=1 if layer == "right_of_way" else draw(st.sampled_from([1, 2, 3])),
-        illegal=draw(st.sampled_from([0, 4, 16])),
-        active=draw(st.sampled_from(ACTIVE[layer])),
-        waits=(low, low + high, low, low + high, draw(st.integers(1, 3))),
+        every=1 if busy or layer == "right_of_way" else draw(st.sampled_from([1, 2, 3])),
+        illegal=0 if busy else draw(st.sampled_from([0, 4, 16])),
+        active=ACTIVE[layer][-1] if busy else draw(st.sampled_from(ACTIVE[layer])),
+        waits=(low, low + more, low, low + more, draw(st.integers(1, 3))),
+    )
+
+
+@st.composite
+def scenarios(draw: Any, robots: int, busy: bool) -> Scenario:
+    ticks = st.just(1) if busy else st.integers(1, 3)
+    kinematics = "omni" if busy else draw(st.sampled_from(["rail", "differential", "omni"]))
+    return Scenario(
+        name="case",
+        layout={},
+        fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
+        durations=Durations(move=draw(ticks), turn=draw(ticks), pick=draw(ticks), drop=draw(ticks)),
+        world=WorldRules(following=busy or draw(st.sampled_from([True, True, False]))),
+        stop=Stop(when="never", at_most=TICKS),
+        seed=draw(st.integers(0, 2**32)),
     )
 
 
 @st.composite
 def cases(draw: Any) -> Case:
-    plan = draw(plans())
+    busy = draw(st.integers(0, 5)) == 5  # everybody on the move: rings would be rare otherwise
+    plan = draw_floor(draw(st.sampled_from(LOOPS))) if busy else draw(plans())
     if len(plan.bays):
         n, start = draw(st.sampled_from(range(len(plan.bays), 0, -1))), "bays"
     else:
         cells = draw(st.permutations(np.flatnonzero(plan.drivable()).tolist()))
         n = draw(st.sampled_from(range(min(6, len(cells)), 0, -1)))
         start = tuple(cells[:n])
-    ticks = st.integers(1, 3)
-    scenario = Scenario(
-        name="case",
-        layout={},
-        fleet=Fleet(robots=n, kinematics=draw(st.sampled_from(["rail", "differential", "omni"]))),
-        durations=Durations(move=draw(ticks), turn=draw(ticks), pick=draw(ticks), drop=draw(ticks)),
-        world=WorldRules(following=draw(st.sampled_from([True, True, False]))),
-        stop=Stop(when="never", at_most=TICKS),
-        seed=draw(st.integers(0, 2**32)),
-    )
     picks = {"zoning": Pick("none", NoParameters())}
-    for layer, name in (
-        ("charging", "RandomCharging"),
-        ("allocation", "RandomAllocation"),
-        ("routing", "RandomRouting"),
-        ("right_of_way", "RandomRightOfWay"),
-    ):
-        picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer)))
+    for layer, name in STRATEGIES.items():
+        picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
+    scenario = draw(scenarios(n, busy))
     resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
 

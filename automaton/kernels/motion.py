@@ -84,10 +84,9 @@ def fetch_ahead(grid, robots, traffic, i):
 
 
 @kernel
-def rank(priority, tick, identity):
-    """Claimants of one cell in order: priority, then a bijective hash of (tick, identity)."""
-    scrambled = mix((np.uint64(tick) << np.uint64(32)) | np.uint64(identity))
-    return ((np.int64(priority) + 32768) << 47) | np.int64(scrambled >> np.uint64(17))
+def luck(tick, identity):
+    """A bijective hash of (tick, identity): it ranks claimants of equal priority, without ties."""
+    return mix((np.uint64(tick) << np.uint64(32)) | np.uint64(identity))
 
 
 @kernel
@@ -301,9 +300,9 @@ def enter_entries(traffic, pending):
 @kernel
 def is_before(robots, tick, i, j):
     """Whether robot i goes before robot j into a cell that both claim."""
-    return rank(robots.priority[U(i)], tick, robots.identity[U(i)]) > rank(
-        robots.priority[U(j)], tick, robots.identity[U(j)]
-    )
+    if robots.priority[U(i)] != robots.priority[U(j)]:
+        return robots.priority[U(i)] > robots.priority[U(j)]
+    return luck(tick, robots.identity[U(i)]) > luck(tick, robots.identity[U(j)])
 
 
 @kernel

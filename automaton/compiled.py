@@ -32,8 +32,10 @@ KERNEL_SOURCES = {
         "struct.py",
         "struct_types.py",
         "kernels",
+        "world/cells.py",
         "world/state.py",
         "recording/codes.py",
+        "strategy/kernels.py",
         "strategy/layer.py",
     ),
     "strategies": (".",),
@@ -83,6 +85,17 @@ def cache_folder() -> Path:
     return folder
 
 
+def folder_for(function: Callable[..., Any]) -> Path:
+    """The cache folder of a kernel: for a plug-in's, one that its neighbours' sources name too."""
+    if function.__module__.split(".")[0] in KERNEL_SOURCES:
+        return cache_folder()
+    source = Path(function.__code__.co_filename)
+    digest = hashlib.sha256()
+    for path in sorted(source.parent.glob("*.py")):
+        digest.update(path.as_posix().encode() + path.read_bytes())
+    return cache_folder() / f"plug-in-{digest.hexdigest()[:12]}"
+
+
 def kernel(function: F | None = None, *, signature: Any = None, inline: bool = False) -> Any:
     """Compile `function` (nogil, cached across processes).
 
@@ -98,7 +111,7 @@ def kernel(function: F | None = None, *, signature: Any = None, inline: bool = F
     if not jit_is_on():
         return function
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder())
+    config.CACHE_DIR = str(folder_for(function))
     try:
         if signature is not None:
             return njit(signature, **options)(function)

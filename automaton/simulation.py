@@ -13,6 +13,7 @@ from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
+from automaton.strategy.contract import checked_every, checked_memory, checked_waits
 from automaton.strategy.layer import Strategy
 from automaton.world.build import (
     build_buffers,
@@ -57,6 +58,7 @@ class Simulation:
         self.seen = build_sight(self.world, floor)
         self.view: World = self.seen.read_only()
         self.batch, self.asked, self.answers = build_buffers(self.world)
+        self._shown = self.asked.read_only()
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
         self.world.clock[RECORDING] = 1 if on_record else 0
@@ -70,13 +72,15 @@ class Simulation:
             return None
         strategy: Strategy = lookup.load(layer, pick.name)(pick.parameters)
         index = LAYERS.index(layer)
-        self.world.rules.every[index] = strategy.every
+        self.world.rules.every[index] = checked_every(strategy)
         if layer == "right_of_way":
-            self.world.rules.wait[:] = strategy.waits()
+            self.world.rules.wait[:] = checked_waits(strategy)
         return strategy
 
     def _memory(self, strategy: Strategy | None) -> Memory:
-        return no_memory() if strategy is None else strategy.reset(self.view)
+        if strategy is None:
+            return no_memory()
+        return checked_memory(strategy, strategy.reset(self.view), self.view)
 
     def _start(self) -> Iterator[int]:
         arguments = (
@@ -85,6 +89,7 @@ class Simulation:
             self.view,
             self.batch,
             self.asked,
+            self._shown,
             self.answers,
             self.record,
             self.space,
@@ -101,6 +106,10 @@ class Simulation:
                 )
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
         vaults = [memory.copied() for memory in self._memories]
+        if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
+            for memory in self._memories:
+                memory.own[:] = 0
+                memory.shared[:] = 0
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
         self._lent = (arguments, functions, vaults)
         ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
@@ -133,7 +142,7 @@ class Simulation:
     def _decide(self, layer: int) -> None:
         strategy = self._strategies[layer]
         assert strategy is not None
-        strategy.decide(self.view, self.asked, self.answers, self._memories[layer], self.space)
+        strategy.decide(self.view, self._shown, self.answers, self._memories[layer], self.space)
 
     def digests(self) -> Array:
         """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""

@@ -54,7 +54,14 @@ ACTIVE = {  # shares of 256 in which a layer does something
     "routing": (128, 240),
     "right_of_way": (20, 128, 220, 240),
 }
-LOOPS = (">v\n^<\nsd", ">v\n^<\nds", "..\n..\nsd", ">.v\n^<<\nsds", "=.=\n...\nsds", "b=.\nb..\n sd")
+LOOPS = (
+    ">v\n^<\nsd",
+    ">v\n^<\nds",
+    "..\n..\nsd",
+    ">.v\n^<<\nsds",
+    "=.=\n...\nsds",
+    "b=.\nb..\n sd",
+)
 STRATEGIES = {
     "charging": "RandomCharging",
     "allocation": "RandomAllocation",

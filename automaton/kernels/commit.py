@@ -19,6 +19,7 @@ from automaton.kernels.operations import (
     reserve_slot,
 )
 from automaton.recording.codes import DID_ILLEGAL, DID_WAIT, DID_WITHDRAW, DURATION, ZONE
+from automaton.world.cells import CHARGER
 from automaton.world.state import (
     ALLOCATION,
     CHANGES,
@@ -93,7 +94,7 @@ def commit_zoning(world, record, asked, answers):
 
 @kernel
 def commit_charging(world, record, asked, answers):
-    """A robot without load and order may be sent to a drivable cell, to charge there."""
+    """A robot without load and order may be sent to a charger."""
     robots = world.robots
     for k in range(asked.count[0]):
         stand = np.int64(answers.charging.stand[k])
@@ -102,7 +103,7 @@ def commit_charging(world, record, asked, answers):
         i = np.int64(asked.robot[k])
         ticks = answers.charging.ticks[k]
         inside = 0 <= stand < world.grid.rule.shape[0] and 0 < ticks <= MOST_TICKS
-        if not inside or world.grid.rule[stand] & 15 == 0 or robots.order[i] != NIL:
+        if not inside or world.grid.kind[stand] != CHARGER or robots.order[i] != NIL:
             refuse(world, CHARGING, i)
             continue
         allocation_done(world, i)

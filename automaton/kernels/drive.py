@@ -13,6 +13,7 @@ from automaton.kernels.motion import (
     ENTERED,
     LIVE,
     MOVED,
+    NO_TURN,
     U,
     has_room,
     occupy,
@@ -61,8 +62,11 @@ from automaton.world.state import (
     HOLD_NONE,
     HOLD_WAITED,
     MOVE,
+    NEED_ROUTE,
     NIL,
     NO_STEP,
+    PICKED,
+    PLAN,
     REPLAN,
     TICK,
     TRY_DROP,
@@ -153,6 +157,9 @@ def drive_without_route(world, record, i):
         robots.did[i] = DID_TRY_DROP
     elif robots.withdrawing[i] == 0 and robots.cell[i] == robots.stand[i]:
         do_goal(world, record, i)
+    elif robots.withdrawing[i] == 0 and robots.stand[i] != NIL:
+        if robots.need[i] & NEED_ROUTE == 0:  # the route ended before the stand: go on from here
+            need_route(world, i, PLAN)
 
 
 @kernel
@@ -192,8 +199,7 @@ def turn(world, i, direction):
     if np.int64(grid.rule[cell]) >> 5 & 3 == 2:
         other_lane = np.int64(robots.travel[i]) ^ 2
         if not has_room(world.traffic.occupancy, cell, other_lane):
-            lose_tick(world, i, BLOCKED)
-            robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
+            world.traffic.want[i] = NO_TURN
             return
         occupy(world.traffic.occupancy, cell, other_lane)
         robots.claim[i] = cell
@@ -226,7 +232,7 @@ def settle(world, record):
                     park_if_home(world, i)
             else:
                 after_step(world, i)
-        elif want & LIVE:
+        elif want & LIVE or want == NO_TURN:
             refused(world, record, i)
         elif want & ARRIVED:
             park_if_home(world, i)
@@ -272,14 +278,14 @@ def replan(world, i):
     """Plan the same task again around the other robots; look for work if there is no task."""
     goal = world.robots.goal[i]
     if goal == GOAL_NONE or goal == GOAL_PARK:
-        need_allocation(world, i, REPLAN)
+        need_allocation(world, i, PICKED if world.robots.load[i] != NIL else REPLAN)
     if goal != GOAL_NONE:
         need_route(world, i, AROUND)
 
 
 @kernel
 def refused(world, record, i):
-    """A planned move was refused: wait, then retry, then ask right of way."""
+    """A planned move, or the turn before it, was refused: wait, then retry, then ask right of way."""
     robots, wait = world.robots, world.rules.wait
     if robots.at[i] >= robots.length[i]:
         lose_tick(world, i, BLOCKED)  # a refused step costs the tick

@@ -1,6 +1,6 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
-    orders -> zoning -> charging -> allocation -> routing -> right of way -> motion -> digest
+    zoning -> charging -> allocation -> routing -> right of way -> motion -> record
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
@@ -55,14 +55,15 @@ INTERPRETED = 2
 
 
 def ticks(
-    world, seen, view, batch, asked, answers, record, space, serving,
+    world, seen, view, batch, asked, shown, answers, record, space, serving,
     zoning, charging, allocation, routing, right_of_way,
     memory_z, memory_c, memory_a, memory_r, memory_w,
     vault_z, vault_c, vault_a, vault_r, vault_w,
 ):  # fmt: skip
     """Run ticks until world.clock[UNTIL]; pauses there, when a buffer is full, and at the end.
 
-    `seen` and `view` are the same memory: what strategies see, writable and read-only.
+    `seen` and `view`, `asked` and `shown` are the same memory, writable and read-only: strategies
+    get the latter.
     """
     clock = world.clock
     while True:
@@ -77,7 +78,7 @@ def ticks(
                 take_turn(world, seen, batch, asked, memory_z, vault_z, turn)
                 clear_answers(asked, answers, ZONING)
                 if serving[ZONING] == COMPILED:
-                    zoning(view, asked, answers, memory_z, space)
+                    zoning(view, shown, answers, memory_z, space)
                 else:
                     yield ZONING
                 commit_zoning(world, record, asked, answers)
@@ -88,7 +89,7 @@ def ticks(
                 take_turn(world, seen, batch, asked, memory_c, vault_c, turn)
                 clear_answers(asked, answers, CHARGING)
                 if serving[CHARGING] == COMPILED:
-                    charging(view, asked, answers, memory_c, space)
+                    charging(view, shown, answers, memory_c, space)
                 else:
                     yield CHARGING
                 commit_charging(world, record, asked, answers)
@@ -99,7 +100,7 @@ def ticks(
                 take_turn(world, seen, batch, asked, memory_a, vault_a, turn)
                 clear_answers(asked, answers, ALLOCATION)
                 if serving[ALLOCATION] == COMPILED:
-                    allocation(view, asked, answers, memory_a, space)
+                    allocation(view, shown, answers, memory_a, space)
                 else:
                     yield ALLOCATION
                 commit_allocation(world, record, asked, answers)
@@ -110,7 +111,7 @@ def ticks(
                 take_turn(world, seen, batch, asked, memory_r, vault_r, turn)
                 clear_answers(asked, answers, ROUTING)
                 if serving[ROUTING] == COMPILED:
-                    routing(view, asked, answers, memory_r, space)
+                    routing(view, shown, answers, memory_r, space)
                 else:
                     yield ROUTING
                 commit_routing(world, record, asked, answers)
@@ -121,7 +122,7 @@ def ticks(
                 take_turn(world, seen, batch, asked, memory_w, vault_w, turn)
                 clear_answers(asked, answers, RIGHT_OF_WAY)
                 if serving[RIGHT_OF_WAY] == COMPILED:
-                    right_of_way(view, asked, answers, memory_w, space)
+                    right_of_way(view, shown, answers, memory_w, space)
                 else:
                     yield RIGHT_OF_WAY
                 commit_right_of_way(world, record, asked, answers)
@@ -181,15 +182,14 @@ def is_finished(world):
 def compile_loop(arguments, memory):
     """The generator function, and the signature of `decide`.
 
-    `arguments`: world, seen, view, batch, asked, answers, record, space, serving of any run; all
-    runs have the same types.
+    `arguments`: those of `ticks` up to `serving`, of any run; all runs have the same types.
     """
     if not jit_is_on():
         return ticks, None
     from numba import typeof
 
     kinds = [typeof(argument) for argument in arguments]
-    _, _, view, _, asked, answers, _, space, _ = kinds
-    decide = types.void(view, asked, answers, typeof(memory), space)
+    _, _, view, _, _, shown, answers, _, space, _ = kinds
+    decide = types.void(view, shown, answers, typeof(memory), space)
     layers = [types.FunctionType(decide)] * 5
     return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 10))), decide

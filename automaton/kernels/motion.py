@@ -22,6 +22,7 @@ from automaton.world.state import NIL
 
 LIVE = 4  # bits of traffic.want; bits 0-1 are the direction
 ENTERED = 8  # it left its bay this tick: nobody may follow into its cell
+NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
@@ -98,7 +99,7 @@ def direction_between(grid, cell, neighbour):
 
 
 @kernel
-def give_up(rules, traffic, cell, direction, at_once, releases):
+def give_up(traffic, cell, direction, at_once, releases):
     """Give back a cell's room, at once or at the end of the tick; returns the releases put off."""
     if at_once:
         vacate(traffic.occupancy, cell, direction)
@@ -121,7 +122,7 @@ def arrive(grid, rules, robots, traffic, i, releases):
     else:
         robots.cell[i] = entered
         robots.travel[i] = direction_between(grid, left, entered)
-    return give_up(rules, traffic, left, direction, rules.following, releases)
+    return give_up(traffic, left, direction, rules.following, releases)
 
 
 @kernel
@@ -143,7 +144,7 @@ def advance(grid, rules, robots, traffic, i, releases):
     robots.cell[U(i)] = target
     robots.travel[U(i)] = direction
     at_once = rules.following and want & ENTERED == 0
-    return give_up(rules, traffic, cell, entered_in, at_once, releases)
+    return give_up(traffic, cell, entered_in, at_once, releases)
 
 
 @kernel

@@ -120,7 +120,7 @@ def distance(view, space, cell, heading, target):
 
 @kernel
 def descend(view, space, cell, heading, target, steps):
-    """Write the shortest path on the empty floor into steps; returns its length, NIL if none."""
+    """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
     grid, duration = view.grid, view.rules.duration
     field = space.field[field_to(view, space, target)]
     length = 0
@@ -135,7 +135,7 @@ def descend(view, space, cell, heading, target, steps):
             after = cell + grid.offset[direction]
             if field[after * grid.headings + heading] == cost - duration[MOVE]:
                 if length == steps.shape[0]:
-                    return NIL
+                    return length  # as much as fits; the robot asks again at its end
                 steps[length] = direction
                 length += 1
                 cell = after
@@ -242,17 +242,16 @@ def write_path(grid, space, pose, steps):
         if how < 4:
             length += 1
         at = parent_of(grid, at, how)
-    if length > steps.shape[0]:
-        return NIL
     at = pose
     k = length
     while space.parent[at] != STARTED:
         how = np.int64(space.parent[at])
         if how < 4:
             k -= 1
-            steps[k] = how
+            if k < steps.shape[0]:
+                steps[k] = how
         at = parent_of(grid, at, how)
-    return length
+    return min(length, steps.shape[0])
 
 
 @kernel

@@ -12,7 +12,7 @@ from automaton.scenario.floors import Floor
 from automaton.scenario.schema import OrderLine, Scenario
 from automaton.world.cells import DESTINATION, KINDS, SHELF, UNLIMITED
 from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import slots_out_of_reach, slots_without_access
+from automaton.world.reach import around_home, slots_out_of_reach, slots_without_access
 
 Start = Literal["bays", "random"] | tuple[int, ...]
 
@@ -118,7 +118,7 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, plan: FloorPl
 
 
 def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
-    """Every slot can be served by some robot. Raises InputError."""
+    """Every robot can serve every slot and come home again. Raises InputError."""
     plan = floor.plan
     if start == "random":
         homes = tuple(np.flatnonzero(plan.drivable()).tolist())
@@ -126,22 +126,31 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
         homes = tuple(plan.bays[: scenario.fleet.robots, 1].tolist())
     else:
         homes = start
-    lonely, remote = _unserved(plan, homes, scenario.fleet.kinematics == "rail")
+    rail = scenario.fleet.kinematics == "rail"
+    lonely, remote = _unserved(plan, homes[0], rail)
     for cell, why in (
         (lonely, "has no cell beside it that robots drive on"),
-        (remote, "cannot be reached by any robot from where it starts"),
+        (remote, "cannot be served: a robot must get beside it from its start, and back"),
     ):
         if cell is not None:
             x, y = plan.xy(cell)
             name = KINDS[plan.kind.flat[cell]].name
             raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
+    apart = np.array(homes)[~around_home(plan, homes[0], rail)[list(homes)]]
+    if apart.size:
+        (x, y), (x0, y0) = plan.xy(int(apart[0])), plan.xy(homes[0])
+        raise floor.error(
+            f"robots start in parts of the floor that are not connected both ways: "
+            f"({x0}, {y0}) and ({x}, {y})",
+            y,
+        )
 
 
 @lru_cache(maxsize=64)
-def _unserved(plan: FloorPlan, homes: tuple[int, ...], rail: bool) -> tuple[int | None, int | None]:
+def _unserved(plan: FloorPlan, home: int, rail: bool) -> tuple[int | None, int | None]:
     """The first slot that nothing drives beside, and the first that is out of reach."""
     lonely = slots_without_access(plan)
-    remote = slots_out_of_reach(plan, homes, rail)
+    remote = slots_out_of_reach(plan, home, rail)
     return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
 
 

@@ -75,8 +75,8 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
         )
     try:
         found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise InputError(f"generator '{name}' cannot be loaded: {error}") from None
+    except Exception as error:  # whatever a user's module does wrong while it is imported
+        raise InputError(f"generator '{name}' cannot be loaded: {error}") from error
     struct = isinstance(found, type) and issubclass(found, msgspec.Struct)
     if not struct or not hasattr(found, "build"):
         raise InputError(f"generator '{name}' is no msgspec struct with a method build()")
@@ -95,9 +95,16 @@ def _generated(document: Document, layout: dict[str, Any]) -> Floor:
         return document.error(LAYOUT, message)
 
     try:
-        return Floor(_built(generator), error_at)
+        plan = _built(generator)
     except InputError as error:
         raise document.error(LAYOUT, error.message) from None
+    except Exception as error:  # the generator is a user's code
+        text = f"generator {layout['generator']!r} failed: {type(error).__name__}: {error}"
+        raise document.error(LAYOUT, text) from error
+    if not isinstance(plan, FloorPlan):
+        text = f"generator {layout['generator']!r} built {type(plan).__name__}, not a FloorPlan"
+        raise document.error(LAYOUT, text)
+    return Floor(plan, error_at)
 
 
 @lru_cache(maxsize=64)

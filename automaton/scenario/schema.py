@@ -47,10 +47,9 @@ class Fleet(Part, frozen=True, kw_only=True):
 
 
 class Units(Part, frozen=True, kw_only=True):
-    """What a tick and a cell stand for; used by reports only."""
+    """What a tick stands for; used by reports only."""
 
     tick: Annotated[Line, Meta(description='Such as "1 cycle" or "0.5 s".')] = "1 tick"
-    cell: Annotated[Line, Meta(description='Such as "0.75 m".')] = "1 cell"
 
 
 class Durations(Part, frozen=True, kw_only=True):
@@ -78,10 +77,10 @@ class Orders(Part, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders or a list of them."""
 
     generator: Annotated[
-        Literal["full-shelves"] | None,
+        Literal["full-shelves", "drawn-loads"] | None,
         Meta(
-            description="full-shelves: every shelf holds a load at the start, "
-            "to be brought to a destination drawn at random."
+            description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
+            "shelves drawn as $ do. Each is brought to a destination drawn at random."
         ),
     ] = None
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (

@@ -29,6 +29,11 @@ class Strategy:
     compiled: ClassVar[Callable[..., None] | None] = None
     every: int = 0  # also asked every so many ticks, about all robots; 0 = only when concerned
 
+    def __init_subclass__(cls) -> None:
+        # A decide written in a subclass of a compiled strategy replaces its kernel.
+        if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
+            cls.compiled = None
+
     def __init__(self, parameters: Any = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
 

@@ -21,10 +21,18 @@ def position(view: World, robot: int) -> int:
     return int(view.robots.home[robot]) if cell == NIL else cell
 
 
+def _checked(view: World, cell: int) -> int:
+    """Compiled searches do not check indices, so what a user's code names is checked here."""
+    if not 0 <= cell < view.grid.rule.shape[0]:
+        raise IndexError(f"cell {cell} is outside the grid of {view.grid.rule.shape[0]} cells")
+    return int(cell)
+
+
 def distance(view: World, space: Workspace, robot: int, target: int) -> int:
     """Ticks from a robot's pose to a target cell on the empty floor, or UNREACHABLE."""
     heading = int(view.robots.heading[robot])
-    return int(search.distance(view, space, position(view, robot), heading, target))
+    cell = position(view, robot)
+    return int(search.distance(view, space, cell, heading, _checked(view, target)))
 
 
 def nearest(
@@ -36,7 +44,7 @@ def nearest(
     """
     mark = search.begin_search(space)
     for index, cell in enumerate(cells):
-        search.mark_goal(space, mark, cell, index)
+        search.mark_goal(space, mark, _checked(view, cell), index)
     heading = np.int64(view.robots.heading[robot])
     found = search.nearest_mark(view, space, mark, position(view, robot), heading, around)
     return None if found == NIL else int(found)
@@ -49,5 +57,6 @@ def route(
     steps = space.steps
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
+    target = _checked(view, target)
     length = search.find_path(view, space, cell, heading, target, around, steps)
     return None if length == NIL else [int(step) for step in steps[:length]]

@@ -10,6 +10,7 @@ from automaton.kernels import draws
 from automaton.scenario.resolve import Resolved
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.reach import around_home
 from automaton.world.state import (
     ACTION_NAMES,
     ACTIONS,
@@ -66,7 +67,8 @@ def build_world(
     scenario = resolved.scenario
     durations = scenario.durations
     floor = floor_for(resolved.plan, scenario.fleet.kinematics, durations.move, durations.turn)
-    orders, slots = build_orders(resolved, floor, seed)
+    home = homes(resolved, floor, seed)[0][:1]
+    orders, slots = build_orders(resolved, floor, seed, int(home[0]))
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
     robots = build_robots(resolved, floor, occupancy, seed, storage, steps)
@@ -133,8 +135,11 @@ def build_traffic(robots: int, occupancy: Array) -> Traffic:
     )
 
 
-def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, Slots]:
-    """Orders by slot (table order) or as listed; targets depend on the seed and the order alone."""
+def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
+    """Orders by slot (table order) or as listed; targets depend on the seed and the order alone.
+
+    Slots are served from the cells that robots can reach from `home`, and come back from.
+    """
     plan, scenario = resolved.plan, resolved.scenario
     slot_of = floor.grid.slot
     if scenario.orders.listed is not None:
@@ -144,13 +149,17 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, S
         source = slot_of[[pair[0] for pair in pairs]]
         target = slot_of[[pair[1] for pair in pairs]]
     else:
-        source = np.flatnonzero(floor.slot_endless == 0).astype(np.int32)
+        loaded = floor.slot_endless == 0
+        if scenario.orders.generator == "drawn-loads":
+            loaded &= plan.loads.reshape(-1)[floor.slot_cell] == 1
+        source = np.flatnonzero(loaded).astype(np.int32)
         destinations = np.flatnonzero(floor.slot_endless).astype(np.int32)
         choice = np.zeros(len(source), np.int32)
         with np.errstate(over="ignore"):
             draws.draw_many(choice, len(destinations), np.uint64(seed), draws.ORDERS)
         target = destinations[choice]
     m = len(source)
+    mask = around_home(plan, home, scenario.fleet.kinematics == "rail")
     content = np.full(len(floor.slot_cell), NIL, np.int32)
     content[source] = np.arange(m, dtype=np.int32)
     orders = Orders(
@@ -168,7 +177,7 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int) -> tuple[Orders, S
         endless=floor.slot_endless,
         content=content,
         by=np.full(len(content), NIL, np.int32),
-        access=floor.slot_access,
+        access=np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32),
     )
     return orders, slots
 
@@ -306,7 +315,7 @@ def build_sight(world: World, floor: Floor) -> World:
         return world
     return world.replaced(
         robots=world.robots.copied(),
-        traffic=world.traffic.replaced(occupancy=floor.occupancy.copy()),
+        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy()),
         tally=world.tally.copied(),
     )
 

@@ -90,10 +90,10 @@ def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
     fields = max(1, min(cells, FIELDS_BYTES // (4 * poses)))
     return Workspace(
         cost=np.zeros(poses, np.int32),
-        stamp=np.zeros(poses, np.int32),
+        stamp=np.zeros(poses, np.int64),
         parent=np.zeros(poses, np.uint8),
         mark=np.zeros(cells, np.int32),
-        mark_stamp=np.zeros(cells, np.int32),
+        mark_stamp=np.zeros(cells, np.int64),
         heap=np.zeros(6 * poses + 16, np.int64),
         generation=np.zeros(2, np.int64),
         steps=np.zeros(longest_route, np.uint8),

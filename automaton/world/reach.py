@@ -3,19 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from automaton.world.plan import TURNS, Cells, FloorPlan
 
+Mask = npt.NDArray[np.bool_]  # (cells,) flat
 
-def reached(plan: FloorPlan, starts: Iterable[int], rail: bool) -> npt.NDArray[np.bool_]:
-    """(cells,) flat mask of the cells reachable from any of the starts over the exits.
+
+@lru_cache(maxsize=64)
+def around_home(plan: FloorPlan, home: int, rail: bool) -> Mask:
+    """The cells that a robot can drive to from a home and come back from."""
+    mask: Mask = reached(plan, [home], rail) & reached(plan, [home], rail, backwards=True)
+    mask.setflags(write=False)
+    return mask
+
+
+def backward_exits(plan: FloorPlan) -> npt.NDArray[np.uint8]:
+    """(cells,) flat: bit d is set where a robot may come from the neighbour in direction d."""
+    exits = plan.exits.reshape(-1)
+    back = np.zeros_like(exits)
+    for direction, offset in enumerate((1, plan.stride, -1, -plan.stride)):
+        leaves = np.roll(exits, -offset) >> np.uint8(direction ^ 2) & np.uint8(1)
+        back |= leaves << np.uint8(direction)
+    return back
+
+
+def reached(plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool = False) -> Mask:
+    """The cells reachable from any of the starts over the exits, or from which one is reachable.
 
     Robots on rails change their axis on turntables only; they may start along either axis.
     """
-    exits = plan.exits.reshape(-1)
+    exits = backward_exits(plan) if backwards else plan.exits.reshape(-1)
     turns = TURNS[plan.kind.reshape(-1)] if rail else np.ones(exits.size, np.bool_)
     offsets = (1, plan.stride, -1, -plan.stride)
     seen = np.zeros((2, exits.size), np.bool_)  # by axis of travel
@@ -32,7 +53,7 @@ def reached(plan: FloorPlan, starts: Iterable[int], rail: bool) -> npt.NDArray[n
         for axis in (0, 1):
             seen[axis, following[axis]] = True
         front = following
-    either: npt.NDArray[np.bool_] = seen[0] | seen[1]
+    either: Mask = seen[0] | seen[1]
     return either
 
 
@@ -41,9 +62,9 @@ def slots_without_access(plan: FloorPlan) -> Cells:
     return _slots_beside(plan, ~plan.drivable().reshape(-1))
 
 
-def slots_out_of_reach(plan: FloorPlan, starts: Iterable[int], rail: bool) -> Cells:
-    """Flat cells of the slots that no robot can get beside, in table order."""
-    return _slots_beside(plan, ~reached(plan, starts, rail))
+def slots_out_of_reach(plan: FloorPlan, home: int, rail: bool) -> Cells:
+    """Flat cells of the slots that a robot cannot get beside and come home from, in table order."""
+    return _slots_beside(plan, ~around_home(plan, home, rail))
 
 
 def _slots_beside(plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:

@@ -209,7 +209,7 @@ class Tally(Struct):
     times: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
     illegal: Array  # (5,) int64: illegal answers by layer
-    asked: Array  # (5,) int64: calls of decide by layer
+    asked: Array  # (5,) int64: batches that each layer was asked about
 
 
 class World(Struct):
@@ -296,10 +296,10 @@ class Workspace(Struct):
     """Scratch of the searches, and the cached distance fields; contents never decide anything."""
 
     cost: Array  # (P,) int32, per pose = cell * headings + heading
-    stamp: Array  # (P,) int32: search in which `cost` was written
+    stamp: Array  # (P,) int64: search in which `cost` was written
     parent: Array  # (P,) uint8
     mark: Array  # (C,) int32
-    mark_stamp: Array  # (C,) int32
+    mark_stamp: Array  # (C,) int64
     heap: Array  # (H,) int64
     generation: Array  # (2,) int64: searches so far; poses expanded
     steps: Array  # (R,) uint8: a route that only needs to exist

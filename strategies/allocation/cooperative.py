@@ -8,12 +8,11 @@ in the strategy's memory; everything else is read off the order list.
 
 import numpy as np
 
-from automaton.compiled import kernel
-from automaton.kernels.search import find_path
+from automaton.strategy.kernels import find_path, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN
 from strategies.allocation.independent import deliver, take_order
-from strategies.allocation.stands import drop_stand, is_open, pick_stand, position
+from strategies.allocation.stands import drop_stand, is_open, pick_stand
 
 ALLEY = 0  # memory.own: the column of the alley that a robot has reserved, or 0
 

@@ -7,11 +7,10 @@ with the cells of the other robots removed, or as if they were free if nothing i
 
 import numpy as np
 
-from automaton.compiled import kernel
-from automaton.kernels.search import begin_search, mark_goal, nearest_mark
+from automaton.strategy.kernels import begin_search, kernel, mark_goal, nearest_mark, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN, TAKE
-from strategies.allocation.stands import drop_stand, is_open, pick_stand, position
+from strategies.allocation.stands import drop_stand, is_open, pick_stand
 
 
 @kernel

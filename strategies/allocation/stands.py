@@ -6,7 +6,7 @@ at (x + 1, y)), and set down from the left: so loads travel to the right.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.strategy.kernels import kernel
 from automaton.world.state import NIL, WAITING
 
 FROM_RIGHT_FIRST = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot
@@ -39,11 +39,3 @@ def is_open(view, given, order):
         and view.orders.by[order] == NIL
         and given.order_taken[order] == 0
     )
-
-
-@kernel
-def position(view, i):
-    """The cell of a robot, or the home cell through which it leaves its bay."""
-    if view.robots.cell[i] == NIL:
-        return np.int64(view.robots.home[i])
-    return np.int64(view.robots.cell[i])

@@ -1,9 +1,9 @@
 """Wait and retry, nothing else: the simplest right of way, which any head-on meeting defeats."""
 
-from automaton.compiled import kernel
+from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
 
-NEVER_ASKED = 255
+NEVER_ASKED = 256  # failed retries are counted up to 255
 
 
 @kernel

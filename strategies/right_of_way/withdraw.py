@@ -7,10 +7,15 @@ A withdrawal is a random number of moves away from the target; the plan is made 
 
 import numpy as np
 
-from automaton.compiled import kernel
-from automaton.kernels.draws import ABORTS, WITHDRAWALS, draw_between
-from automaton.kernels.motion import has_room
-from automaton.kernels.search import distance
+from automaton.strategy.kernels import (
+    ABORTS,
+    FAR,
+    WITHDRAWALS,
+    distance,
+    draw_between,
+    has_room,
+    kernel,
+)
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PAUSE, RETREAT, STEP, STUCK, TICK, WITHDRAWING
 
@@ -21,10 +26,18 @@ ABORT = 3  # and 4: range
 
 
 @kernel
-def holder_of(view, cell):
-    """The robot in a cell, or entering it; NIL if there is none."""
-    for j in range(view.robots.cell.shape[0]):
-        if view.robots.cell[j] == cell or view.robots.claim[j] == cell:
+def holder_of(view, cell, direction):
+    """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
+
+    Of several, the one of lowest identity: the order of storage must not matter.
+    """
+    robots = view.robots
+    lanes = (np.int64(view.grid.rule[cell]) >> 5) & 3 == 2
+    for identity in range(robots.cell.shape[0]):
+        j = np.int64(robots.at_index[identity])
+        if robots.cell[j] == cell and (not lanes or robots.travel[j] >> 1 == direction >> 1):
+            return j
+        if robots.claim[j] == cell:
             return j
     return NIL
 
@@ -33,14 +46,26 @@ def holder_of(view, cell):
 def is_head_on(view, i):
     """Whether the robot ahead plans to move into robot i's cell next, and is not withdrawing."""
     robots, grid = view.robots, view.grid
-    ahead = robots.cell[i] + grid.offset[robots.route[i, robots.at[i]]]
-    j = holder_of(view, ahead)
+    if robots.at[i] >= robots.length[i]:
+        return False
+    way = np.int64(robots.route[i, robots.at[i]])
+    j = holder_of(view, robots.cell[i] + grid.offset[way], way)
     if j == NIL or robots.withdrawing[j] or robots.at[j] >= robots.length[j]:
         return False
     direction = np.int64(robots.route[j, robots.at[j]])
     if direction & (grid.headings - 1) != robots.heading[j]:
         return False  # it turns first
     return robots.cell[j] + grid.offset[direction] == robots.cell[i]
+
+
+@kernel
+def may_turn(view, i, rule):
+    """Whether robot i can turn where it is: in a cell of capacity 2 that takes both lanes."""
+    if rule & 16 == 0:
+        return False
+    if (rule >> 5) & 3 != 2:
+        return True
+    return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
 
 
 @kernel
@@ -58,12 +83,14 @@ def step_away(view, space, i):
     for direction in range(4):
         straight = direction & mask == heading
         rule = np.int64(grid.rule[cell])
-        if (rule >> direction) & 1 == 0 or not (straight or rule & 16):
+        if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
             continue
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):
             continue
         cost = distance(view, space, to, direction & mask, target)
+        if cost >= FAR:
+            continue  # there is no way back
         raises = straight and cost > here
         if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
             best, best_cost, best_raises = direction, cost, raises

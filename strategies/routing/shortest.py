@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
-from automaton.kernels.search import descend, find_path
+from automaton.strategy.kernels import descend, find_path, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import AROUND, NIL
 
@@ -13,7 +12,7 @@ def decide(view, asked, answers, memory, space):
     robots = view.robots
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
-        cell = np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+        cell = position(view, i)
         heading = np.int64(robots.heading[i])
         stand = np.int64(robots.stand[i])
         steps = answers.routing.steps[k]

@@ -1,0 +1,58 @@
+"""What a strategy hands to compiled code is checked here, once: kernels do not check indices."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.strategy.layer import Strategy
+from automaton.world.state import Memory, World
+
+LONGEST = 10_000  # ticks of a wait
+
+
+def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
+    """The answer of `reset`. Raises InputError if it is no memory for this fleet."""
+    robots = len(view.robots.cell)
+    shapes = {"own": (2, "(robots, k)"), "shared": (1, "(q,)"), "parameters": (1, "(p,)")}
+    if not isinstance(memory, Memory):
+        raise _fault(strategy, f"reset() must return memory_of(view, ...), found {memory!r}")
+    for name, (dimensions, shape) in shapes.items():
+        array = getattr(memory, name)
+        wrong = not isinstance(array, np.ndarray) or array.ndim != dimensions
+        if wrong or array.dtype != np.int64 or (name == "own" and len(array) != robots):
+            raise _fault(strategy, f"reset() must give memory.{name} as int64 of shape {shape}")
+    if memory.parameters.flags.writeable:
+        raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
+    return memory
+
+
+def checked_waits(strategy: Strategy) -> tuple[int, ...]:
+    """The answer of `waits`. Raises InputError if a range is empty or a number out of bounds."""
+    waits = strategy.waits()
+    whole = isinstance(waits, tuple) and len(waits) == 5 and all(isinstance(w, int) for w in waits)
+    if (
+        not whole
+        or not all(1 <= low <= high <= LONGEST for low, high in (waits[:2], waits[2:4]))
+        or not 1 <= waits[4] <= 256
+    ):
+        raise _fault(
+            strategy,
+            "waits() must give (empty from, to, loaded from, to, retries) with "
+            f"1 <= from <= to <= {LONGEST:,} and 1 <= retries <= 256, found {waits!r}",
+        )
+    return waits
+
+
+def checked_every(strategy: Strategy) -> int:
+    """How often the strategy asks to be called. Raises InputError for anything but ticks."""
+    every = strategy.every
+    if not isinstance(every, int) or not 0 <= every < 2**31:
+        raise _fault(strategy, f"every must be a number of ticks, 0 for never; found {every!r}")
+    return every
+
+
+def _fault(strategy: Strategy, text: str) -> InputError:
+    return InputError(f"{strategy.layer} strategy {type(strategy).__name__}: {text}")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.metrics import OPERATIONS, metrics_by_robot, metrics_of
+from automaton.metrics import OPERATIONS, illegal_by_layer, metrics_by_robot, metrics_of
 from automaton.picture import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
@@ -121,11 +121,13 @@ def run_once(
 def trouble(simulation: Simulation, still: Array) -> str:
     """Why a run is not finished: what is undelivered, who is not parked, who stands still."""
     world = simulation.world
+    illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
     undelivered = int((world.orders.state != DELIVERED).sum())
     abroad = np.flatnonzero(world.robots.parked == 0)
     phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
     if not undelivered:
         phrases = [f"all orders delivered, but {count(len(abroad), 'robot')} not parked"]
+    phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
     stuck = abroad[still[abroad] < simulation.tick]
     if len(stuck):
         since = int(still[stuck].max())

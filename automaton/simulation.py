@@ -13,7 +13,7 @@ from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
-from automaton.strategy.contract import checked_every, checked_memory, checked_waits
+from automaton.strategy.contract import check_decides, checked_every, checked_memory, checked_waits
 from automaton.strategy.layer import Strategy
 from automaton.world.build import (
     build_buffers,
@@ -72,6 +72,7 @@ class Simulation:
             return None
         strategy: Strategy = lookup.load(layer, pick.name)(pick.parameters)
         index = LAYERS.index(layer)
+        check_decides(strategy)
         self.world.rules.every[index] = checked_every(strategy)
         if layer == "right_of_way":
             self.world.rules.wait[:] = checked_waits(strategy)

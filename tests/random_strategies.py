@@ -8,10 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import msgspec
+import numpy as np
 from naive_motion import mix
 
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
+from automaton.world.cells import CHARGER
 from automaton.world.state import (
     LAYERS,
     NIL,
@@ -93,7 +95,7 @@ def floor_cells(view: Any) -> Any:
 
 
 class RandomCharging(RandomStrategy):
-    """Sends robots anywhere, whether they are free or not."""
+    """Sends robots to any charger, whether they are free or not."""
 
     layer = "charging"
 
@@ -103,8 +105,9 @@ class RandomCharging(RandomStrategy):
 
     def act(self, view, dice, i, k, given, reason, space):
         eager = view.robots.parked[i] or dice.below(6) == 0
-        if eager and view.robots.order[i] == NIL and floor_cells(view):
-            given.stand[k] = dice.among(floor_cells(view))
+        chargers = np.flatnonzero(view.grid.kind == CHARGER).tolist()
+        if eager and view.robots.order[i] == NIL and chargers:
+            given.stand[k] = dice.among(chargers)
             given.ticks[k] = 1 + dice.below(3)
 
 

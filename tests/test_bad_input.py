@@ -140,7 +140,11 @@ def test_orders_lead_from_shelves_to_slots(tmp_path: Path, orders: str, words: s
 
 PICTURES = [
     (["A.s", "x.d"], 5, "symbol 'x' (character 1 of its row)"),
-    (["A.d", "###", ".s."], 6, "the shelf at (1, 2) cannot be reached by any robot"),
+    (
+        ["A.d", "###", ".s."],
+        6,
+        "the shelf at (1, 2) cannot be served",
+    ),
     (["A...d", ".sss.", ".sss.", ".sss.", "....."], 6, "the shelf at (2, 2) has no cell beside it"),
     (["A.s", "A.d"], 5, "robot A is drawn twice"),
     (["A.s", "B.d"], 5 + 1, "fleet.robots is 1 but the picture draws 2"),

@@ -14,7 +14,15 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.recording import frames as stored
-from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording, read_recording
+from automaton.recording.frames import (
+    END,
+    KEYFRAME,
+    TICKS,
+    Frame,
+    Recording,
+    preamble,
+    read_recording,
+)
 from automaton.recording.header import resolved_of
 from automaton.recording.recorder import KEYFRAME_TICKS, MemoryRecorder, Recorder
 from automaton.scenario.resolve import Resolved, resolve
@@ -214,13 +222,24 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
             Recorder(place, resolved, 1)
 
 
+OLDER = preamble() + b"an older recording"
+
+
+def test_a_file_that_is_no_recording_is_never_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "floor.yaml"
+    path.write_text("name: precious")
+    with pytest.raises(InputError, match="is no recording, so it is not replaced by one"):
+        Recorder(path, resolve("tabletop-mini", SETTINGS), 1)
+    assert path.read_text() == "name: precious"
+
+
 def test_an_older_file_is_replaced_only_at_the_end(tmp_path: Path) -> None:
     path, part = tmp_path / "run.rec", tmp_path / "run.rec.part"
-    path.write_text("older")
+    path.write_bytes(OLDER)
     resolved = resolve("tabletop-mini", SETTINGS)
     with Recorder(path, resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run()
-        assert path.read_text() == "older"
+        assert path.read_bytes() == OLDER
         assert read_recording(part).ticks >= 256  # what a killed process would leave
     assert read_recording(path).complete and not part.exists()
 
@@ -237,12 +256,12 @@ def test_an_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 
 def test_a_failed_run_leaves_an_older_file_alone(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
-    path.write_text("older")
+    path.write_bytes(OLDER)
     resolved = resolve("tabletop-mini", SETTINGS)
     with pytest.raises(ZeroDivisionError), Recorder(path, resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run(until=300)
         raise ZeroDivisionError
-    assert path.read_text() == "older"
+    assert path.read_bytes() == OLDER
     assert read_recording(tmp_path / "run.rec.part").ticks == 300
 
 

@@ -22,6 +22,7 @@ from automaton.recording.frames import (
     END,
     HEADER,
     KEYFRAME,
+    MAGIC,
     TICKS,
     Content,
     Frame,
@@ -174,6 +175,8 @@ class Recorder(Capture):
         if self.path.is_dir():
             raise InputError("cannot write the recording: this is a folder", str(path))
         try:
+            if self.path.exists() and not self.path.read_bytes()[: len(MAGIC)] == MAGIC:
+                raise InputError("is no recording, so it is not replaced by one", str(path))
             self._file = self.part.open("wb")
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None

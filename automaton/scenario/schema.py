@@ -49,7 +49,13 @@ class Fleet(Part, frozen=True, kw_only=True):
 class Units(Part, frozen=True, kw_only=True):
     """What a tick stands for; used by reports only."""
 
-    tick: Annotated[Line, Meta(description='Such as "1 cycle" or "0.5 s".')] = "1 tick"
+    tick: Annotated[
+        str,
+        Meta(
+            description='Such as "1 cycle" or "0.5 s": a number above 0 and a name.',
+            pattern=r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$",
+        ),
+    ] = "1 tick"
 
 
 class Durations(Part, frozen=True, kw_only=True):

@@ -6,11 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from automaton.errors import InputError
+from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
 from automaton.world.state import Memory, World
 
 LONGEST = 10_000  # ticks of a wait
+
+
+def check_decides(strategy: Strategy) -> None:
+    """Raises InputError for a class that answers nothing: a misspelt `decide`, mostly."""
+    kind = type(strategy)
+    if kind.compiled is None and kind.decide is Strategy.decide:
+        names = [name for name in vars(kind) if not name.startswith("_")]
+        raise _fault(strategy, f"it has no method decide{nearest('decide', names)}")
 
 
 def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:

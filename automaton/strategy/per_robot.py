@@ -169,6 +169,8 @@ def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Ans
                 robot = int(asked.robot[k])
                 me = Me(view, space, robot, int(asked.reason[k]), memory.own[robot])
                 answer = decide_one(me, Sees(view, answers.allocation.order_taken))
+                if answer is not None and not isinstance(answer, Answer):
+                    raise TypeError(f"{decide_one.__name__} must return an answer, not {answer!r}")
                 if answer is not None:
                     _ENTER[layer](answers, k, answer, me, view)
 

@@ -91,7 +91,7 @@ def decide(view, asked, answers, memory, space):
         if reason == PICKED and rather_carries(view, space, i):
             deliver(view, given, k, i)
         elif reason == PICKED:
-            pass_right(view, given, k, i)
+            pass_right(view, given, memory, k, i)
         elif reason != PERIODIC:
             take_in_alley(view, given, memory, space, k, i, reason == RELEASED)
 
@@ -103,4 +103,4 @@ class Adaptive(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, own=1, shared=3 * view.grid.width)
+        return memory_of(view, own=2, shared=3 * view.grid.width)

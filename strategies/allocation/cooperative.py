@@ -15,6 +15,7 @@ from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.stands import drop_stand, is_open, pick_stand
 
 ALLEY = 0  # memory.own: the column of the alley that a robot has reserved, or 0
+FROM = 1  # the column of the shelf from which it takes its load
 
 # memory.shared: for each column of the grid
 OPEN = 0  # open orders to its left
@@ -101,18 +102,21 @@ def take_in_alley(view, given, memory, space, k, i, released):
             given.verb[k] = PARK
             return
         memory.own[i, ALLEY] = column
-    take_order(view, given, k, first_order(view, given, space, i, column, released))
+    order = first_order(view, given, space, i, column, released)
+    memory.own[i, FROM] = view.slots.cell[view.orders.place[order]] % width
+    take_order(view, given, k, order)
 
 
 @kernel
-def pass_right(view, given, k, i):
+def pass_right(view, given, memory, k, i):
     """Answer k: the empty shelf of the next table to the right, nearest in y; else deliver.
 
-    A load is never passed beyond its own target.
+    A load is never passed beyond its own target, and always to the right of where it lay, on
+    whichever side of its shelf the robot stands: so it arrives after finitely many passes.
     """
     width = view.grid.width
     here = position(view, i)
-    x, y = here % width, here // width
+    x, y = max(here % width, memory.own[i, FROM]), here // width
     target = np.int64(view.slots.cell[view.orders.target[view.robots.load[i]]])
     best, best_column, best_way = NIL, target % width, 0
     for slot in range(view.slots.cell.shape[0]):
@@ -141,7 +145,7 @@ def decide(view, asked, answers, memory, space):
         i = np.int64(asked.robot[k])
         reason = asked.reason[k]
         if reason == PICKED:
-            pass_right(view, given, k, i)
+            pass_right(view, given, memory, k, i)
         elif reason != PERIODIC:
             take_in_alley(view, given, memory, space, k, i, reason == RELEASED)
 
@@ -153,4 +157,4 @@ class Cooperative(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, own=1, shared=3 * view.grid.width)
+        return memory_of(view, own=2, shared=3 * view.grid.width)

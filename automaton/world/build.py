@@ -127,7 +127,7 @@ def build_traffic(robots: int, occupancy: Array) -> Traffic:
         occupancy=occupancy,
         want=np.zeros(robots, np.uint8),
         span=np.ones(robots, np.uint16),
-        pending=np.zeros((robots, 4), np.int32),
+        pending=np.zeros((robots, 8), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),
         contest=np.full(2 * len(occupancy) if crowded else table, NIL, np.int32),

@@ -196,7 +196,7 @@ class Traffic(Struct):
     occupancy: Array  # (C,) uint16: claims, room and the rule of a cell (automaton.kernels.motion)
     want: Array  # (n,) uint8: the intent before motion, its outcome after
     span: Array  # (n,) uint16: ticks that the wanted move takes
-    pending: Array  # (n, 4) int32: intents that the second pass could not decide
+    pending: Array  # (n, 8) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
     contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks

@@ -139,16 +139,14 @@ def advance(grid, rules, robots, traffic, i, releases):
     at_once = rules.following and np.int64(traffic.want[U(i)]) & ENTERED == 0
     if at_once and traffic.span[U(i)] == 1:
         vacate(traffic.occupancy, cell, np.int64(robots.travel[U(i)]))
-    return finish_move(grid, rules, robots, traffic, i, releases)
+    return finish_move(rules, robots, traffic, i, cell, target, releases)
 
 
 @kernel
-def finish_move(grid, rules, robots, traffic, i, releases):
+def finish_move(rules, robots, traffic, i, cell, target, releases):
     """Write down the move of robot i, whose room is arranged; returns the releases put off."""
     want = np.int64(traffic.want[U(i)])
     direction = want & 3
-    cell = np.int64(robots.cell[U(i)])
-    target = cell + grid.offset[U(direction)]
     traffic.want[U(i)] = np.uint8(want | MOVED)
     span = np.int64(traffic.span[U(i)])
     if span > 1:
@@ -282,6 +280,8 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):
+        if k + AHEAD < pending:
+            prefetch(contest, U(intents[U(k + AHEAD), U(GOAL)]))
         goal = U(intents[U(k), U(GOAL)])
         best = np.int64(contest[goal])
         i = np.int64(intents[U(k), U(ROBOT)])
@@ -299,7 +299,9 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         contest[U(intents[U(k), U(GOAL)])] = NIL
         i = U(intents[U(k), U(ROBOT)])
         if intents[U(k), U(STATE)] == MOVED:
-            releases = finish_move(grid, rules, robots, traffic, i, releases)
+            cell = np.int64(intents[U(k), U(CELL)])
+            target = cell + grid.offset[U(intents[U(k), U(DIRECTION)])]
+            releases = finish_move(rules, robots, traffic, i, cell, target, releases)
         else:
             traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | REFUSED)
     return releases

@@ -93,7 +93,7 @@ def commit_zoning(world, record, asked, answers):
 
 
 @kernel
-def commit_charging(world, record, asked, answers):
+def commit_charging(world, asked, answers):
     """A robot without load and order may be sent to a charger."""
     robots = world.robots
     for k in range(asked.count[0]):
@@ -207,7 +207,7 @@ def choose_slot(world, record, i, slot, stand, try_drop):
 
 
 @kernel
-def commit_routing(world, record, asked, answers):
+def commit_routing(world, asked, answers):
     robots = world.robots
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])

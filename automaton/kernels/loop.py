@@ -33,6 +33,7 @@ from automaton.world.state import (
     CHANGED,
     CHARGING,
     FINISHED,
+    LAYERS,
     RECORDED,
     RECORDING,
     RIGHT_OF_WAY,
@@ -53,6 +54,8 @@ ABSENT = 0  # how a layer is served
 COMPILED = 1
 INTERPRETED = 2
 
+LAYER_COUNT = len(LAYERS)
+
 
 def ticks(
     world, seen, view, batch, asked, shown, answers, record, space, serving,
@@ -66,72 +69,58 @@ def ticks(
     get the latter.
     """
     clock = world.clock
+    decide = (zoning, charging, allocation, routing, right_of_way)
+    memories = (memory_z, memory_c, memory_a, memory_r, memory_w)
+    vaults = (vault_z, vault_c, vault_a, vault_r, vault_w)
     while True:
         if clock[TICK] >= clock[UNTIL] or clock[FINISHED] or is_full(clock, record):
             yield PAUSE
             continue
         clock[TICK] += 1
         world.robots.did[:] = 0
-
-        if serving[ZONING] and batch_everybody(world, batch, ZONING):
+        for layer in range(LAYER_COUNT):  # in the order of automaton.world.state.LAYERS
+            if serving[layer] == ABSENT or not concerns(world, batch, layer):
+                continue
             for turn in range(turns(world, batch)):
-                take_turn(world, seen, batch, asked, memory_z, vault_z, turn)
-                clear_answers(asked, answers, ZONING)
-                if serving[ZONING] == COMPILED:
-                    zoning(view, shown, answers, memory_z, space)
+                take_turn(world, seen, batch, asked, memories[layer], vaults[layer], turn)
+                clear_answers(asked, answers, layer)
+                if serving[layer] == COMPILED:
+                    decide[layer](view, shown, answers, memories[layer], space)
                 else:
-                    yield ZONING
-                commit_zoning(world, record, asked, answers)
-                end_turn(world, memory_z, vault_z, batch, turn)
-
-        if serving[CHARGING] and batch_everybody(world, batch, CHARGING):
-            for turn in range(turns(world, batch)):
-                take_turn(world, seen, batch, asked, memory_c, vault_c, turn)
-                clear_answers(asked, answers, CHARGING)
-                if serving[CHARGING] == COMPILED:
-                    charging(view, shown, answers, memory_c, space)
-                else:
-                    yield CHARGING
-                commit_charging(world, record, asked, answers)
-                end_turn(world, memory_c, vault_c, batch, turn)
-
-        if batch_allocation(world, batch):
-            for turn in range(turns(world, batch)):
-                take_turn(world, seen, batch, asked, memory_a, vault_a, turn)
-                clear_answers(asked, answers, ALLOCATION)
-                if serving[ALLOCATION] == COMPILED:
-                    allocation(view, shown, answers, memory_a, space)
-                else:
-                    yield ALLOCATION
-                commit_allocation(world, record, asked, answers)
-                end_turn(world, memory_a, vault_a, batch, turn)
-
-        if batch_routing(world, batch):
-            for turn in range(turns(world, batch)):
-                take_turn(world, seen, batch, asked, memory_r, vault_r, turn)
-                clear_answers(asked, answers, ROUTING)
-                if serving[ROUTING] == COMPILED:
-                    routing(view, shown, answers, memory_r, space)
-                else:
-                    yield ROUTING
-                commit_routing(world, record, asked, answers)
-                end_turn(world, memory_r, vault_r, batch, turn)
-
-        if batch_right_of_way(world, batch):
-            for turn in range(turns(world, batch)):
-                take_turn(world, seen, batch, asked, memory_w, vault_w, turn)
-                clear_answers(asked, answers, RIGHT_OF_WAY)
-                if serving[RIGHT_OF_WAY] == COMPILED:
-                    right_of_way(view, shown, answers, memory_w, space)
-                else:
-                    yield RIGHT_OF_WAY
-                commit_right_of_way(world, record, asked, answers)
-                end_turn(world, memory_w, vault_w, batch, turn)
-
+                    yield layer
+                commit(world, record, asked, answers, layer)
+                end_turn(world, memories[layer], vaults[layer], batch, turn)
         motion(world, record)
         if clock[RECORDING]:
             write_record(world, record)
         clock[FINISHED] = is_finished(world)
+
+
+@kernel
+def concerns(world, batch, layer):
+    """Whether something concerns a layer in this tick; its robots are then in the batch."""
+    if layer == ALLOCATION:
+        return batch_allocation(world, batch)
+    if layer == ROUTING:
+        return batch_routing(world, batch)
+    if layer == RIGHT_OF_WAY:
+        return batch_right_of_way(world, batch)
+    return batch_everybody(world, batch, layer)
+
+
+@kernel
+def commit(world, record, asked, answers, layer):
+    """Check a layer's answers and enter them into the world."""
+    if layer == ZONING:
+        commit_zoning(world, record, asked, answers)
+    elif layer == CHARGING:
+        commit_charging(world, asked, answers)
+    elif layer == ALLOCATION:
+        commit_allocation(world, record, asked, answers)
+    elif layer == ROUTING:
+        commit_routing(world, asked, answers)
+    else:
+        commit_right_of_way(world, record, asked, answers)
 
 
 @kernel

@@ -19,6 +19,8 @@ Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
 Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
+TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
+
 LAYERS = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 
@@ -53,7 +55,7 @@ class Units(Part, frozen=True, kw_only=True):
         str,
         Meta(
             description='Such as "1 cycle" or "0.5 s": a number above 0 and a name.',
-            pattern=r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$",
+            pattern=TICK_PATTERN,
         ),
     ] = "1 tick"
 

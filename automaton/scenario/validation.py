@@ -9,6 +9,7 @@ import msgspec
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys
+from automaton.scenario.schema import TICK_PATTERN
 
 T = TypeVar("T")
 
@@ -79,7 +80,7 @@ def described(expected: Any) -> str:
     if isinstance(expected, inspect.BoolType):
         return "true or false"
     if isinstance(expected, inspect.StrType):
-        return "text in one line" if expected.pattern else "text"
+        return _text(expected.pattern)
     if isinstance(expected, inspect.TupleType):
         items = [described(item) for item in expected.item_types]
         return "a cell [x, y]" if items == ["a whole number"] * 2 else f"[{', '.join(items)}]"
@@ -171,3 +172,10 @@ def _dotted(keys: Keys) -> str:
 
 def _inside(keys: Keys) -> str:
     return f" in {_dotted(keys)}" if keys else ""
+
+
+def _text(pattern: str | None) -> str:
+    """What text may look like."""
+    if pattern == TICK_PATTERN:
+        return 'a number above 0 and a name, such as "0.5 s"'
+    return "text in one line" if pattern else "text"

@@ -38,6 +38,7 @@ class Outcome(NamedTuple):
     metrics: dict[str, float | int]
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did
+    stopped: bool  # at the tick that was asked for
     picture: str  # the grid at the end, if it was asked for
 
 
@@ -114,6 +115,7 @@ def run_once(
         metrics=metrics_of(simulation),
         robots=metrics_by_robot(simulation),
         trouble="" if finished else trouble(simulation, still),
+        stopped=not finished and simulation.tick == until,
         picture=picture_of(simulation) if draw else "",
     )
 

@@ -71,7 +71,8 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     scenario = resolved.scenario
     time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
     finished = "finished after" if scenario.stop.when != "never" else "ran for"
-    end = f"{finished if outcome.finished else 'NOT FINISHED after'} {time}"
+    unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
+    end = f"{finished if outcome.finished else unfinished} {time}"
     picks = [
         f"{layer.replace('_', ' ')} {pick.name}"
         for layer, pick in resolved.picks.items()

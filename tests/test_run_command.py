@@ -243,3 +243,21 @@ def test_json_needs_neither_rich_nor_textual() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.splitlines()[-1] == "set()"
+
+
+def test_a_run_stops_where_it_is_told_and_draws_the_grid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = str(tmp_path / "run.rec")
+    until = ["--until", "200"]
+    assert main(["run", "tabletop-mini", *until, "--picture", "--record", recording]) == 0
+    out = capsys.readouterr().out
+    assert "bB-+-C-+-+-+d\nb|s|s|$|$|s|d\n" in out
+    assert "stopped after 200 cycles, 6 of 25" in out
+    assert main(["verify", recording]) == 0
+
+
+@pytest.mark.parametrize("tick", ["0", "-3", "soon"])
+def test_a_tick_is_counted_from_one(tick: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "tabletop-mini", f"--until={tick}"]) == 2
+    assert f"'{tick}' is not a tick" in capsys.readouterr().err

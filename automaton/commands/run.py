@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         if args.picture:
             print(outcome.picture)
         print_report(resolved, outcome)
-    if outcome.finished or outcome.ticks == args.until:
+    if outcome.finished or outcome.stopped:
         return 0
     sys.stdout.flush()
     limit = resolved.scenario.stop.at_most

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
+from automaton.errors import InputError
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording import frames as stored
 from automaton.recording.codes import DID_BLOCKED, DID_ILLEGAL, INTO_BAY
@@ -200,3 +201,13 @@ def test_a_recording_of_an_unfinished_run_is_complete(tmp_path: Path) -> None:
         Simulation(resolved, on_record=recorder).run()
     found = verify_recording(stored.read_recording(tmp_path / "run.rec"))
     assert found.passed and found.recording.complete
+
+
+def test_a_header_that_names_cells_off_its_floor_is_refused() -> None:
+    from automaton.recording.header import resolved_of
+
+    recorder = MemoryRecorder(resolve("tabletop-mini"))
+    header = recorder.recording().header
+    floor = {**header["floor"], "bays": header["floor"]["bays"] + 900_000_000}
+    with pytest.raises(InputError, match="does not fit its floor"):
+        resolved_of({**header, "floor": floor})

@@ -62,10 +62,21 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
 def resolved_of(header: Content) -> Resolved:
     """The scenario of a recording, ready to run again.
 
-    Raises InputError when a strategy is not installed here or takes other parameters now.
+    Raises InputError when a strategy is not installed here or takes other parameters now, or when
+    the header names cells that its floor does not have: kernels would not notice.
     """
     floor = header["floor"]
     start = header["start"]
+    cells = (floor["width"] + 2) * (floor["height"] + 2)
+    named = [
+        *floor["bays"].reshape(-1),
+        *floor["starts"],
+        *([] if isinstance(start, str) else start),
+    ]
+    shapes = {floor[name].shape for name in ("kind", "exits", "capacity", "loads")}
+    inside = all(0 <= cell < cells for cell in named)
+    if not inside or shapes != {(floor["height"] + 2, floor["width"] + 2)}:
+        raise InputError("the recording's header does not fit its floor: the file was altered")
     return Resolved(
         scenario=msgspec.convert(header["scenario"], Scenario),
         plan=FloorPlan(

@@ -124,7 +124,7 @@ def _with_one_signature(dispatcher: Any) -> Any:
     """Have compiled callers pass every integer as int64 (uint64 stays), never as a constant.
 
     Numba would compile a kernel anew for each width and each literal (187 compilations for 129
-    kernels), which doubles the first start for no gain.
+    kernels): 23 s of CPU at the first start instead of 19.
     """
     resolve = dispatcher.get_call_template
 

@@ -7,8 +7,8 @@ attributes. Compiled code gets the address of a table with one row per field,
     array:    data pointer, shape (3)        integer: value        struct: its table
 
 and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
-words for each array, at every call: with the 75 arrays of a world the loop then compiles in 122 s
-instead of about 20 s (measured with Numba 0.68), so the world is passed by reference.
+words for each array, at every call: the same kernels then compiled in 122 s instead of 34 s
+(measured with Numba 0.68), so the world is passed by reference.
 
 Read-only arrays give a type of their own, and kernels that write to them do not compile.
 """

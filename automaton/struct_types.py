@@ -28,7 +28,7 @@ class StructType(types.Type):
     def __init__(self, name: str, fields: tuple[tuple[str, types.Type], ...]) -> None:
         self.fields = fields
         described = ", ".join(f"{field}: {kind}" for field, kind in fields)
-        # Short: the name is repeated in every symbol (with the fields spelled out, a third slower).
+        # Short: the name is repeated in every symbol and every error.
         super().__init__(name=f"{name}_{hashlib.sha256(described.encode()).hexdigest()[:8]}")
 
     def row(self, attribute: str) -> int:

@@ -16,8 +16,6 @@ NORTH: Final = 3
 DIRECTIONS: Final = ("east", "south", "west", "north")
 STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # (dx, dy) of each direction
 
-HORIZONTAL: Final = 0  # axis of EAST and WEST: d & 1
-VERTICAL: Final = 1
 
 # Bit d of a set of exits: the cell may be left in direction d.
 EXIT_EAST: Final = 1 << EAST

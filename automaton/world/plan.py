@@ -77,11 +77,6 @@ class FloorPlan:
         columns, rows = np.nonzero(SLOT[self.kind].T)
         return (rows * self.stride + columns).astype(np.int32)
 
-    def cells_of(self, kind: int) -> Cells:
-        """Flat cells of one kind in table order: by x, then y."""
-        columns, rows = np.nonzero((self.kind == kind).T)
-        return (rows * self.stride + columns).astype(np.int32)
-
     def drivable(self) -> npt.NDArray[np.bool_]:
         """(height + 2, width + 2) mask of the cells that robots stand on."""
         return DRIVABLE[self.kind]

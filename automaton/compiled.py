@@ -34,6 +34,7 @@ KERNEL_SOURCES = {
         "kernels",
         "world/cells.py",
         "world/state.py",
+        "world/waiting.py",
         "recording/codes.py",
         "strategy/kernels.py",
         "strategy/layer.py",

@@ -36,9 +36,9 @@ def console(stream: Any = None) -> Console:
     return Console(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
 
 
-def plain_table(*headers: str) -> Table:
-    """A table of right-aligned columns without a frame."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold underline")
+def plain_table(*headers: str, gap: int = 2) -> Table:
+    """A table of right-aligned columns without a frame, so many blanks apart."""
+    table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0), header_style="bold underline")
     for header in headers:
         table.add_column(header, justify="right", no_wrap=True)
     return table
@@ -127,7 +127,7 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
 
 def robots_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN."""
-    table = plain_table(*ROBOT_COLUMNS)
+    table = plain_table(*ROBOT_COLUMNS, gap=1)  # long runs fit 80 columns
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST))
         shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}

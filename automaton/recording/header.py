@@ -21,6 +21,7 @@ from automaton.recording.frames import Content
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.strategy import lookup
+from automaton.strategy.entry import NoParameters
 from automaton.world.plan import FloorPlan
 
 PACKAGES = ("automaton", "strategies", "layouts")
@@ -35,10 +36,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
         "seed": seed,
-        "picks": {
-            layer: {"name": pick.name, "parameters": msgspec.to_builtins(pick.parameters)}
-            for layer, pick in resolved.picks.items()
-        },
+        "picks": _picks(resolved),
         "start": resolved.start,
         "overrides": resolved.overrides,
         "text": resolved.source,
@@ -59,11 +57,37 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
     }
 
 
-def resolved_of(header: Content) -> Resolved:
+def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
+    """What holds after the current tick of a simulation; `settings` were changed here."""
+    resolved, rules = simulation.resolved, simulation.world.rules
+    return {
+        "tick": simulation.tick,
+        "settings": settings,
+        "scenario": msgspec.to_builtins(resolved.scenario),
+        "picks": _picks(resolved),
+        "every": rules.every.copy(),
+        "wait": rules.wait.copy(),
+    }
+
+
+def _picks(resolved: Resolved) -> Content:
+    return {
+        layer: {"name": pick.name, "parameters": msgspec.to_builtins(pick.parameters)}
+        for layer, pick in resolved.picks.items()
+    }
+
+
+def changed(header: Content, rules: Content) -> Content:
+    """The header with the scenario and the strategies that hold after a RULES frame."""
+    return {**header, "scenario": rules["scenario"], "picks": rules["picks"]}
+
+
+def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     """The scenario of a recording, ready to run again.
 
     Raises InputError when a strategy is not installed here or takes other parameters now, or when
-    the header names cells that its floor does not have: kernels would not notice.
+    the header names cells that its floor does not have: kernels would not notice. Without its
+    strategies, which a replay does not need, their parameters stay as they were recorded.
     """
     floor = header["floor"]
     start = header["start"]
@@ -85,7 +109,10 @@ def resolved_of(header: Content) -> Resolved:
             starts=tuple(floor["starts"]),
             **{name: floor[name] for name in FLOOR_ARRAYS},
         ),
-        picks={layer: _pick(layer, **header["picks"][layer]) for layer in LAYERS},
+        picks={
+            layer: _pick(layer, **given) if with_strategies else Pick(given["name"], NoParameters())
+            for layer, given in ((layer, header["picks"][layer]) for layer in LAYERS)
+        },
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
         source=header["text"],
         overrides=tuple(header["overrides"]),

@@ -47,8 +47,7 @@ class Motion:
         self.capacity: list[int] = floor["capacity"].ravel().tolist()
         self.kind: list[int] = floor["kind"].ravel().tolist()
         self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
-        self.following: bool = scenario["world"]["following"]
-        self.duration = _durations(scenario["durations"])
+        self.follow(scenario)
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
         self.cell: list[int] = robots["cell"].tolist()  # NONE in its bay
@@ -61,6 +60,11 @@ class Motion:
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
         self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
         self._check_start(floor["bays"].tolist())
+
+    def follow(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of motion."""
+        self.following: bool = scenario["world"]["following"]
+        self.duration = _durations(scenario["durations"])
 
     def _check_start(self, bays: list[list[int]]) -> None:
         used = [bay for bay in self.bay if bay != NONE]

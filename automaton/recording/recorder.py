@@ -17,8 +17,10 @@ from typing import Any, Self
 import numpy as np
 
 from automaton.errors import InputError
+from automaton.kernels.decisions import words_until
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording.frames import (
+    CONDITIONS,
     END,
     HEADER,
     KEYFRAME,
@@ -30,11 +32,11 @@ from automaton.recording.frames import (
     encode,
     preamble,
 )
-from automaton.recording.header import header_of, state_of
+from automaton.recording.header import header_of, rules_of, state_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.build import build_world
-from automaton.world.state import CHANGED, RECORDED, TICK, Array
+from automaton.world.state import CHANGED, DECIDED, RECORDED, TICK, Array, Record
 
 FRAME_TICKS = 256  # at most in a frame
 FRAME_SECONDS = 1.0  # what a killed process may lose
@@ -51,15 +53,15 @@ KEYFRAME_ARRAYS = {
     "slots": ("content", "by"),
 }
 
-Rows = tuple[Array, Array, Array]  # did (T, n), changes (X, 4), digests (T, D)
+Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
 
 
 class Capture:
     """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
 
     def __init__(self, resolved: Resolved, seed: int) -> None:
-        world, _ = build_world(resolved, seed)
-        self.header = header_of(resolved, seed, world, DIGEST_NAMES)
+        self._start, _ = build_world(resolved, seed)
+        self.header = header_of(resolved, seed, self._start, DIGEST_NAMES)
         self.ended = False
         self._simulation: Simulation | None = None
         self._pending: list[Rows] = []
@@ -68,7 +70,6 @@ class Capture:
         self._next_keyframe = KEYFRAME_TICKS
         self._flushed_at = time.monotonic()
         self.write(HEADER, self.header)
-        self._keyframe(world)
 
     def write(self, kind: int, content: Content) -> None:
         """Keep a frame."""
@@ -76,18 +77,15 @@ class Capture:
 
     def __call__(self, simulation: Simulation) -> None:
         """Take what the buffers of a simulation hold, and empty them."""
-        self._simulation = simulation
+        self._begin(simulation)
         world, record = simulation.world, simulation.record
         rows = int(world.clock[RECORDED])
-        changes = record.changes[: world.clock[CHANGED]]
         if rows:
-            # After an interrupt the changes of an unfinished tick may be there: they are not kept.
-            last = self._first + self._held + rows - 1
-            kept = changes[changes[:, 0] <= last].copy()
-            self._pending.append((record.did[:rows].copy(), kept, record.digests[:rows].copy()))
+            if self._held + rows > FRAME_TICKS:
+                self.flush()
+            self._pending.append(self._rows(world.clock, record, rows))
             self._held += rows
-        world.clock[RECORDED] = 0
-        world.clock[CHANGED] = 0
+        simulation.empty_record()
         due = time.monotonic() - self._flushed_at >= FRAME_SECONDS
         if self._held >= FRAME_TICKS or due:
             self.flush()
@@ -97,26 +95,44 @@ class Capture:
             self._keyframe(world)
             self._next_keyframe = tick + KEYFRAME_TICKS
 
+    def _begin(self, simulation: Simulation) -> None:
+        """Before the first tick: what the strategies of this run asked for, and the state."""
+        if self._simulation is None:
+            rules = rules_of(simulation)
+            self.write(CONDITIONS, {**rules, "tick": 0})
+            self._keyframe(self._start)
+        self._simulation = simulation
+
+    def _rows(self, clock: Array, record: Record, rows: int) -> Rows:
+        # After an interrupt those of an unfinished tick may be there: they are not kept.
+        last = self._first + self._held + rows - 1
+        changes = record.changes[: clock[CHANGED]]
+        decisions = record.decisions[: words_until(record.decisions, int(clock[DECIDED]), last)]
+        kept = changes[changes[:, 0] <= last].copy()
+        return record.did[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
+
+    def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None:
+        """The run goes on as `simulation`, in which something was changed after this tick."""
+        self.flush()
+        self._simulation = simulation
+        self.write(CONDITIONS, rules_of(simulation, settings))
+
     def flush(self) -> None:
-        """Write the pending ticks as frames."""
+        """Write the pending ticks as a frame."""
         self._flushed_at = time.monotonic()
         if not self._pending:
             return
-        did, changes, digests = (np.concatenate(part) for part in zip(*self._pending, strict=True))
+        parts = zip(*self._pending, strict=True)
+        did, decisions, changes, digests = (np.concatenate(part) for part in parts)
         self._pending = []
-        for begin in range(0, len(did), FRAME_TICKS):
-            part = slice(begin, begin + FRAME_TICKS)
-            first = self._first + begin
-            inside = (changes[:, 0] >= first) & (changes[:, 0] < first + FRAME_TICKS)
-            self.write(
-                TICKS,
-                {
-                    "first": first,
-                    "did": did[part],
-                    "changes": changes[inside],
-                    "digests": digests[part],
-                },
-            )
+        content = {
+            "first": self._first,
+            "did": did,
+            "decisions": decisions,
+            "changes": changes,
+            "digests": digests,
+        }
+        self.write(TICKS, content)
         self._first += len(did)
         self._held = 0
 
@@ -162,14 +178,14 @@ class MemoryRecorder(Capture):
         return Recording(self.header, self.frames, complete=True)
 
 
-class Recorder(Capture):
-    """Writes a recording to a file.
+class RecordingFile:
+    """The file of a recording under way.
 
-    It grows as FILE.part and takes its name when the run is over or interrupted, so that a file
-    of that name is replaced only by a run that has an end. Raises InputError if it cannot write.
+    It grows as FILE.part and takes its name when it is closed, so that a file of that name is
+    replaced only by a run that has an end. Raises InputError if it cannot be written.
     """
 
-    def __init__(self, path: str | Path, resolved: Resolved, seed: int) -> None:
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         if self.path.is_dir():
@@ -181,19 +197,38 @@ class Recorder(Capture):
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None
         self._file.write(preamble())
-        super().__init__(resolved, seed)
 
-    def write(self, kind: int, content: Content) -> None:
-        self._file.write(encode(kind, content))
+    def write(self, frame: bytes) -> None:
+        """Append a frame; it is there even if this process dies."""
+        self._file.write(frame)
         self._file.flush()
 
     def close(self) -> None:
-        """Give the file its name; without `end` before, it counts as cut short."""
+        """Give the file its name."""
         if self._file.closed:
             return
         os.fsync(self._file.fileno())
         self._file.close()
         os.replace(self.part, self.path)
+
+    def abandon(self) -> None:
+        """Leave what there is as FILE.part, and an older FILE alone."""
+        self._file.close()
+
+
+class Recorder(Capture):
+    """Writes a recording to a file. Raises InputError if it cannot be written."""
+
+    def __init__(self, path: str | Path, resolved: Resolved, seed: int) -> None:
+        self._file = RecordingFile(path)
+        super().__init__(resolved, seed)
+
+    def write(self, kind: int, content: Content) -> None:
+        self._file.write(encode(kind, content))
+
+    def close(self) -> None:
+        """Give the file its name; without `end` before, it counts as cut short."""
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -212,4 +247,4 @@ class Recorder(Capture):
         if kind is None or issubclass(kind, KeyboardInterrupt):
             self.close()
         else:
-            self._file.close()  # a run that failed leaves FILE.part and an older FILE alone
+            self._file.abandon()  # a run that failed

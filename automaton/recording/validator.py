@@ -17,6 +17,7 @@ import numpy as np
 
 from automaton.recording.codes import ACTION_MASK, LEFT_BAY
 from automaton.recording.frames import (
+    CONDITIONS,
     END,
     KEYFRAME,
     TICKS,
@@ -109,6 +110,8 @@ def validate_recording(header: dict[str, Any], frames: Iterable[Frame]) -> Repor
                 validator.ticks(content)
             elif kind == KEYFRAME:
                 validator.keyframe(content)
+            elif kind == CONDITIONS:
+                validator.rules(content)
             elif kind == END:
                 validator.end(content)
     except _TooMany:
@@ -199,6 +202,14 @@ class Validator:
         text = f"{name}[{i}] is {recorded[i]} in the recorded state, {replayed[i]} by its actions"
         robots = [i] if name.startswith("robots.") else []
         self._complain(self.report.ticks, "record", robots, NONE, text)
+
+    def rules(self, content: dict[str, Any]) -> None:
+        """Other durations or rules hold from here on."""
+        if content["tick"] != self.report.ticks:
+            text = f"rules of tick {content['tick']} stand after tick {self.report.ticks}"
+            self._complain(self.report.ticks, "record", [], NONE, text)
+        self.header = {**self.header, "scenario": content["scenario"]}
+        self.motion.follow(content["scenario"])
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""

@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.kernels.decisions import first_other_tick
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording.codes import ACTION_MASK, INTO_BAY, LEFT_BAY
-from automaton.recording.frames import END, TICKS, Content, Recording, read_recording
-from automaton.recording.header import resolved_of, source_hash
+from automaton.recording.frames import CONDITIONS, END, TICKS, Content, Recording, read_recording
+from automaton.recording.header import changed, resolved_of, source_hash
 from automaton.recording.validator import ACTS, Report, validate_stored
 from automaton.simulation import Simulation
-from automaton.world.state import CHANGED, RECORDED, Array
+from automaton.world.state import CHANGED, DECIDED, RECORDED, Array
 
 
 class Difference(NamedTuple):
@@ -65,10 +66,13 @@ def first_difference(recording: Recording) -> Difference | None:
     """Run the scenario again and compare each tick; the first that differs, or None."""
     rerun = Rerun(recording.header)
     for frame in recording.frames:
+        found = None
         if frame.kind == TICKS:
             found = rerun.compare(frame.content)
-        else:
-            found = rerun.compare_end(frame.content) if frame.kind == END else None
+        elif frame.kind == CONDITIONS and (frame.content["tick"] or frame.content["settings"]):
+            rerun.change(frame.content)
+        elif frame.kind == END:
+            found = rerun.compare_end(frame.content)
         if found is not None:
             return found
     return None
@@ -78,8 +82,9 @@ class Rerun:
     """The run made again, one frame of the recording at a time."""
 
     def __init__(self, header: Content) -> None:
+        self.header = header
         self.names = list(header["digest_names"])
-        self._parts: list[tuple[Array, Array, Array]] = []
+        self._parts: list[tuple[Array, Array, Array, Array]] = []
         self.simulation = Simulation(resolved_of(header), header["seed"], on_record=self._take)
         # Arrays that only one version digests cannot be compared.
         self._common = [name for name in self.names if name in DIGEST_NAMES]
@@ -88,21 +93,28 @@ class Rerun:
 
     def _take(self, simulation: Simulation) -> None:
         clock, record = simulation.world.clock, simulation.record
-        rows, changed = int(clock[RECORDED]), int(clock[CHANGED])
+        rows, changed, decided = (int(clock[k]) for k in (RECORDED, CHANGED, DECIDED))
         self._parts.append(
             (
                 record.did[:rows].copy(),
+                record.decisions[:decided].copy(),
                 record.changes[:changed].copy(),
                 record.digests[:rows].copy(),
             )
         )
-        clock[RECORDED] = clock[CHANGED] = 0
+        simulation.empty_record()
+
+    def change(self, rules: Content) -> None:
+        """Branch off as the recorded run did."""
+        resolved = resolved_of(changed(self.header, rules))
+        self.simulation = self.simulation.continued(resolved)
 
     def compare(self, content: Content) -> Difference | None:
         """Run through the ticks of a frame and compare them."""
         first, ticks = content["first"], len(content["did"])
         self.simulation.run(until=first + ticks - 1)
-        did, changes, digests = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+        parts = zip(*self._parts, strict=True)
+        did, decisions, changes, digests = (np.concatenate(part) for part in parts)
         self._parts.clear()
         if self.simulation.tick < first + ticks - 1:
             return Difference(self.simulation.tick, "end", "made again, the run ends here")
@@ -111,12 +123,13 @@ class Rerun:
         found = (
             self._digests(first, content["digests"][:, self._theirs], digests[:, self._ours]),
             _actions(first, content["did"], did),
+            _decisions(first, content["decisions"], decisions),
             _changes(content["changes"], changes),
         )
         return min(filter(None, found), key=lambda difference: difference.tick, default=None)
 
     def _digests(self, first: int, recorded: Array, ours: Array) -> Difference | None:
-        differs = recorded != ours
+        differs = (recorded != ours) & recorded.any(axis=1, keepdims=True)  # those that are due
         rows = np.flatnonzero(differs.any(axis=1))
         if not len(rows):
             return None
@@ -148,6 +161,13 @@ def _actions(first: int, recorded: Array, ours: Array) -> Difference | None:
     row, robot = int(rows[0]), int(robots[0])
     was, now = action_text(int(recorded[row, robot])), action_text(int(ours[row, robot]))
     return Difference(first + row, "actions", f"robot {robot}: {was} recorded, {now} made again")
+
+
+def _decisions(first: int, recorded: Array, ours: Array) -> Difference | None:
+    if np.array_equal(recorded, ours):
+        return None
+    tick = max(first, first_other_tick(recorded, ours))
+    return Difference(tick, "decisions", "a strategy answered something else")
 
 
 def _changes(recorded: Array, ours: Array) -> Difference | None:

@@ -61,11 +61,16 @@ def resolve(
     return Resolved(
         scenario=checked,
         plan=floor.plan,
-        picks={layer: _pick(document, checked, layer) for layer in LAYERS},
+        picks=picks_of(document, checked),
         start=start,
         source=document.text,
         overrides=settings,
     )
+
+
+def picks_of(document: Document, scenario: Scenario) -> dict[str, Pick]:
+    """The strategies that a scenario names, by layer. Raises InputError."""
+    return {layer: _pick(document, scenario, layer) for layer in LAYERS}
 
 
 def _document(scenario: str | Path | Scenario) -> Document:

@@ -14,7 +14,13 @@ from automaton.world.state import LAYERS
 
 # Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
 CALLS = {
-    function.__code__ for function in (Simulation._decide, Simulation._memory, Simulation._strategy)
+    function.__code__
+    for function in (
+        Simulation._decide,
+        Simulation._memory,
+        Simulation._picked,
+        Simulation._admitted,
+    )
 }
 
 

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.kernels import draws
+from automaton.kernels.decisions import most_words
+from automaton.kernels.events import MOST_EVENTS
 from automaton.scenario.resolve import Resolved
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.plan import DRIVABLE, FloorPlan
@@ -15,6 +17,7 @@ from automaton.world.state import (
     ACTION_NAMES,
     ACTIONS,
     CLOCK_SIZE,
+    DIGEST_EVERY,
     FREE,
     FRESH_ALLOCATION,
     NEED_ALLOCATION,
@@ -43,6 +46,7 @@ from automaton.world.state import (
     World,
     ZoningAnswers,
 )
+from automaton.world.waiting import CAUSE_COUNT, COUNTS, CURVE_COLUMNS, Observation
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
@@ -78,6 +82,7 @@ def build_world(
     clock[UNPARKED] = n - int(robots.parked.sum())
     clock[FRESH_ALLOCATION] = n
     clock[SEEN_CHANGES] = NIL
+    clock[DIGEST_EVERY] = 1
     rules = Rules(
         seed=np.uint64(seed),
         following=int(scenario.world.following),
@@ -322,13 +327,45 @@ def build_sight(world: World, floor: Floor) -> World:
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:
     """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
-    n = len(world.robots.cell)
+    n, steps = world.robots.route.shape
     rows = (8 * n + 8) * max(2, min(ticks, 64)) if ticks else 1
     return Record(
         did=np.zeros((max(ticks, 1), n), np.uint8),
+        decisions=np.zeros(3 * n * most_words(steps) if ticks else 1, np.int64),
         changes=np.zeros((rows, 4), np.int64),
         digests=np.zeros((max(ticks, 1), arrays), np.uint64),
         values=np.zeros(arrays, np.int64),
+    )
+
+
+def build_observation(world: World, ticks: int) -> Observation:
+    """Room to observe so many ticks at a time; tiny when nothing is observed."""
+    n, cells = (len(world.robots.cell), len(world.grid.kind)) if ticks else (1, 1)
+    events = max(16 * ticks, 3 * MOST_EVENTS * n) if ticks else 1
+    nil = np.full(n, NIL, np.int32)
+    return Observation(
+        count=np.zeros(COUNTS, np.int64),
+        cause=np.zeros(n, np.uint8),
+        blocker=nil.copy(),
+        wanted=nil.copy(),
+        since=np.zeros(n, np.int64),
+        ring=np.zeros(n, np.int32),
+        lost=np.zeros((n, CAUSE_COUNT), np.int64),
+        busy_before=np.zeros(n, np.uint16),
+        cause_before=np.zeros(n, np.uint8),
+        set_down=nil.copy(),
+        load_before=nil.copy(),
+        order_before=nil.copy(),
+        color=np.zeros(n, np.int32),
+        visits=np.zeros(cells, np.int32),
+        waits=np.zeros(cells, np.int32),
+        recent=np.zeros(cells, np.int32),
+        recent_at=np.zeros(cells, np.int32),
+        flow=np.zeros((cells, 4), np.int32),
+        holder=np.full(2 * cells, NIL, np.int32),
+        holdings=np.zeros(4 * n, np.int32),
+        events=np.zeros((events, 5), np.int64),
+        curve=np.zeros((max(ticks, 1), CURVE_COLUMNS), np.int32),
     )
 
 

@@ -97,7 +97,10 @@ FINISHED: Final = 9
 RECORDING: Final = 10
 RECORDED: Final = 11  # ticks in the record's buffers
 CHANGED: Final = 12  # rows of record.changes in use
-CLOCK_SIZE: Final = 13
+DECIDED: Final = 13  # words of record.decisions in use
+DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
+OBSERVING: Final = 15
+CLOCK_SIZE: Final = 16
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -313,6 +316,7 @@ class Record(Struct):
     """Buffers that a recorder empties when the loop pauses."""
 
     did: Array  # (T, n) uint8, by identity
+    decisions: Array  # (Y,) int64: what strategies answered (automaton.kernels.decisions)
     changes: Array  # (X, 4) int64: tick, code, subject, value
     digests: Array  # (T, D) uint64
     values: Array  # (D,) int64, scratch

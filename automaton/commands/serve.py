@@ -1,0 +1,141 @@
+"""Show a scenario's viewer in browsers: one session each, read-only unless --interactive.
+
+Exit code 0: ended by Ctrl-C or a signal; 2: bad input, or an address that cannot be served.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import importlib
+import socket
+import sys
+from typing import Any
+
+from automaton.errors import InputError
+from automaton.scenario.resolve import resolve
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton serve`."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
+    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="where to listen (127.0.0.1)")
+    parser.add_argument("--port", type=port, default=8000, help="8000 unless given; 0: a free one")
+    parser.add_argument(
+        "--public-url", metavar="URL", help="what browsers call it, if not http://HOST:PORT"
+    )
+    token = parser.add_mutually_exclusive_group()
+    token.add_argument("--token", help="instead of a random one; others on this machine can see it")
+    token.add_argument("--no-token", action="store_true", help="let in everybody on this machine")
+    parser.add_argument(
+        "--sessions", type=count, default=4, metavar="N", help="at most so many at once (4)"
+    )
+    parser.add_argument(
+        "--idle",
+        type=seconds,
+        default=1800.0,
+        metavar="SECONDS",
+        help="end a session that nobody touched for so long (1800); 0: never",
+    )
+    parser.add_argument(
+        "--interactive", action="store_true", help="let browsers change runs and fetch files"
+    )
+
+
+def port(text: str) -> int:
+    """A TCP port; 0 stands for a free one."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: allowed are 0 to 65535")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A number of sessions."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of sessions: 1, 2, 3 and so on")
+    return int(text)
+
+
+def seconds(text: str) -> float:
+    """A time in whole seconds."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time: allowed are 0, 1, 2 and so on")
+    return float(text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until a signal comes."""
+    name = resolve(args.scenario, args.settings, args.seed).scenario.name
+    listener, access = open_door(args)
+    server = part("server").ViewerServer(
+        viewer(args),
+        access,
+        title=name,
+        sessions=args.sessions,
+        idle_s=args.idle or None,
+        read_only=not args.interactive,
+    )
+    print(greeting(args, name, access, listener), flush=True)
+    asyncio.run(server.run(listener))
+    return 0
+
+
+def part(name: str) -> Any:
+    """A module of the browser viewer, by name: what runs headless does not import the viewer."""
+    try:
+        return importlib.import_module(f"tui.serve.{name}")
+    except ModuleNotFoundError as error:
+        if error.name is not None and error.name.startswith(("tui", "automaton")):
+            raise
+        raise InputError(
+            "`automaton serve` needs the extra `serve`: pip install 'fleet-automaton[serve]'"
+        ) from error
+
+
+def viewer(args: argparse.Namespace) -> list[str]:
+    """The command line of one session; what browsers do fills no disk here."""
+    command = [sys.executable, "-m", "automaton", "watch", args.scenario, "--no-record"]
+    command += [] if args.interactive else ["--read-only"]
+    command += [] if args.seed is None else [f"--seed={args.seed}"]
+    return command + [f"--set={setting}" for setting in args.settings]
+
+
+def open_door(args: argparse.Namespace) -> tuple[socket.socket, Any]:
+    """The socket that listens, and who may come in."""
+    access, address = part("access"), part("address")
+    token = None
+    if not args.no_token:
+        token = access.new_token() if args.token is None else access.checked_token(args.token)
+    address.checked_exposure(args.host, args.public_url, token)
+    listener = address.listen(args.host, args.port)
+    here = address.authority(args.host, listener.getsockname()[1])
+    public_url = address.origin(args.public_url or f"http://{here}")
+    door = access.Access(
+        public_url=public_url,
+        hosts=frozenset({here.lower(), public_url.partition("://")[2]}),
+        token=token,
+        cookie=f"automaton-{listener.getsockname()[1]}",
+    )
+    return listener, door
+
+
+def greeting(args: argparse.Namespace, name: str, access: Any, listener: socket.socket) -> str:
+    """What to open, and how from elsewhere."""
+    manner = "interactive" if args.interactive else "read-only"
+    lines = [f"{name} in a browser ({manner}, at most {args.sessions} at once):", access.entrance]
+    where = listener.getsockname()[1]
+    if args.public_url is None and part("address").is_loopback(args.host):
+        tunnel = f"ssh -L {where}:{args.host}:{where} {socket.gethostname()}"
+        lines.append(f"From another machine: {tunnel}, then open the same address there.")
+    elif access.public_url.startswith("http:"):
+        lines.append("Not encrypted: whoever sees the traffic has the token; ssh -L is safer.")
+    return "\n".join([*lines, "Ctrl-C ends it."])

@@ -1,0 +1,106 @@
+"""Watch a scenario while it is computed: play, step, go back, ask why, branch off.
+
+Exit code 0: left with q; 2: bad input; 130 after Ctrl-C. Without a terminal: as `automaton run`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+from pathlib import Path
+from typing import Any
+
+from automaton.scenario.resolve import resolve
+
+SPEEDS = (0.25, 64.0)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton watch`."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
+    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
+    )
+    recording = parser.add_mutually_exclusive_group()
+    recording.add_argument(
+        "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
+    )
+    recording.add_argument("--no-record", action="store_true", help="record nothing")
+    add_display_arguments(parser)
+
+
+def add_display_arguments(parser: argparse.ArgumentParser) -> None:
+    """How a run is shown; `replay` has them too."""
+    group = parser.add_argument_group("display")
+    add = group.add_argument
+    add("--read-only", action="store_true", help="no branches, no files in this folder")
+    add("--speed", type=speed, default=1.0, metavar="F", help="x1 is 10 ticks a second; or max")
+    add("--at", type=tick, metavar="TICK", help="begin at this tick, paused")
+    add("--paused", action="store_true", help="do not begin to play")
+    add("--fps", type=fps, default=30, metavar="N", help="pictures a second at most (30)")
+    add("--max-kbit", type=kbit, metavar="N", help="send at most so many kbit/s")
+    add("--renderer", choices=("auto", "direct", "textual"), default="auto", help="of the map")
+    add("--ascii", action="store_true", help="no characters beyond ASCII in the map")
+    add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
+    add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
+    add("--plain", action="store_true", help="figures as text, no screen")
+
+
+def speed(text: str) -> float:
+    """A factor, or "max"."""
+    try:
+        factor = float("inf") if text == "max" else float(text.removeprefix("x"))
+    except ValueError:
+        factor = float("nan")
+    least, most = SPEEDS
+    if text != "max" and not least <= factor <= most:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a speed: allowed are {least:g} to {most:g}, and max"
+        )
+    return factor
+
+
+def tick(text: str) -> int:
+    """A tick, counted from 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a tick: allowed are 0, 1, 2 and so on")
+    return int(text)
+
+
+def fps(text: str) -> int:
+    """Pictures a second."""
+    if not text.isdecimal() or not 1 <= int(text) <= 120:
+        raise argparse.ArgumentTypeError(f"{text!r} is no frame rate: allowed are 1 to 120")
+    return int(text)
+
+
+def kbit(text: str) -> float:
+    """Kilobits a second."""
+    if not text.isdecimal() or int(text) < 8:
+        raise argparse.ArgumentTypeError(f"{text!r} is no rate: allowed are 8, 9, 10 and so on")
+    return float(text)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show it until the user leaves."""
+    resolved = resolve(args.scenario, args.settings, args.seed)
+    recordings = viewer("recordings")
+    if args.record is not None:
+        path = recordings.checked_target(args.record)
+    else:
+        name = resolved.scenario.name
+        path = None if args.no_record else recordings.new_recording(name, os.environ)
+    opening = viewer("opening").live(resolved, path)
+    return int(viewer("launch").show(opening, viewer("options").Options.of(args)))
+
+
+def viewer(name: str) -> Any:
+    """A module of the viewer, by name: what runs headless does not import it."""
+    return importlib.import_module(f"tui.{name}")

@@ -1,0 +1,219 @@
+"""Breakpoints: conditions on the state after a tick at which a run is to be stopped.
+
+deadlock           a circle of waiting robots has lasted too long
+circular wait      a circle of waiting robots has closed
+delivered [7]      a load was delivered (load 7)
+stuck > 50         a robot has waited for more than 50 ticks
+loaded and x > 3   any condition on one robot, of the names in FIELDS
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.errors import InputError, nearest
+from automaton.history.snapshot import Fleet, Snapshot
+from automaton.simulation import Simulation
+from automaton.world.plan import FloorPlan
+from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
+from automaton.world.waiting import CAUSES, DEADLOCK_TICKS, NO_ORDER, NOT_WAITING, Observation
+
+FIELDS: Final = {  # name: what it is, of one robot
+    "robot": "its number",
+    "x": "column of its cell",
+    "y": "row of its cell",
+    "loaded": "whether it carries a load",
+    "load": "the load it carries, or -1",
+    "order": "the order it works on, or -1",
+    "waiting": "ticks that it has waited; 0 if it does not",
+    "cause": "why it waits: " + ", ".join(f"'{cause.name}'" for cause in CAUSES),
+    "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
+    "busy": "ticks until it is free",
+    "parked": "whether it is parked",
+    "zone": "the zone it serves, or -1",
+    "priority": "its priority",
+    "steps": "cells of its route that are left",
+}
+NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck")
+LONGEST: Final = 200  # characters
+NAMED: Final = {"cause": [cause.name for cause in CAUSES], "action": list(ACTION_NAMES)}
+COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+
+
+class Breakpoint(NamedTuple):
+    """One condition; `test` gives the robots it holds for now."""
+
+    text: str
+    test: Callable[[Simulation, FloorPlan], Array]  # identities; empty: it does not hold
+
+
+def breakpoint_of(text: str) -> Breakpoint:
+    """Read a breakpoint. Raises InputError with what is allowed."""
+    words = " ".join(text.split())
+    if len(words) > LONGEST:
+        raise InputError(_too_long(words))
+    if words in ("deadlock", "circular wait"):
+        ticks = DEADLOCK_TICKS if words == "deadlock" else 1
+        return Breakpoint(words, lambda run, plan: _members(run, run.watch.ring == ticks))
+    delivered = re.fullmatch(r"delivered(?: (\d+))?", words)
+    if delivered:
+        load = None if delivered[1] is None else int(delivered[1])
+        return Breakpoint(words, lambda run, plan: _delivering(run, load))
+    stuck = re.fullmatch(r"stuck ?> ?(\d+)", words)
+    return Breakpoint(words, _predicate(f"waiting > {stuck[1]}" if stuck else words))
+
+
+def _members(run: Simulation, mask: Array) -> Array:
+    found: Array = run.world.robots.identity[np.flatnonzero(mask)]
+    return found
+
+
+def _delivering(run: Simulation, load: int | None) -> Array:
+    """Robots that delivered in the last tick."""
+    orders, given = run.world.orders, run.watch.set_down
+    done = (given != NIL) & (orders.delivered[given] == run.world.clock[TICK])
+    return _members(run, done if load is None else done & (given == load))
+
+
+def _predicate(text: str) -> Callable[[Simulation, FloorPlan], Array]:
+    evaluate = _condition(text)
+
+    def test(run: Simulation, plan: FloorPlan) -> Array:
+        holds = np.broadcast_to(evaluate(fields_of(run, plan)), run.world.robots.cell.shape)
+        return _members(run, holds)
+
+    return test
+
+
+def robots_where(text: str, snapshot: Snapshot, plan: FloorPlan) -> Array:
+    """Identities of the robots for which a condition of this language holds. Raises InputError."""
+    words = " ".join(text.split())
+    fleet = snapshot.robots
+    if words in ("deadlock", "circular wait"):
+        ticks = DEADLOCK_TICKS if words == "deadlock" else 1
+        return np.flatnonzero(fleet.ring >= ticks)
+    stuck = re.fullmatch(r"stuck ?> ?(\d+)", words)
+    evaluate = _condition(f"waiting > {stuck[1]}" if stuck else words)
+    fields = _fields(fleet, np.arange(len(fleet)), fleet, snapshot.tick, plan, fleet.route_length)
+    return np.flatnonzero(np.broadcast_to(evaluate(fields), fleet.cell.shape))
+
+
+def _too_long(text: str) -> str:
+    return f"a condition has {LONGEST} characters at most, this one {len(text):,}"
+
+
+def _condition(text: str) -> Callable[[Fields], Any]:
+    if len(text) > LONGEST:
+        raise InputError(_too_long(text))
+    try:
+        tree = ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError):
+        raise InputError(
+            f"'{text}' is no condition; write one such as deadlock, delivered 7, stuck > 50, "
+            "or waiting > 20 and loaded"
+        ) from None
+    return _compiled(tree)
+
+
+Fields = Mapping[str, Array]
+
+
+def _compiled(node: ast.expr) -> Callable[[Fields], Any]:
+    """A function of the robots' fields from an expression; only what FIELDS allows gets through."""
+    if isinstance(node, ast.BoolOp):
+        parts = [_compiled(value) for value in node.values]
+        combine = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
+        return lambda fields: combine.reduce([part(fields) for part in parts])
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        inner = _compiled(node.operand)
+        return lambda fields: np.logical_not(inner(fields))
+    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in COMPARISONS:
+        compare = COMPARISONS[type(node.ops[0])]
+        left, right = _operand(node.left, node), _operand(node.comparators[0], node)
+        return lambda fields: compare(left(fields), right(fields))
+    if isinstance(node, ast.Name):
+        return _operand(node, None)
+    raise InputError(
+        f"'{ast.unparse(node)}' is no condition on a robot; allowed are comparisons of "
+        f"{', '.join(FIELDS)} with numbers, joined by and, or, not"
+    )
+
+
+def _operand(node: ast.expr, comparison: ast.Compare | None) -> Callable[[Fields], Any]:
+    if isinstance(node, ast.Name):
+        if node.id not in FIELDS:
+            raise InputError(
+                f"a robot has no '{node.id}'{nearest(node.id, NAMES)}; there are {', '.join(FIELDS)}"
+            )
+        name = node.id
+        return lambda fields: fields[name]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        inner = _operand(node.operand, comparison)
+        return lambda fields: -inner(fields)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        number = node.value
+        return lambda fields: number
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        code = _code_of(node.value, comparison)
+        return lambda fields: code
+    raise InputError(f"'{ast.unparse(node)}' is neither a number nor one of {', '.join(FIELDS)}")
+
+
+def _code_of(word: str, comparison: ast.Compare | None) -> int:
+    """The number of a quoted cause or action."""
+    sides = [] if comparison is None else [comparison.left, *comparison.comparators]
+    for side in sides:
+        if isinstance(side, ast.Name) and side.id in NAMED:
+            names = NAMED[side.id]
+            if word not in names:
+                raise InputError(
+                    f"'{word}' is no {side.id}{nearest(word, names)}; there are {', '.join(names)}"
+                )
+            return names.index(word)
+    raise InputError(f"'{word}' can be compared with cause and action only")
+
+
+def fields_of(run: Simulation, plan: FloorPlan) -> Fields:
+    """The FIELDS of all robots, by storage."""
+    robots = run.world.robots
+    return _fields(robots, robots.identity, run.watch, run.tick, plan, robots.length - robots.at)
+
+
+def _fields(
+    robots: Robots | Fleet,
+    number: Array,
+    watch: Observation | Fleet,
+    tick: int,
+    plan: FloorPlan,
+    steps: Array,
+) -> Fields:
+    cell = np.where(robots.cell == NIL, robots.bay, robots.cell)
+    waits = (watch.cause != NOT_WAITING) & (watch.cause != NO_ORDER)
+    return {
+        "robot": number,
+        "x": cell % plan.stride - 1,
+        "y": cell // plan.stride - 1,
+        "loaded": (robots.load != NIL).astype(np.int64),
+        "load": robots.load,
+        "order": robots.order,
+        "waiting": np.where(waits, tick - watch.since, 0),
+        "cause": watch.cause.astype(np.int64),
+        "action": robots.action.astype(np.int64),
+        "busy": robots.busy.astype(np.int64),
+        "parked": robots.parked.astype(np.int64),
+        "zone": robots.zone,
+        "priority": robots.priority,
+        "steps": steps,
+    }

@@ -1,0 +1,106 @@
+"""Keyframes in memory: states of a run to which one can go back.
+
+A state is kept as what differs from the state at tick 0, so that on a large floor only the cells
+count that somebody came to.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.world.carry import copy_clock, state_arrays
+from automaton.world.state import TICK, Array, World
+from automaton.world.waiting import Observation
+
+BUDGET: Final = 256 * 1024 * 1024  # bytes of all keyframes
+OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
+
+
+class Delta(NamedTuple):
+    """An array as its difference from another, or itself if that is shorter."""
+
+    where: Array | None  # flat indices; None: values are all of it
+    values: Array
+
+
+class Keyframe(NamedTuple):
+    """The state after a tick."""
+
+    tick: int
+    arrays: dict[str, Delta]
+    routes: Array  # the steps of all routes, one after another
+    clock: Array
+
+    @property
+    def nbytes(self) -> int:
+        parts = [a for delta in self.arrays.values() for a in delta if a is not None]
+        return sum(part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.clock))
+
+
+class Keyframes:
+    """The keyframes of one run, in the order of their ticks; the first is that of tick 0."""
+
+    def __init__(self, world: World, watch: Observation, budget: int = BUDGET) -> None:
+        self.budget = budget
+        self._base = {name: array.copy() for name, array in state_arrays(world, watch)}
+        self._frames: list[Keyframe] = []
+        self._bytes = 0
+        self.keep(world, watch)
+
+    @property
+    def ticks(self) -> list[int]:
+        """The ticks that can be gone back to at once."""
+        return [frame.tick for frame in self._frames]
+
+    def keep(self, world: World, watch: Observation) -> None:
+        """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
+        tick = int(world.clock[TICK])
+        if self._frames and tick <= self._frames[-1].tick:
+            return
+        arrays = {
+            name: _delta(array, self._base[name]) for name, array in state_arrays(world, watch)
+        }
+        frame = Keyframe(tick, arrays, _routes(world), world.clock.copy())
+        self._frames.append(frame)
+        self._bytes += frame.nbytes
+        while self._bytes > self.budget and len(self._frames) > 2:
+            ticks = self.ticks
+            gaps = [after - before for before, after in zip(ticks, ticks[2:], strict=False)]
+            self._bytes -= self._frames.pop(1 + gaps.index(min(gaps))).nbytes
+
+    def restore(self, tick: int, world: World, watch: Observation) -> int:
+        """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick."""
+        frame = self._frames[bisect_right(self.ticks, tick) - 1]
+        for name, array in state_arrays(world, watch):
+            where, values = frame.arrays[name]
+            if where is None:
+                np.copyto(array, values)
+            else:
+                np.copyto(array, self._base[name])
+                array.reshape(-1)[where] = values
+        world.robots.route[_route_mask(world)] = frame.routes
+        copy_clock(world.clock, frame.clock)
+        return frame.tick
+
+
+def _delta(array: Array, base: Array) -> Delta:
+    where = np.flatnonzero(array.reshape(-1) != base.reshape(-1)).astype(np.int32)
+    values = array.reshape(-1)[where]
+    if where.nbytes + values.nbytes < array.nbytes:
+        return Delta(where, values)
+    return Delta(None, array.copy())
+
+
+def _route_mask(world: World) -> Array:
+    """(n, R): the steps that routes have."""
+    steps = np.arange(world.robots.route.shape[1])
+    mask: Array = steps[None, :] < world.robots.length[:, None]
+    return mask
+
+
+def _routes(world: World) -> Array:
+    routes: Array = world.robots.route[_route_mask(world)]
+    return routes

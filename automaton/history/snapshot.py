@@ -1,0 +1,145 @@
+"""What a viewer sees of a run after a tick: copies, by identity, that nobody changes any more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from automaton.simulation import Simulation
+from automaton.world.state import NIL, TICK, Array
+from automaton.world.waiting import MEMORY_TICKS
+
+FLEET: Final = (  # fields of world.robots
+    *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
+    *("goal", "stand", "home", "bay", "parked", "zone", "blocked", "withdrawing"),
+)
+WATCHED: Final = ("cause", "blocker", "wanted", "since", "ring", "lost")  # of the observation
+HEAT: Final = ("visits", "waiting", "congestion")
+LAYERS: Final = ("", *HEAT, "flow", "zones")
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """The robots, indexed by identity; meanings as in automaton.world.state and .waiting."""
+
+    cell: Array
+    claim: Array
+    heading: Array
+    travel: Array
+    action: Array
+    busy: Array
+    priority: Array
+    load: Array
+    order: Array
+    slot: Array
+    goal: Array
+    stand: Array
+    home: Array
+    bay: Array
+    parked: Array
+    zone: Array
+    blocked: Array
+    withdrawing: Array
+    route_length: Array  # (n,) int32: steps left
+    cause: Array
+    blocker: Array
+    wanted: Array
+    since: Array
+    ring: Array
+    lost: Array
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+
+@dataclass(frozen=True)
+class OrderBook:
+    """The orders."""
+
+    state: Array
+    place: Array
+    source: Array
+    target: Array
+    by: Array
+    released: Array
+    delivered: Array
+    legs: Array
+
+
+@dataclass(frozen=True)
+class SlotStates:
+    """The cells that hold loads."""
+
+    cell: Array
+    endless: Array
+    content: Array
+    by: Array
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The state after a tick."""
+
+    tick: int
+    finished: bool
+    robots: Fleet
+    orders: OrderBook
+    slots: SlotStates
+    selected: int  # the robot whose route is given, or NIL
+    route: Array  # (k,) int32: cells that the selected robot has still to drive through
+    heat: Array | None  # (C,) int32 of the layer that was asked for, or None
+    flow: Array | None  # (C, 4) int32
+
+
+def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
+    """Copy what a viewer needs from an observed simulation."""
+    world, watch = simulation.world, simulation.watch
+    by_identity = world.robots.at_index
+    fields = {name: getattr(world.robots, name)[by_identity] for name in FLEET}
+    fields |= {name: getattr(watch, name)[by_identity] for name in WATCHED}
+    fields["route_length"] = (world.robots.length - world.robots.at)[by_identity]
+    return Snapshot(
+        tick=int(world.clock[TICK]),
+        finished=simulation.finished,
+        robots=Fleet(**fields),
+        orders=OrderBook(
+            **{name: getattr(world.orders, name).copy() for name in world.orders._fields}
+        ),
+        slots=SlotStates(
+            cell=world.slots.cell,
+            endless=world.slots.endless,
+            content=world.slots.content.copy(),
+            by=world.slots.by.copy(),
+        ),
+        selected=selected,
+        route=_route(simulation, selected),
+        heat=_heat(simulation, layer),
+        flow=watch.flow.copy() if layer == "flow" else None,
+    )
+
+
+def _route(simulation: Simulation, selected: int) -> Array:
+    """(k,) int32: the cells of a robot's remaining route."""
+    robots, grid = simulation.world.robots, simulation.world.grid
+    if not 0 <= selected < len(robots.cell):  # in a comparison the other fleet may be larger
+        return np.zeros(0, np.int32)
+    i = robots.at_index[selected]
+    start = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
+    steps = robots.route[i, robots.at[i] : robots.length[i]]
+    cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
+    return cells
+
+
+def _heat(simulation: Simulation, layer: str) -> Array | None:
+    watch = simulation.watch
+    if layer == "visits":
+        return watch.visits.copy()
+    if layer == "waiting":
+        return watch.waits.copy()
+    if layer == "congestion":
+        halvings = np.minimum((simulation.tick - watch.recent_at) // MEMORY_TICKS, 31)
+        faded: Array = watch.recent >> halvings
+        return faded
+    return None

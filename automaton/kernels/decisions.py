@@ -1,0 +1,190 @@
+"""The answers of strategies as a stream of numbers: kept while a run goes on, given again in a replay.
+
+    tick * 8 + layer | identity * 65,536 + number of values | values ...
+
+in the order in which they entered the world; robots that were asked and got KEEP are left out.
+Values: zoning (zone), charging (stand, ticks), allocation (verb, order, slot, stand, try_drop,
+ask_again), routing (steps, then 31 directions of 2 bits each; -1 for an illegal route), right of way
+(verb, value, release, priority).
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.commit import is_drivable
+from automaton.world.state import (
+    ALLOCATION,
+    CHARGING,
+    DECIDED,
+    KEEP,
+    NIL,
+    RIGHT_OF_WAY,
+    ROUTING,
+    TICK,
+    ZONING,
+)
+
+LAYER_BITS = 3
+COUNT_BITS = 16
+STEPS = 31  # directions in a word
+CURSOR = 0  # columns of a replaying strategy's memory.own
+END = 1
+ILLEGAL_ROUTE = -1
+
+
+@kernel
+def most_words(longest_route):
+    """Words that the decisions about one robot may take in a tick."""
+    heads, values = 2 * 5, 1 + 2 + 6 + 1 + 4
+    return heads + values + (longest_route + STEPS - 1) // STEPS
+
+
+@kernel
+def keep_decisions(world, record, asked, answers, layer):
+    """Append the answers of one call, before they are committed."""
+    for k in range(asked.count[0]):
+        at = world.clock[DECIDED]
+        size = put(world, record.decisions, at + 2, asked, answers, layer, k)
+        if size:
+            identity = np.int64(world.robots.identity[asked.robot[k]])
+            record.decisions[at] = (world.clock[TICK] << LAYER_BITS) | layer
+            record.decisions[at + 1] = (identity << COUNT_BITS) | size
+            world.clock[DECIDED] = at + 2 + size
+
+
+@kernel
+def words_until(words, end, tick):
+    """How many of the first `end` words tell of ticks up to `tick`."""
+    at = 0
+    while at < end and words[at] >> LAYER_BITS <= tick:
+        at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
+    return min(at, end)
+
+
+@kernel
+def first_other_tick(words, others):
+    """The tick of the first decision in which two streams differ."""
+    both = min(words.shape[0], others.shape[0])
+    at = 0
+    while at + 1 < both:
+        if words[at] != others[at]:
+            return min(words[at], others[at]) >> LAYER_BITS
+        following = at + 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
+        for k in range(at + 1, following):
+            if k >= both or words[k] != others[k]:
+                return words[at] >> LAYER_BITS
+        at = following
+    longer = words if words.shape[0] > others.shape[0] else others
+    return longer[at] >> LAYER_BITS if at < longer.shape[0] else NIL
+
+
+@kernel
+def put(world, words, at, asked, answers, layer, k):
+    """Write the values of answer k; returns how many there are, 0 for KEEP."""
+    if layer == ZONING:
+        words[at] = answers.zoning.zone[k]
+        return 0 if answers.zoning.zone[k] == KEEP else 1
+    if layer == CHARGING:
+        words[at] = answers.charging.stand[k]
+        words[at + 1] = answers.charging.ticks[k]
+        return 0 if answers.charging.stand[k] == KEEP else 2
+    if layer == ALLOCATION:
+        given = answers.allocation
+        words[at] = given.verb[k]
+        words[at + 1] = given.order[k]
+        words[at + 2] = given.slot[k]
+        words[at + 3] = given.stand[k]
+        words[at + 4] = given.try_drop[k]
+        words[at + 5] = given.ask_again[k]
+        return 0 if given.verb[k] == KEEP and given.ask_again[k] == 0 else 6
+    if layer == ROUTING:
+        return put_route(world, words, at, np.int64(asked.robot[k]), answers.routing, k)
+    given = answers.right_of_way
+    words[at] = given.verb[k]
+    words[at + 1] = given.value[k]
+    words[at + 2] = given.release[k]
+    words[at + 3] = given.priority[k]
+    return 0 if given.verb[k] == KEEP and given.priority[k] == KEEP else 4
+
+
+@kernel
+def put_route(world, words, at, i, given, k):
+    length = np.int64(given.length[k])
+    if length == KEEP:
+        return 0
+    if length < 0 or not is_drivable(world, i, given.steps[k], length):
+        words[at] = ILLEGAL_ROUTE
+        return 1
+    words[at] = length
+    for first in range(0, length, STEPS):
+        packed = 0
+        for s in range(min(STEPS, length - first)):
+            packed |= np.int64(given.steps[k, first + s]) << (2 * s)
+        words[at + 1 + first // STEPS] = packed
+    return 1 + (length + STEPS - 1) // STEPS
+
+
+@kernel
+def repeat(view, asked, answers, memory, space):
+    """Decide as recorded. memory: parameters (layer), shared the stream, own[0] CURSOR and END."""
+    layer = memory.parameters[0]
+    key = (view.clock[TICK] << LAYER_BITS) | layer
+    words = memory.shared
+    at, end = memory.own[0, CURSOR], memory.own[0, END]
+    for k in range(asked.count[0]):
+        # Earlier ticks, and other layers of this one.
+        while at + 1 < end and words[at] < key:
+            at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
+        if at + 1 >= end or words[at] != key:
+            break
+        if words[at + 1] >> COUNT_BITS == view.robots.identity[asked.robot[k]]:
+            size = words[at + 1] & ((1 << COUNT_BITS) - 1)
+            if at + 2 + size > end or size < fewest_values(layer):
+                break  # the recording was altered
+            give(words, at + 2, size, answers, layer, k)
+            at += 2 + size
+    memory.own[0, CURSOR] = at
+
+
+@kernel
+def fewest_values(layer):
+    """How many values a recorded answer has at least."""
+    if layer == CHARGING:
+        return 2
+    if layer == ALLOCATION:
+        return 6
+    return 4 if layer == RIGHT_OF_WAY else 1
+
+
+@kernel
+def give(words, at, size, answers, layer, k):
+    """Enter so many recorded values as answer k."""
+    if layer == ZONING:
+        answers.zoning.zone[k] = words[at]
+    elif layer == CHARGING:
+        answers.charging.stand[k] = words[at]
+        answers.charging.ticks[k] = words[at + 1]
+    elif layer == ALLOCATION:
+        answers.allocation.verb[k] = words[at]
+        answers.allocation.order[k] = words[at + 1]
+        answers.allocation.slot[k] = words[at + 2]
+        answers.allocation.stand[k] = words[at + 3]
+        answers.allocation.try_drop[k] = words[at + 4]
+        answers.allocation.ask_again[k] = words[at + 5]
+    elif layer == ROUTING:
+        give_route(words, at, size, answers.routing, k)
+    else:
+        answers.right_of_way.verb[k] = words[at]
+        answers.right_of_way.value[k] = words[at + 1]
+        answers.right_of_way.release[k] = words[at + 2]
+        answers.right_of_way.priority[k] = words[at + 3]
+
+
+@kernel
+def give_route(words, at, size, given, k):
+    length = words[at]
+    if length > min(given.steps.shape[1], STEPS * (size - 1)):
+        length = ILLEGAL_ROUTE  # the recording was altered
+    given.length[k] = length
+    for s in range(length):
+        given.steps[k, s] = (words[at + 1 + s // STEPS] >> (2 * (s % STEPS))) & 3

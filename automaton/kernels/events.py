@@ -1,0 +1,133 @@
+"""The events of an observed tick, and cycles of robots that wait for each other."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DID_CHARGE,
+    DID_DROP,
+    DID_ILLEGAL,
+    DID_PICK,
+    DID_WITHDRAW,
+    INTO_BAY,
+    LEFT_BAY,
+)
+from automaton.world.state import DELIVERED, NIL, TICK
+from automaton.world.waiting import (
+    CHARGED,
+    CYCLE,
+    DEADLOCK,
+    DEADLOCK_TICKS,
+    DELIVERED_AT,
+    EVENTS,
+    GAVE_BACK,
+    OUT_OF_BAY,
+    PARKED,
+    PICKED_UP,
+    REFUSED_ANSWER,
+    SET_DOWN,
+    TOOK,
+    WITHDREW,
+)
+
+MOST_EVENTS = 7  # of one robot in one tick
+IN_CYCLE = NIL  # value of observation.color
+
+
+@kernel
+def note_events(world, watch):
+    """Append what happened in this tick, by identity; call after `observe`."""
+    robots = world.robots
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        order, before = np.int64(robots.order[i]), np.int64(watch.order_before[i])
+        did = np.int64(robots.did[i])
+        if did & LEFT_BAY:
+            event(world, watch, OUT_OF_BAY, identity, NIL, NIL)
+        if order != before and before != NIL and did & ACTION_MASK != DID_DROP:
+            event(world, watch, GAVE_BACK, identity, before, NIL)
+        if order != before and order != NIL:
+            event(world, watch, TOOK, identity, order, NIL)
+        if did & ACTION_MASK:
+            note_action(world, watch, i, identity, did & ACTION_MASK)
+        if did & INTO_BAY:
+            event(world, watch, PARKED, identity, NIL, NIL)
+        watch.set_down[i] = watch.load_before[i] if did & ACTION_MASK == DID_DROP else NIL
+        watch.order_before[i] = order
+        watch.load_before[i] = robots.load[i]
+        watch.busy_before[i] = robots.busy[i]
+        watch.cause_before[i] = watch.cause[i]
+
+
+@kernel
+def event(world, watch, code, robot, subject, value):
+    row = watch.count[EVENTS]
+    watch.events[row, 0] = world.clock[TICK]
+    watch.events[row, 1] = code
+    watch.events[row, 2] = robot
+    watch.events[row, 3] = subject
+    watch.events[row, 4] = value
+    watch.count[EVENTS] = row + 1
+
+
+@kernel
+def note_action(world, watch, i, identity, action):
+    """The events of an operation that robot i began."""
+    if action == DID_PICK:
+        order = np.int64(world.robots.load[i])
+        event(world, watch, PICKED_UP, identity, order, np.int64(world.robots.cell[i]))
+    elif action == DID_DROP:
+        order = np.int64(watch.load_before[i])
+        done = world.orders.state[order] == DELIVERED
+        code = DELIVERED_AT if done else SET_DOWN
+        event(world, watch, code, identity, order, np.int64(world.robots.cell[i]))
+    elif action == DID_CHARGE:
+        event(world, watch, CHARGED, identity, NIL, np.int64(world.robots.busy[i]) + 1)
+    elif action == DID_ILLEGAL:
+        event(world, watch, REFUSED_ANSWER, identity, NIL, NIL)
+    elif action == DID_WITHDRAW:
+        event(world, watch, WITHDREW, identity, NIL, np.int64(world.robots.withdrawing[i]))
+
+
+@kernel
+def find_cycles(world, watch):
+    """Mark the robots on cycles of blockers: each robot has one at most, so a walk finds them."""
+    robots = world.robots
+    watch.color[:] = 0
+    for identity in range(robots.cell.shape[0]):
+        start = np.int64(robots.at_index[identity])
+        if watch.blocker[start] == NIL or watch.color[start]:
+            continue
+        i = start
+        while watch.color[i] == 0 and watch.blocker[i] != NIL:
+            watch.color[i] = start + 1
+            i = np.int64(robots.at_index[watch.blocker[i]])
+        if watch.color[i] == start + 1 and watch.blocker[i] != NIL:
+            close_cycle(world, watch, i)
+    for i in range(robots.cell.shape[0]):
+        if watch.color[i] != IN_CYCLE:
+            watch.ring[i] = 0
+
+
+@kernel
+def close_cycle(world, watch, first):
+    """Mark the cycle through `first`, and note when it closed or has lasted too long."""
+    robots = world.robots
+    members = 0
+    youngest = np.int64(watch.ring[first])
+    name = np.int64(robots.identity[first])
+    i = first
+    while watch.color[i] != IN_CYCLE:
+        watch.color[i] = IN_CYCLE
+        youngest = min(youngest, np.int64(watch.ring[i]))
+        name = min(name, np.int64(robots.identity[i]))
+        members += 1
+        i = np.int64(robots.at_index[watch.blocker[i]])
+    for _ in range(members):
+        watch.ring[i] = youngest + 1  # with another robot in it, it is another circle
+        i = np.int64(robots.at_index[watch.blocker[i]])
+    if youngest == 0:
+        event(world, watch, CYCLE, name, NIL, members)
+    elif youngest + 1 == DEADLOCK_TICKS:
+        event(world, watch, DEADLOCK, name, NIL, members)

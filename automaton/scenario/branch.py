@@ -1,0 +1,34 @@
+"""What of a scenario may change while a run goes on."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import msgspec
+
+from automaton.errors import InputError
+from automaton.scenario.document import Document
+from automaton.scenario.overrides import override
+from automaton.scenario.resolve import Resolved, picks_of
+from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import validated
+
+CHANGEABLE = ("strategy", "durations", "information", "world", "stop")
+
+
+def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
+    """The scenario with KEY=VALUE settings changed in the middle of a run.
+
+    Floor, fleet, orders and seed are what the run began with. Raises InputError.
+    """
+    document = override(
+        Document(data=copy.deepcopy(msgspec.to_builtins(resolved.scenario))), settings
+    )
+    scenario = validated(document, document.data, Scenario)
+    for name in Scenario.__struct_fields__:
+        if name not in CHANGEABLE and getattr(scenario, name) != getattr(resolved.scenario, name):
+            raise InputError(
+                f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
+            )
+    return replace(resolved, scenario=scenario, picks=picks_of(document, scenario))

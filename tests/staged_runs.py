@@ -1,0 +1,113 @@
+"""Robots drawn on a small floor, with routes that a test gives them, observed tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from automaton.history.chronicle import Chronicle, Event
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
+from automaton.simulation import Simulation
+from automaton.strategy.entry import NoParameters
+from automaton.strategy.layer import Strategy
+from automaton.world.state import GOAL_PARK, LAYERS, NIL
+from automaton.world.waiting import CAUSES
+
+STEPS = "ESWN"
+
+
+class Staged:
+    """`routes` by robot, such as A="EES"; robots without one have nothing to do, and are not parked.
+
+    `waits`: those of right of way; one long wait keeps a robot from retrying.
+    """
+
+    def __init__(
+        self,
+        picture: str,
+        routes: Mapping[str, str] | None = None,
+        *,
+        kinematics: str = "omni",
+        following: bool = True,
+        durations: Durations | None = None,
+        strategies: Mapping[str, Strategy] | None = None,
+        storage: Sequence[int] | None = None,
+        start: Any = None,
+        waits: tuple[int, int, int, int, int] = (1, 1, 1, 1, 255),
+    ) -> None:
+        self.plan = draw_floor(picture.strip("\n"))
+        start = start or self.plan.starts or "bays"
+        robots = len(self.plan.bays) if start == "bays" else len(start)
+        scenario = Scenario(
+            name="staged",
+            layout={},
+            fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
+            durations=durations or Durations(),
+            orders=Orders(generator="drawn-loads"),
+            world=WorldRules(following=following),
+            stop=Stop(when="never", at_most=10_000),
+        )
+        self.answers: Any = (strategies or {}).get("right_of_way")
+        picks = {layer: Pick("none", NoParameters()) for layer in LAYERS}
+        self.chronicle = Chronicle()
+        self.run = Simulation(
+            Resolved(scenario, self.plan, picks, start=start, source=""),
+            storage=None if storage is None else np.array(storage, np.int32),
+            on_observe=self.chronicle,
+            strategies=[(strategies or {}).get(layer) for layer in LAYERS],
+        )
+        self.world = self.run.world
+        if start != "bays":
+            self.world.robots.parked[:] = 0
+        if not strategies or "right_of_way" not in strategies:
+            self.world.rules.wait[:] = waits
+        for name, route in (routes or {}).items():
+            self.send(name, route)
+
+    def index(self, name: str) -> int:
+        return int(self.world.robots.at_index[ord(name) - ord("A")])
+
+    def send(self, name: str, route: str) -> None:
+        """Give a robot a route, to a place where it does nothing."""
+        robots, i = self.world.robots, self.index(name)
+        steps = [STEPS.index(step) for step in route]
+        robots.route[i, : len(steps)] = steps
+        robots.length[i], robots.at[i] = len(steps), 0
+        robots.goal[i] = GOAL_PARK
+        cell = int(robots.cell[i])
+        robots.stand[i] = cell + sum(int(self.world.grid.offset[step]) for step in steps)
+
+    def tick(self, ticks: int = 1) -> Staged:
+        self.run.run(self.run.tick + ticks)
+        return self
+
+    def cause(self, name: str) -> str:
+        """The name of what keeps a robot in the last tick; "none" if it does not wait."""
+        return CAUSES[self.run.watch.cause[self.index(name)]].name
+
+    def blocker(self, name: str) -> str:
+        """The robot that keeps it, or ""."""
+        robot = int(self.run.watch.blocker[self.index(name)])
+        return "" if robot == NIL else chr(ord("A") + robot)
+
+    def wanted(self, name: str) -> tuple[int, int] | None:
+        """Column and row of the cell that it wants."""
+        cell = int(self.run.watch.wanted[self.index(name)])
+        return None if cell == NIL else self.plan.xy(cell)
+
+    def why(self, name: str) -> tuple[str, str, tuple[int, int] | None]:
+        return self.cause(name), self.blocker(name), self.wanted(name)
+
+    def ring(self, name: str) -> int:
+        return int(self.run.watch.ring[self.index(name)])
+
+    def snapshot(self) -> Snapshot:
+        return take_snapshot(self.run)
+
+    def events(self) -> list[Event]:
+        return [self.chronicle.event(k) for k in range(len(self.chronicle.events))]

@@ -1,0 +1,131 @@
+"""Scenes for the tests of pictures: a floor, and robots that stand where a test wants them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import resolve
+from automaton.world.cells import DESTINATION, FLOOR
+from automaton.world.plan import FloorPlan, floor_plan
+from automaton.world.state import NIL
+from tui.render import styles
+from tui.render.camera import Camera
+from tui.render.compose import compose
+from tui.render.glyphs import UNICODE, Codes, GlyphSet
+from tui.render.scene import Floor, Scene
+
+NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
+ALL = [*NEAR, "half", "braille 1"]
+FIELDS = {  # of a robot that stands still and does nothing
+    **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
+    **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "ring"), 0),
+}
+
+
+def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: Any) -> Scene:
+    """A scene with robots as given, for instance {"cell": 12, "heading": 1}."""
+    fleet = SimpleNamespace(
+        **{
+            name: np.array([robot.get(name, rest) for robot in robots], np.int32)
+            for name, rest in FIELDS.items()
+        }
+    )
+    cells = plan.slots()
+    endless = (plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
+    loaded = plan.loads.reshape(-1)[cells] != 0
+    content = np.where(loaded, np.cumsum(loaded) - 1, NIL)
+    orders = int(loaded.sum())
+    snapshot = SimpleNamespace(
+        tick=1,
+        robots=fleet,
+        slots=SimpleNamespace(cell=cells, endless=endless, content=content, by=content * 0 - 1),
+        orders=SimpleNamespace(
+            place=np.flatnonzero(loaded),
+            target=np.full(orders, len(cells) - 1),
+            by=np.full(orders, NIL),
+            state=np.zeros(orders, np.uint8),
+        ),
+        heat=more.pop("heat", None),
+        flow=more.pop("flow", None),
+    )
+    floor = Floor(plan, cells, endless, headings, more.pop("zones", None))
+    return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
+
+
+def drawn(picture: str) -> FloorPlan:
+    return draw_floor(picture)
+
+
+def shipped(name: str) -> FloorPlan:
+    return resolve(name).plan
+
+
+def camera_at(plan: FloorPlan, zoom: str, rows: int = 0, columns: int = 0) -> Camera:
+    """A camera on that step of the ladder, of the size of the floor unless said."""
+    camera = Camera(plan, rows or 1, columns or 1)
+    camera.zoom = next(step for step in camera.ladder if step.name == zoom)
+    size = camera.size()
+    camera.resize(rows or size[0], columns or size[1])
+    return camera
+
+
+def signs(codes: Codes, glyphs: GlyphSet = UNICODE) -> np.ndarray:
+    """The characters of a picture."""
+    return np.array(list(glyphs.characters))[codes & 0xFFFF]
+
+
+def text(codes: Codes, glyphs: GlyphSet = UNICODE) -> str:
+    return "\n".join("".join(row).rstrip() for row in signs(codes, glyphs))
+
+
+def ink(code: int) -> int:
+    return (int(code) >> 16) // len(styles.COLOURS)
+
+
+def paper(code: int) -> int:
+    return (int(code) >> 16) % len(styles.COLOURS)
+
+
+def open_floor(width: int, height: int) -> FloorPlan:
+    kind = np.zeros((height + 2, width + 2), np.uint8)
+    kind[1:-1, 1:-1] = FLOOR
+    return floor_plan(kind, np.full_like(kind, 15))
+
+
+def crossing() -> Scene:
+    """Three robots: one parked in its bay, one with a load, one that faces west."""
+    plan = shipped("crossing")
+    return stage(
+        plan,
+        {"bay": plan.cell(-1, 0), "parked": 1},
+        {"cell": plan.cell(3, 0), "load": 4},
+        {"cell": plan.cell(5, 5), "heading": 2},
+    )
+
+
+def mini() -> Scene:
+    """Two robots on rails: one has come north with a load, one has turned on its turntable."""
+    plan = shipped("tabletop-mini")
+    return stage(
+        plan,
+        {"cell": plan.cell(2, 3), "heading": 1, "travel": 3, "load": 0},
+        {"cell": plan.cell(4, 0), "heading": 1, "travel": 0},
+        headings=2,
+    )
+
+
+def composed(scene: Scene, zoom: str, rows: int = 0, columns: int = 0) -> tuple[Codes, Camera]:
+    camera = camera_at(scene.floor.plan, zoom, rows, columns)
+    return compose(scene, camera, UNICODE), camera
+
+
+def at(scene: Scene, zoom: str, cell: int) -> int:
+    """The code in the first character of a cell."""
+    codes, camera = composed(scene, zoom)
+    place = camera.place_of(cell)
+    assert place is not None
+    return int(codes[place])

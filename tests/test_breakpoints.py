@@ -1,0 +1,167 @@
+"""Breakpoints: what can be asked, what is told about mistakes, and where a run is stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from staged_runs import Staged
+
+from automaton.errors import InputError
+from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
+from automaton.history.run import LiveRun
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.scenario.resolve import resolve
+from automaton.world.state import ACTION_NAMES, NIL
+from automaton.world.waiting import (
+    CAUSES,
+    CYCLE,
+    DEADLOCK,
+    DEADLOCK_TICKS,
+    DELIVERED_AT,
+    NO_ORDER,
+    NOT_WAITING,
+)
+
+
+@pytest.fixture(scope="module")
+def run() -> LiveRun:
+    run = LiveRun(resolve("tabletop-1", ["fleet.robots=5"]), 3)
+    run.show(700, 99)
+    return run
+
+
+def holding(run: LiveRun, text: str) -> list[int]:
+    return sorted(breakpoint_of(text).test(run.shown, run.plan).tolist())
+
+
+def reader(snapshot: Snapshot, run: LiveRun) -> Callable[[str, int], int]:
+    return lambda field, robot: expected(field, snapshot, run, robot)
+
+
+def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
+    """The value of a field, read off a snapshot."""
+    fleet = snapshot.robots
+    cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
+    waits = fleet.cause[robot] not in (NOT_WAITING, NO_ORDER)
+    values = {
+        "robot": robot,
+        "x": run.plan.xy(int(cell))[0],
+        "y": run.plan.xy(int(cell))[1],
+        "loaded": int(fleet.load[robot] != NIL),
+        "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
+        "steps": int(fleet.route_length[robot]),
+    }
+    return values[field] if field in values else int(getattr(fleet, field)[robot])
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
+    seen = set()
+    for tick in (1, 40, 333, 500, 700):
+        run.show(tick, 99)
+        snapshot = take_snapshot(run.shown)
+        for robot in range(5):
+            value = expected(field, snapshot, run, robot)
+            seen.add(value)
+            same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
+            assert holding(run, f"{field} == {value}") == same
+            assert robots_where(f"{field} == {value}", snapshot, run.plan).tolist() == same
+    assert len(seen) > 1 or field in ("zone", "parked", "priority")
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [
+        ("x > 3", lambda f, r: f("x", r) > 3),
+        ("3 >= y", lambda f, r: f("y", r) <= 3),
+        ("robot != 2", lambda f, r: r != 2),
+        ("loaded", lambda f, r: f("loaded", r) == 1),
+        ("not loaded and steps > 2", lambda f, r: not f("loaded", r) and f("steps", r) > 2),
+        ("x < y or robot == 1", lambda f, r: f("x", r) < f("y", r) or r == 1),
+        ("load == -1", lambda f, r: f("load", r) == -1),
+        ("-x < -4", lambda f, r: f("x", r) > 4),
+        ("-loaded < 0", lambda f, r: f("loaded", r) == 1),
+        ("action == 'move'", lambda f, r: ACTION_NAMES[f("action", r)] == "move"),
+        ("'no order' != cause", lambda f, r: CAUSES[f("cause", r)].name != "no order"),
+        ("  stuck   >   0 ", lambda f, r: f("waiting", r) > 0),
+        ("stuck>0", lambda f, r: f("waiting", r) > 0),
+        ("busy < 1.5", lambda f, r: f("busy", r) < 1.5),
+    ],
+)
+def test_conditions_are_read_as_in_python(text: str, plain, run: LiveRun) -> None:
+    for tick in (40, 333, 700):
+        run.show(tick, 99)
+        snapshot = take_snapshot(run.shown)
+        mine = [r for r in range(5) if plain(reader(snapshot, run), r)]
+        assert holding(run, text) == mine == robots_where(text, snapshot, run.plan).tolist()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "is no condition; write one such as deadlock, delivered 7, stuck > 50"),
+        ("x >", "'x >' is no condition"),
+        ("delivered seven", "'delivered seven' is no condition"),
+        ("(" * 5000, "a condition has 200 characters at most, this one 5,000"),
+        ("(" * 150, "is no condition"),
+        ("\0", "is no condition"),
+        ("laoded", "a robot has no 'laoded' (did you mean 'loaded'?); there are robot, x, y"),
+        ("waitng > 3", "a robot has no 'waitng' (did you mean 'waiting'?)"),
+        ("deadlok", "(did you mean 'deadlock'?)"),
+        ("cause == 'quue'", "'quue' is no cause (did you mean 'queue'?); there are none, queue"),
+        ("action != 'moove'", "'moove' is no action (did you mean 'move'?)"),
+        ("x == 'move'", "'move' can be compared with cause and action only"),
+        ("x > 3 > y", "is no condition on a robot; allowed are comparisons of robot"),
+        ("x + 1", "is no condition on a robot"),
+        ("x > y + 1", "'y + 1' is neither a number nor one of robot"),
+        ("x in y", "is no condition on a robot"),
+        ("__import__('os')", "is no condition on a robot"),
+        ("x.real > 3", "'x.real' is neither a number"),
+        ("x > 3j", "'3j' is neither a number"),
+        ("7", "'7' is no condition on a robot"),
+    ],
+)
+def test_mistakes_are_told_in_a_sentence(text: str, told: str) -> None:
+    with pytest.raises(InputError) as error:
+        breakpoint_of(text)
+    assert told in str(error.value) and "\n" not in str(error.value)
+    assert len(str(error.value)) < 400
+
+
+def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
+    floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}, waits=(999, 999, 999, 999, 255))
+    held = {text: [] for text in ("circular wait", "deadlock")}
+    for _ in range(DEADLOCK_TICKS + 5):
+        floor.tick()
+        for text, ticks in held.items():
+            if len(breakpoint_of(text).test(floor.run, floor.plan)):
+                ticks.append(floor.run.tick)
+                assert breakpoint_of(text).test(floor.run, floor.plan).tolist() == [0, 1]
+    mine = {
+        name: [e.tick for e in floor.events() if e.code == code]
+        for name, code in (("circular wait", CYCLE), ("deadlock", DEADLOCK))
+    }
+    assert held == mine == {"circular wait": [1], "deadlock": [DEADLOCK_TICKS]}
+    assert robots_where("deadlock", floor.snapshot(), floor.plan).tolist() == [0, 1]
+
+
+def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
+    run.show(700, 99)
+    mine = [e for e in run.chronicle.events.tolist() if e[1] == DELIVERED_AT]
+    assert len(mine) > 3
+    for tick, _, robot, load, _ in mine:
+        run.show(tick, 99)
+        assert robot in holding(run, "delivered") and holding(run, f"delivered {load}") == [robot]
+        assert holding(run, f"delivered {load + 1000}") == []
+        run.show(tick + 1, 99)
+        assert robot not in holding(run, "delivered")
+
+
+def test_how_robots_are_stored_does_not_matter() -> None:
+    found = set()
+    for storage in ([0, 1, 2], [2, 0, 1]):
+        floor = Staged("ABC", {"A": "E", "B": "E"}, storage=storage).tick()
+        found.add(tuple(np.sort(breakpoint_of("cause == 'queue'").test(floor.run, floor.plan))))
+    assert found == {(0,)}

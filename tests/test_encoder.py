@@ -1,0 +1,184 @@
+"""The encoder: what a terminal shows after its bytes, in which order, and how many there are."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from screens import cell_at, screen_of, wrong_cells
+
+from tui.render.depth import Depth
+from tui.render.encode import encode
+from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code
+from tui.render.styles import (
+    FLOOR,
+    FLOOR_MARK,
+    LOADED,
+    ROBOT,
+    SHELF,
+    STYLES,
+    Look,
+    style,
+)
+
+LOOKS = [Look(depth, theme) for depth in Depth for theme in ("dark", "light")]
+FOREIGN = "\x1b[0;31;42m"
+
+
+@st.composite
+def pictures(draw: st.DrawFn) -> tuple[Codes, Codes]:
+    """Two pictures of one size that differ in none, few, many or all cells."""
+    shape = draw(st.integers(1, 12)), draw(st.integers(1, 30))
+    random = np.random.default_rng(draw(st.integers(0, 2**32)))
+    styles = random.integers(0, STYLES, draw(st.integers(1, 40)))
+    glyphs = random.integers(0, len(UNICODE.characters), draw(st.integers(1, 20)))
+    pair = [code(random.choice(styles, shape), random.choice(glyphs, shape)) for _ in range(2)]
+    changed = random.random(shape) < draw(st.sampled_from([0.0, 0.02, 0.2, 0.7, 1.0]))
+    return pair[0], np.where(changed, pair[1], pair[0])
+
+
+def all_foreign(columns: int, rows: int) -> str:
+    """Bytes that fill a screen with something that is not ours."""
+    return FOREIGN + "".join(f"\x1b[{row};1H{'x' * columns}" for row in range(1, rows + 1))
+
+
+@pytest.mark.parametrize("look", LOOKS, ids=lambda look: f"{look.depth.name}-{look.theme}")
+@pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=lambda glyphs: glyphs.name)
+@given(
+    pair=pictures(),
+    top=st.integers(0, 3),
+    left=st.integers(0, 12),
+    below=st.integers(0, 2),
+    beside=st.integers(0, 3),
+)
+def test_a_repaint_and_a_difference_show_the_picture_and_leave_the_rest_alone(
+    look: Look,
+    glyphs: GlyphSet,
+    pair: tuple[Codes, Codes],
+    top: int,
+    left: int,
+    below: int,
+    beside: int,
+) -> None:
+    old, new = pair
+    rows, columns = top + new.shape[0] + below, left + new.shape[1] + beside
+    before = all_foreign(columns, rows) + encode(old, None, look, glyphs, top, left)
+    assert wrong_cells(screen_of(before, columns, rows), old, look, glyphs, top, left) == []
+    screen = screen_of(before + encode(new, old, look, glyphs, top, left), columns, rows)
+    assert wrong_cells(screen, new, look, glyphs, top, left) == []
+    foreign = cell_at(screen_of(FOREIGN + "x", 1, 1), 0, 0)
+    ours = {(top + y, left + x) for y, x in np.ndindex(*new.shape)}
+    rest = {place for place in np.ndindex(rows, columns)} - ours
+    assert all(cell_at(screen, *place) == foreign for place in rest)
+
+
+@given(pair=pictures(), look=st.sampled_from(LOOKS))
+def test_a_difference_is_never_longer_than_a_repaint(pair: tuple[Codes, Codes], look: Look) -> None:
+    old, new = pair
+    assert len(encode(new, old, look, UNICODE)) <= len(encode(new, None, look, UNICODE))
+
+
+def test_nothing_is_sent_if_nothing_differs() -> None:
+    codes = code(style(ROBOT, FLOOR), np.full((5, 9), UNICODE.robot[0]))
+    assert encode(codes, codes.copy(), LOOKS[0], UNICODE) == ""
+
+
+def test_the_style_is_reset_at_the_end() -> None:
+    codes = code(style(ROBOT, FLOOR), np.full((2, 2), UNICODE.robot[0]))
+    screen = screen_of(encode(codes, None, Look(Depth.TRUE), UNICODE) + "\x1b[4;1Hx", 9, 9)
+    assert cell_at(screen, 3, 0) == ("x", "default", "default", False, False, False)
+
+
+def test_a_torn_frame_shows_a_robot_twice_rather_than_never() -> None:
+    """Wherever the stream is cut, each robot is in its old place or in its new one."""
+    look, before, after = Look(Depth.TRUE), floor(6, 20), floor(6, 20)
+    robots = [(2, 3, 2, 4), (4, 9, 3, 9), (5, 19, 5, 18), (0, 0, 1, 0)]
+    for number, (y, x, to_y, to_x) in enumerate(robots):
+        robot = code(style((ROBOT, LOADED)[number % 2], FLOOR), UNICODE.robot[0])
+        before[y, x] = after[to_y, to_x] = robot
+    start, stream = encode(before, None, look, UNICODE), encode(after, before, look, UNICODE)
+    for cut in range(len(stream)):
+        screen = screen_of(start + stream[:cut], 20, 6)
+        for y, x, to_y, to_x in robots:
+            shown = cell_at(screen, y, x).character + cell_at(screen, to_y, to_x).character
+            assert UNICODE.characters[UNICODE.robot[0]] in shown
+
+
+def test_a_row_of_equal_styles_is_one_move_and_one_sequence() -> None:
+    look, old = Look(Depth.SIXTEEN), floor(3, 20)
+    new = old.copy()
+    new[1, 4:8] = code(style(ROBOT, FLOOR), ord("R"))
+    new[1, 10] = code(style(ROBOT, FLOOR), ord("S"))
+    new[2, 11] = code(style(ROBOT, FLOOR), ord("T"))
+    new[2, 8] = code(style(FLOOR_MARK, FLOOR), ord(","))
+    robot, mark = look.sgr(style(ROBOT, FLOOR)), look.sgr(style(FLOOR_MARK, FLOOR))
+    expected = f"{robot}\x1b[2;5HRRRR\x1b[2CS\x1b[BT{mark}\x1b[4D,\x1b[0m"
+    assert encode(new, old, look, UNICODE) == expected
+
+
+def test_after_the_last_column_a_move_is_absolute() -> None:
+    """A terminal may be waiting to wrap there, and terminals disagree on what moves then do."""
+    look, old = Look(Depth.SIXTEEN), floor(4, 20)
+    new = old.copy()
+    new[1, 19] = new[2, 19] = new[3, 19] = code(style(ROBOT, FLOOR), ord("R"))
+    robot = look.sgr(style(ROBOT, FLOOR))
+    expected = f"{robot}\x1b[2;20HR\x1b[3;20HR\x1b[4;20HR\x1b[0m"
+    assert encode(new, old, look, UNICODE) == expected
+
+
+def test_without_colours_styles_that_look_alike_share_a_sequence() -> None:
+    codes = np.array([[code(style(ink, FLOOR), ord("x")) for ink in (SHELF, ROBOT, FLOOR_MARK)]])
+    assert encode(codes, None, Look(Depth.NONE), UNICODE).count("m") == 2
+
+
+def test_a_field_of_many_colours_is_sent_in_reading_order() -> None:
+    """Grouped by style it would be longer: nearly every pair of pixels has a style of its own."""
+    random = np.random.default_rng(3)
+    inks, papers = random.integers(0, 40, (2, 20, 60))
+    codes = code(style(inks, papers), UNICODE.upper_half)
+    look = Look(Depth.SIXTEEN)
+    stream = encode(codes, None, look, UNICODE)
+    assert stream.count("H") == 20
+    assert wrong_cells(screen_of(stream, 60, 20), codes, look, UNICODE) == []
+
+
+def floor(rows: int, columns: int) -> Codes:
+    """Free floor with shelves."""
+    y, x = np.mgrid[:rows, :columns]
+    shelves = (x % 10 < 4) & (y % 4 == 3)
+    mark, shelf = UNICODE.floor, UNICODE.shelf
+    return np.where(
+        shelves, code(style(SHELF, FLOOR), shelf), code(style(FLOOR_MARK, FLOOR), mark)
+    ).astype(np.uint32)
+
+
+def walk(robots: int, frames: int) -> list[Codes]:
+    """Robots of one cell that all move in every frame, on 200 x 59; every second one is loaded."""
+    random = np.random.default_rng(robots)
+    extent = np.array([59, 200])
+    place = (random.random((robots, 2)) * extent).astype(int)
+    loaded = np.arange(robots) % 2
+    inks, shapes = np.array([ROBOT, LOADED])[loaded], np.array([UNICODE.robot, UNICODE.loaded])
+    pictures = []
+    for _ in range(frames):
+        direction = random.integers(4, size=robots)
+        step = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])[direction]
+        outside = ((place + step < 0) | (place + step >= extent)).any(axis=1)
+        place = np.where(outside[:, None], place - step, place + step)
+        picture = floor(59, 200)
+        picture[tuple(place.T)] = code(style(inks, FLOOR), shapes[loaded, direction])
+        pictures.append(picture)
+    return pictures
+
+
+@pytest.mark.parametrize(("robots", "at_most"), [(100, 2500), (300, 6000), (1000, 15000)])
+@pytest.mark.parametrize("depth", Depth)
+def test_bytes_of_a_frame_in_which_every_robot_moves(
+    robots: int, at_most: int, depth: Depth
+) -> None:
+    look, pictures = Look(depth), walk(robots, 40)
+    sizes = [len(encode(new, old, look, UNICODE).encode()) for old, new in pairwise(pictures)]
+    assert np.mean(sizes) <= at_most

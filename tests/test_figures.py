@@ -1,0 +1,128 @@
+"""The figures: of one run and of two, and over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from panel_stage import (
+    NARROW,
+    WIDE,
+    Stage,
+    busy,
+    click,
+    moment,
+    on_stage,
+    said,
+    shown,
+)
+from textual.pilot import Pilot
+
+from automaton.metrics import GLOSSARY
+from tui.widgets import curve
+from tui.widgets.figures import Figures
+
+
+@pytest.mark.parametrize("width", [NARROW, WIDE])
+def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
+    view = busy()
+    metrics = view.shot.figures[0].metrics
+    said_then = shown(Figures(), view, width, 80)
+    for words in (
+        "delivered 19 of 50",
+        f"throughput {metrics['throughput']:.1f} /1000 ticks",
+        "last 500 34.0 /1000 ticks",
+        f"blocked {100 * metrics['blocked']:.1f} %",
+        "robots 5 work, 0 wait, 0 parked" if width == WIDE else "robots 5 work 0 wait 0 parked",
+        "time lost of all robot ticks worker ahead",
+        "tick 600",
+    ):
+        assert words in said_then
+    for name in GLOSSARY:
+        assert name in said_then
+
+
+def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
+    view = moment(1500, "tabletop-1", "fleet.robots=5", against="strategy.allocation=independent")
+    first, second = (figures.metrics for figures in view.shot.figures)
+    assert first["delivered"] > second["delivered"]
+    lines: list[str] = []
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(view)
+        await pilot.pause()
+        lines.extend(said(figures))
+
+    on_stage(Figures(), story, 64, 40)
+    row = next(words.split() for words in lines if words.startswith("delivered"))
+    difference = int(second["delivered"] - first["delivered"])
+    assert row == ["delivered", f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
+    assert f"E_U_moves {100 * first['E_U_moves']:.1f}" in shown(Figures(), view, 64)
+    assert "delivered orders" in shown(Figures(), view, NARROW)
+
+
+def test_a_click_on_a_curve_leads_to_its_tick() -> None:
+    figures = Figures()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        figures.show(busy())
+        await pilot.pause()
+        row = said(figures).index("waiting robots") + 3
+        await pilot.click(figures, offset=(1 + curve.LABELS, row))
+        await pilot.click(figures, offset=(figures.width, row))
+        (_, first), (_, last) = stage.wishes()
+        assert first == 0 and last == 600
+
+    on_stage(figures, story)
+
+
+def test_a_curve_fills_its_rows_up_to_the_label() -> None:
+    values = np.array([0.0, 0.0, 10.0, 10.0, 5.0, 5.0])
+    assert curve.drawn(values, 2, dots=True) == ["    10 \u2800⣿\u2800", "     0 \u2800⣿⣿"]
+    assert curve.drawn(values, 2, dots=False) == ["    10   ||  ", "     0   ||||"]
+
+
+def test_throughput_counts_the_deliveries_of_each_stretch() -> None:
+    rows = np.zeros((4000, 3), np.int32)
+    rows[:, 2] = np.arange(4000) // 100  # a delivery every 100 ticks
+    assert np.allclose(curve.throughput(rows, 4)[1:], 10)
+    rows[2000:, 0] = 6
+    assert curve.waiting(rows, 4).tolist() == [0, 0, 6, 6]
+    assert curve.now_throughput(rows) == 10
+
+
+def test_no_unit_is_cut_where_there_is_little_room() -> None:
+    lines: list[str] = []
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(busy())
+        await pilot.pause()
+        lines.extend(said(figures))
+
+    on_stage(Figures(), story, 24, 80)
+    assert "last 500   34.0 /kt" in lines and "orders/1000 ticks" in lines
+    lines.clear()
+    on_stage(Figures(), story, 32, 80)
+    assert "robots 5 work 0 wait 0 parked" in lines
+
+
+def test_a_click_explains_a_cause_and_a_share() -> None:
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(busy())
+        await pilot.pause()
+        for word, meaning in (
+            ("worker ahead", "another robot holds the next cell while it works there"),
+            ("utilization", GLOSSARY["utilization"][1]),
+        ):
+            assert meaning not in " ".join(said(figures))
+            await click(pilot, figures, word)
+            assert meaning in " ".join(" ".join(said(figures)).split())
+            await click(pilot, figures, word)
+            assert meaning not in " ".join(" ".join(said(figures)).split())
+
+    on_stage(Figures(), story, WIDE, 80)

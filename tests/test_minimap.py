@@ -1,0 +1,71 @@
+"""The overview: where the view is, and where a click leads."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from staged_scenes import open_floor, signs, stage
+
+from tui.render import styles
+from tui.render.camera import Camera
+from tui.render.glyphs import UNICODE
+from tui.render.minimap import Minimap
+
+
+def framed(minimap: Minimap, camera: Camera) -> list[str]:
+    """The overview of an empty floor."""
+    codes = minimap.picture(stage(camera.plan), camera, UNICODE)
+    inks = (codes >> 16) // len(styles.COLOURS)
+    return ["".join(row) for row in np.where(inks == styles.CURSOR, signs(codes), ".")]
+
+
+def test_a_frame_goes_round_what_the_camera_shows():
+    plan = open_floor(24, 16)
+    camera = Camera(plan, 8, 12)
+    camera.one_to_one()
+    minimap = Minimap(camera, 4, 12)
+    camera.pan(-99, -99)
+    assert framed(minimap, camera) == [
+        "⡏⠉⠉⠉⠉⢹......",
+        "⣇⣀⣀⣀⣀⣸......",
+        "............",
+        "............",
+    ]
+    camera.pan(12, 8)
+    assert framed(minimap, camera) == [
+        "............",
+        "............",
+        "......⡏⠉⠉⠉⠉⢹",
+        "......⣇⣀⣀⣀⣀⣸",
+    ]
+
+
+def test_the_frame_is_whole_where_the_floor_ends_within_the_screen():
+    camera = Camera(open_floor(8, 8), 20, 60)
+    assert not camera.exceeds()
+    assert framed(Minimap(camera, 2, 4), camera) == ["⡏⠉⠉⢹", "⣇⣀⣀⣸"]
+
+
+def test_robots_are_seen_in_the_overview_and_layers_are_not():
+    plan = open_floor(40, 40)
+    camera = Camera(plan, 10, 10)
+    camera.one_to_one()
+    scene = stage(plan, {"cell": plan.cell(1, 1)}, heat=np.ones(plan.kind.size, np.int32))
+    minimap = Minimap(camera, 10, 20)
+    codes = minimap.picture(scene, camera, UNICODE)
+    assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.ROBOT
+    assert np.array_equal(codes, minimap.picture(scene.with_(layer="visits"), camera, UNICODE))
+
+
+@given(st.integers(1, 400), st.integers(1, 400), st.integers(1, 20), st.integers(1, 40))
+def test_the_whole_floor_fits_and_a_click_leads_to_its_cell(width, height, rows, columns):
+    camera = Camera(open_floor(width, height), 30, 100)
+    minimap = Minimap(camera, rows, columns)
+    assert not minimap.camera.exceeds()
+    for row in range(rows):
+        for column in range(columns):
+            cell = minimap.cell_at(row, column)
+            assert cell is None or minimap.camera.place_of(cell) == (row, column)
+    corners = [camera.plan.cell(0, 0), camera.plan.cell(width - 1, height - 1)]
+    assert all(minimap.camera.place_of(cell) is not None for cell in corners)

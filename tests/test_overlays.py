@@ -1,0 +1,158 @@
+"""What is laid over the floor changes the picture where it should, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from staged_scenes import (
+    ALL,
+    NEAR,
+    at,
+    camera_at,
+    composed,
+    drawn,
+    ink,
+    open_floor,
+    paper,
+    stage,
+    text,
+)
+
+from tui.render import styles
+from tui.render.glyphs import ASCII, UNICODE
+from tui.render.scene import Scene
+
+
+def changed_cells(before: Scene, after: Scene, zoom: str) -> set[tuple[int, int]]:
+    old, _ = composed(before, zoom)
+    new, _ = composed(after, zoom)
+    return {(row, column) for row, column in np.argwhere(old != new).tolist()}
+
+
+def characters(scene: Scene, zoom: str, cells: list[int], whole: bool = True) -> set:
+    """The characters of cells, all or the first of each."""
+    camera = camera_at(scene.floor.plan, zoom)
+    places = [camera.place_of(cell) for cell in cells]
+    width = camera.zoom.width if whole else 1
+    return {(place[0], place[1] + column) for place in places if place for column in range(width)}
+
+
+@pytest.mark.parametrize("zoom", ALL)
+def test_the_selected_the_marked_and_the_cursor(zoom: str):
+    plan = open_floor(9, 9)
+    robots = [{"cell": plan.cell(x, x)} for x in (1, 4, 7)]
+    scene = stage(plan, *robots)
+    for overlay, cell in (
+        ({"selected": 0}, plan.cell(1, 1)),
+        ({"marked": np.array([1], np.int32)}, plan.cell(4, 4)),
+        ({"cursor": plan.cell(7, 7)}, plan.cell(7, 7)),
+        ({"cursor": plan.cell(0, 5)}, plan.cell(0, 5)),
+    ):
+        after = scene.with_(**overlay)
+        assert changed_cells(scene, after, zoom) == characters(scene, zoom, [cell])
+
+
+@pytest.mark.parametrize("zoom", ALL)
+def test_the_route_of_the_selected_robot(zoom: str):
+    plan = open_floor(9, 9)
+    scene = stage(plan, {"cell": plan.cell(0, 0)})
+    route = np.array([plan.cell(x, 8) for x in range(2, 7)], np.int32)
+    after = scene.with_(route=route)
+    assert changed_cells(scene, after, zoom) == characters(scene, zoom, route.tolist(), False)
+    assert ink(at(after, zoom, int(route[0]))) == styles.ROUTE
+    if zoom in NEAR:
+        assert at(after, zoom, int(route[-1])) & 0xFFFF == UNICODE.stand
+
+
+def test_the_shelf_for_which_the_selected_robot_works():
+    plan = drawn("...\n.$.\n...")
+    scene = stage(plan, {"cell": plan.cell(0, 0), "order": 0})
+    after = scene.with_(selected=0, route=np.array([plan.cell(1, 0)], np.int32))
+    assert ink(at(after, "1x1", plan.cell(1, 1))) == styles.ROUTE
+
+
+@pytest.mark.parametrize(
+    ("step", "sign"), [((1, 0), "⇢"), ((0, 1), "⇣"), ((-1, 0), "⇠"), ((0, -1), "⇡")]
+)
+def test_a_long_move_shows_the_cell_that_it_holds(step: tuple[int, int], sign: str):
+    plan = open_floor(3, 3)
+    claim = plan.cell(1 + step[0], 1 + step[1])
+    scene = stage(plan, {"cell": plan.cell(1, 1), "claim": claim})
+    code = at(scene, "1x1", claim)
+    assert UNICODE.characters[code & 0xFFFF] == sign and ink(code) == styles.DIM
+
+
+@pytest.mark.parametrize("zoom", [*NEAR, "half"])
+def test_a_load_is_on_its_shelf_and_gone_when_it_is_taken(zoom: str):
+    plan = drawn("....\n.$$.\n....")
+    scene = stage(plan, {"cell": plan.cell(0, 0)})
+    full = at(scene, zoom, plan.cell(1, 1))
+    scene.snapshot.slots.content[0] = -1
+    assert at(scene, zoom, plan.cell(1, 1)) != full
+    assert at(scene, zoom, plan.cell(2, 1)) == full
+
+
+def test_a_floor_alone_shows_the_loads_that_it_was_drawn_with():
+    plan = drawn("$s.")
+    scene = stage(plan).with_(snapshot=None)
+    codes, _ = composed(scene, "1x1")
+    assert text(codes, ASCII) == "$#."
+
+
+@pytest.mark.parametrize("zoom", ALL)
+@pytest.mark.parametrize("layer", ["visits", "waiting", "congestion"])
+def test_heat_colours_the_cells_that_have_some(zoom: str, layer: str):
+    plan = open_floor(8, 8)
+    heat = np.zeros(plan.kind.size, np.int32)
+    heat[plan.cell(6, 6)], heat[plan.cell(2, 2)] = 500, 1
+    plain = stage(plan, {"cell": plan.cell(0, 0)}, heat=heat)
+    hot = at(plain.with_(layer=layer), zoom, plan.cell(6, 6))
+    assert styles.HEAT_8 in (ink(hot), paper(hot))
+    mild = at(plain.with_(layer=layer), zoom, plan.cell(2, 2))
+    assert styles.HEAT_1 in (ink(mild), paper(mild))
+    corner = at(plain.with_(layer=layer), zoom, plan.cell(0, 6))
+    assert not {ink(corner), paper(corner)} & set(range(styles.HEAT_1, styles.HEAT_8 + 1))
+    assert at(plain, zoom, plan.cell(6, 6)) != hot
+
+
+@pytest.mark.parametrize("zoom", [*NEAR, "braille 1"])
+def test_flow_points_where_most_robots_went(zoom: str):
+    plan = open_floor(8, 8)
+    flow = np.zeros((plan.kind.size, 4), np.int32)
+    flow[plan.cell(6, 6)] = [1, 2, 30, 4]
+    scene = stage(plan, {"cell": plan.cell(0, 0)}, flow=flow, layer="flow")
+    assert UNICODE.characters[at(scene, zoom, plan.cell(6, 6)) & 0xFFFF] == "⇠"
+    assert UNICODE.characters[at(scene, zoom, plan.cell(2, 6)) & 0xFFFF] not in "⇢⇣⇠⇡"
+
+
+@pytest.mark.parametrize("zoom", ALL)
+def test_zones_tint_their_cells(zoom: str):
+    plan = open_floor(8, 8)
+    zones = np.full(plan.kind.size, -1, np.int16)
+    zones[[plan.cell(6, y) for y in range(8)]] = 11
+    scene = stage(plan, {"cell": plan.cell(0, 0)}, zones=zones, layer="zones")
+    tinted = at(scene, zoom, plan.cell(6, 5))
+    assert styles.ZONE_3 in (ink(tinted), paper(tinted))
+    assert styles.ZONE_3 not in (ink(at(scene, zoom, plan.cell(0, 5))),)
+
+
+@pytest.mark.parametrize("zoom", ALL)
+def test_robots_stay_visible_on_a_layer(zoom: str):
+    plan = open_floor(8, 8)
+    heat = np.full(plan.kind.size, 500, np.int32)
+    cell = plan.cell(6, 6)
+    code = at(stage(plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
+    assert styles.ROBOT in (ink(code), paper(code))
+
+
+@pytest.mark.parametrize("zoom", NEAR)
+def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
+    plan = open_floor(6, 6)
+    heat = np.full(plan.kind.size, 500, np.int32)
+    here, ahead = plan.cell(2, 2), plan.cell(3, 2)
+    scene = stage(plan, {"cell": here}, heat=heat, layer="waiting")
+    scene = scene.with_(route=np.array([ahead], np.int32))
+    for cell, colour in ((here, styles.ROBOT), (ahead, styles.ROUTE)):
+        code = at(scene, zoom, cell)
+        assert (ink(code), paper(code)) == (colour, styles.HEAT_8)
+    assert paper(at(scene.with_(selected=0), zoom, here)) == styles.SELECTED

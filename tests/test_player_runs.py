@@ -1,0 +1,133 @@
+"""The player with two runs, with breakpoints, and with runs that cannot go on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hand_clock import FLEET, Clock, clock, hand, live, recorded
+
+from automaton.errors import InputError
+from automaton.history.breakpoints import breakpoint_of
+from tui.player import SHOT_S
+
+__all__ = ["clock"]
+FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)
+
+
+# Two runs
+
+
+def test_two_runs_are_always_at_the_same_tick(clock: Clock, tmp_path: Path) -> None:
+    player = hand(clock, live(*FLEET), recorded(tmp_path, 400, "strategy.right_of_way=wait"))
+    player.set_speed(math.inf)
+    orders = [player.play, lambda: player.seek(30), lambda: player.play(-1), player.pause]
+    for order in [*orders, lambda: player.seek(390), player.play, lambda: player.step(-3)]:
+        order()
+        for _ in range(5):
+            shot = player.turn()
+            for snapshot in shot.snapshots:
+                assert snapshot.tick == min(shot.tick, 400) or snapshot.tick == shot.tick
+    shot = player.settle()
+    assert shot.head == player.runs[0].head
+
+
+def test_the_shorter_run_waits_at_its_end(clock: Clock, tmp_path: Path) -> None:
+    player = hand(clock, recorded(tmp_path, 300), recorded(tmp_path, 200))
+    player.seek(10_000)
+    shot = player.settle()
+    assert shot.tick == 300 == shot.end
+    assert [snapshot.tick for snapshot in shot.snapshots] == [300, 200]
+    player.step(-50)
+    assert [s.tick for s in player.settle().snapshots] == [250, 200]
+    player.step(-100)
+    assert [s.tick for s in player.settle().snapshots] == [150, 150]
+
+
+def test_two_fleets_of_different_size(clock: Clock) -> None:
+    player = hand(clock, live("fleet.robots=5"), live("fleet.robots=2"))
+    player.select(4)
+    player.seek(50)
+    shot = player.settle()
+    assert not shot.error and [len(s.robots) for s in shot.snapshots] == [5, 2]
+    assert shot.snapshots[1].route.size == 0
+
+
+def test_when_one_of_two_fails_both_stay_together(clock: Clock) -> None:
+    player = hand(clock, live(*FLEET), live(*FLEET, *FAILING))
+    player.seek(400)
+    shot = player.settle()
+    assert "own mistake" in shot.error
+    assert [snapshot.tick for snapshot in shot.snapshots] == [shot.tick, 49] or shot.tick == 49
+
+
+# Breakpoints
+
+
+@pytest.mark.parametrize(
+    "text", ["delivered", "delivered 7", "stuck > 12", "circular wait", "loaded and y > 2"]
+)
+def test_it_stops_at_each_tick_where_a_condition_begins_to_hold(text: str, clock: Clock) -> None:
+    point, run = breakpoint_of(text), live(*FLEET)
+    begins, before = [], set()
+    while run.show(run.tick + 1, 99) and run.end is None:
+        now = set(point.test(run.shown, run.plan).tolist())
+        if now - before:
+            begins.append((run.tick, tuple(sorted(now - before))))
+        before = now
+    assert begins
+    player = hand(clock)
+    player.set_breakpoints([point])
+    player.set_speed(math.inf)
+    for tick, culprits in begins[:6]:
+        player.play()
+        shot = player.settle()
+        assert (shot.tick, shot.culprits) == (tick, culprits)
+        assert shot.stopped.startswith(f"{text}: robot {culprits[0]}") and not shot.playing
+    player.step(1)
+    assert player.settle().stopped == ""
+
+
+def test_no_breakpoint_stops_a_seek_or_the_way_back(clock: Clock) -> None:
+    player = hand(clock)
+    player.set_breakpoints([breakpoint_of("x >= 0")])
+    player.seek(60)
+    assert player.settle().tick == 60
+    player.set_speed(64)
+    player.play(-1)
+    assert player.settle().tick == 0
+
+
+def test_an_unreadable_recording_is_a_sentence(clock: Clock, tmp_path: Path) -> None:
+    run = recorded(tmp_path, 600)
+    del run.frames.payloads[3]
+    player = hand(clock, run)
+    player.seek(600)
+    shot = player.settle()
+    assert "altered" in shot.error and shot.snapshots[0].tick == shot.tick < 600
+    with pytest.raises(InputError):
+        run.show(600, 99)
+
+
+def test_shots_are_no_more_frequent_than_a_screen_can_show(clock: Clock) -> None:
+    player = hand(clock, live(*FLEET, "stop={when: never, at_most: 1000000000}"))
+    player.set_speed(math.inf)
+    player.play()
+    player.turn()
+    seq = player.latest().seq
+    player.turn(5)  # the clock stands still: nothing waits at full speed
+    assert player.latest().seq <= seq + 1
+    clock.now += 2 * SHOT_S
+    assert player.turn().seq > seq
+
+
+def test_a_speed_that_was_not_measured_yet_is_not_told(clock: Clock) -> None:
+    player = hand(clock, live(*FLEET, "stop={when: never, at_most: 1000000000}"))
+    player.play()
+    for order in (lambda: player.set_speed(4), lambda: player.play(-1)):
+        player.turn()
+        clock.now += 3.0
+        assert player.turn(3).achieved > 0
+        order()
+        assert player.turn().achieved == 0

@@ -1,0 +1,163 @@
+"""The table of robots: sorted, wide and narrow, and led by mouse and keys."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from panel_stage import NARROW, Stage, click, deadlocked, of_robot, on_stage, said, text
+from textual.pilot import Pilot
+
+from automaton.history.snapshot import Fleet
+from tui.player import Figures
+from tui.view import View
+from tui.widgets.robot_columns import COLUMNS, ordered
+from tui.widgets.robots import Robots
+
+TITLES = [column.title for column in COLUMNS]
+ALL = 80  # columns for the whole table
+
+
+def crowd(many: int) -> View:
+    """The same moment with so many robots."""
+    view = deadlocked()
+    five = view.snapshot.robots
+    copies = {
+        field.name: np.resize(
+            getattr(five, field.name), (many, *getattr(five, field.name).shape[1:])
+        )
+        for field in fields(Fleet)
+    }
+    figures = Figures(300, view.shot.figures[0].metrics, np.arange(many), np.full(many, 0.5))
+    snapshot = replace(view.snapshot, robots=Fleet(**copies))
+    return replace(view, shot=replace(view.shot, snapshots=(snapshot,), figures=(figures,)))
+
+
+def rows_of(robots: Robots) -> list[list[str]]:
+    return [row.split() for row in said(robots)[1:] if row]
+
+
+def test_all_columns_tell_what_the_snapshot_says() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        view = deadlocked()
+        robots.show(view)
+        await pilot.pause()
+        assert [title.strip("▴▾") for title in said(robots)[0].split()] == TITLES
+        fleet, figures = view.snapshot.robots, view.shot.figures[0]
+        waited = 300 - int(fleet.since[2])
+        x, y = view.plan.xy(int(fleet.cell[2]))
+        assert rows_of(robots)[2] == [
+            *("2", "waits", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
+            *(f"{x},{y}", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
+        ]
+
+    on_stage(robots, story, ALL, 20)
+
+
+@pytest.mark.parametrize("column", range(len(COLUMNS)), ids=TITLES)
+def test_each_column_sorts_both_ways(column: int) -> None:
+    view = deadlocked()
+    keys = np.asarray(COLUMNS[column].keys(view)).tolist()
+    up, down = ordered(view, column, False).tolist(), ordered(view, column, True).tolist()
+    assert [keys[robot] for robot in up] == sorted(keys)
+    assert [keys[robot] for robot in down] == sorted(keys, reverse=True)
+    assert sorted(up) == sorted(down) == [0, 1, 2, 3, 4]
+
+
+def test_a_click_on_a_title_sorts_and_another_turns_it_round() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        await pilot.pause()
+        await click(pilot, robots, "waits ")
+        assert "waits▾" in said(robots)[0]
+        ticks = [int(row[2]) for row in rows_of(robots) if row[1] == "waits"]
+        assert ticks == sorted(ticks, reverse=True) and len(ticks) == 4
+        await click(pilot, robots, "waits")
+        assert "waits▴" in said(robots)[0] and rows_of(robots)[0][0] == "0"
+
+    on_stage(robots, story, NARROW, 20)
+
+
+def test_keys_sort_and_show_other_columns() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        robots.focus()
+        await pilot.press("c", "c")
+        assert "waits▾" in said(robots)[0]
+        await pilot.press("V")
+        assert "waits▴" in said(robots)[0]
+        await pilot.press("C", "C", "C")
+        assert robots.column == len(COLUMNS) - 1 and "operations▾" in said(robots)[0]
+        await pilot.press(*["left"] * 10)
+        assert said(robots)[0].split()[1] == "doing"
+        await pilot.press("right")
+        assert "waits" in said(robots)[0] and "doing" not in said(robots)[0]
+
+    on_stage(robots, story, NARROW, 20)
+
+
+def test_a_narrow_table_leads_on_by_mouse() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        await pilot.pause()
+        assert said(robots)[0].endswith("▹") and "cell" not in said(robots)[0]
+        for _ in range(5):
+            await pilot.click(robots, offset=(robots.width, 0))
+        await pilot.pause()
+        assert "operations" in said(robots)[0] and "◃" in said(robots)[0]
+        assert all(len(row) <= robots.width for row in said(robots))
+
+    on_stage(robots, story, NARROW, 20)
+
+
+def test_a_click_or_enter_selects_the_robot() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        await pilot.pause()
+        await pilot.click(robots, offset=(5, 4))
+        robots.focus()
+        await pilot.press("down", "enter")
+        assert stage.wishes() == [("robot", 3), ("robot", 4)]
+
+    on_stage(robots, story, NARROW, 20)
+
+
+def test_the_cursor_goes_to_the_robot_that_is_selected_elsewhere_and_stays_with_it() -> None:
+    robots = Robots()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        robots.show(of_robot(deadlocked(), 3))
+        assert robots.cursor == 3
+        robots.sort_by(0, greatest_first=True)
+        assert robots.cursor == 1 and robots.order[1] == 3
+
+    on_stage(robots, story, NARROW, 20)
+
+
+def test_of_a_thousand_robots_only_those_in_sight_are_written() -> None:
+    robots = Robots()
+    written: list[int] = []
+    row = robots.row
+    robots.row = lambda index: written.append(index) or row(index)  # type: ignore[method-assign, func-returns-value]
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        robots.show(crowd(1000))
+        await pilot.pause()
+        assert len(set(written)) <= 20
+        robots.focus()
+        await pilot.press("up", *["pagedown"] * 60)
+        assert rows_of(robots)[-1][0] == "999" and "999" in text(robots)
+
+    on_stage(robots, story, NARROW, 20)

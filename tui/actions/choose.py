@@ -1,0 +1,148 @@
+"""Actions that look closer: asking why, inspecting, stopping, branching."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from automaton.world.state import NIL
+from automaton.world.waiting import NO_ORDER, NOT_WAITING
+from tui.actions.find import FindActions
+from tui.recordings import beside, comparing_command, short_path
+from tui.titles import short, title_of
+from tui.widgets.timeline import Mark
+
+if TYPE_CHECKING:
+    from automaton.history.run import Run
+    from tui.screens.breakpoints import Stop
+
+
+class Branched(NamedTuple):
+    """What came of a branch."""
+
+    tick: int
+    settings: tuple[str, ...]
+    title: str
+    path: Path | None
+
+
+class ChooseActions(FindActions):
+    """Looking closer."""
+
+    stops: Sequence[Stop] = ()
+
+    def action_why(self) -> None:
+        if not self.ready() or self.shot is None:
+            return
+        if self.choice.robot == NIL:
+            longest = self._longest_waiting()
+            if longest == NIL:
+                self.notify("no robot waits; click one to select it")
+                return
+            self.choose(longest)
+            self.show_robot()
+        self.open_panel("why")
+
+    def _longest_waiting(self) -> int:
+        assert self.shot is not None
+        robots = self.shot.snapshots[self.choice.side].robots
+        waits = np.flatnonzero((robots.cause != NOT_WAITING) & (robots.cause != NO_ORDER))
+        return int(waits[np.argmin(robots.since[waits])]) if len(waits) else NIL
+
+    def action_inspect(self) -> None:
+        if not self.ready():
+            return
+        camera = self.pictures.camera
+        middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
+        cell = self.hovered if self.hovered != NIL else middle
+        if self.choice.robot == NIL and self.choice.cell == NIL and cell is not None:
+            self.choose_at(cell)
+        self.open_panel("inspector")
+
+    def action_events(self) -> None:
+        self.stepping = "events"
+        self.open_panel("events")
+
+    def action_robots(self) -> None:
+        self.open_panel("robots")
+
+    def action_legend(self) -> None:
+        self.open_panel("legend")
+
+    def action_breakpoints(self) -> None:
+        if not self.ready():
+            return
+        from tui.screens.breakpoints import BreakpointsScreen
+
+        self.push_screen(BreakpointsScreen(self.stops), self._take_stops)
+
+    def _take_stops(self, stops: Sequence[Stop] | None) -> None:
+        if stops is None:
+            return
+        from automaton.history.breakpoints import breakpoint_of
+
+        self.stops = stops
+        self._player.set_breakpoints([breakpoint_of(stop.text) for stop in stops if stop.on])
+
+    def action_branch(self) -> None:
+        if not self.ready():
+            return
+        reason = self._no_branch()
+        if reason:
+            self.notify(reason, severity="warning")
+            return
+        from tui.screens.branch import BranchScreen
+
+        self.push_screen(BranchScreen(self.view()), self._take_branch)
+
+    def _no_branch(self) -> str:
+        if self.options.read_only:
+            return "this viewer is read-only: runs cannot be branched"
+        if self.opening.comparing:
+            return "two runs are compared: open one of them alone to branch it"
+        return ""
+
+    def _take_branch(self, settings: tuple[str, ...] | None) -> None:
+        if settings is None:
+            return
+        path = self._branch_file()
+        made: list[Branched] = []
+
+        def branch(run: Run) -> Run:
+            fresh = run.branch(settings, path)
+            title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)
+            made.append(Branched(fresh.tick, settings, title, path))
+            return fresh
+
+        def done(error: str) -> None:
+            if error:
+                self.call_later(self.notify, error, severity="error", timeout=10)
+            else:
+                self.call_later(self._branched, made[0])
+
+        self._player.exchange(branch, done)
+        self.notify("the past is computed again with its strategies ...")
+
+    def _branch_file(self) -> Path | None:
+        """Where a branch is recorded: beside the run that is, or was, recorded."""
+        origin = (*self.recordings, *self.opening.files)[:1]
+        return beside(origin[0]) if origin and os.access(origin[0].parent, os.W_OK) else None
+
+    def _branched(self, made: Branched) -> None:
+        self.live = True
+        self.titles[0] = made.title
+        self.say_titles()
+        self.marks = [mark for mark in self.marks if mark.tick <= made.tick]
+        self.marks.append(Mark(made.tick, "branch"))
+        self.notify(f"branched at tick {made.tick:,}: {' '.join(map(short, made.settings))}")
+        if made.path is not None:
+            origin = (*self.opening.files, *self.recordings)[-1]
+            self.recordings.append(made.path)
+            kept = f"the branch is recorded in {short_path(made.path)}"
+            command = comparing_command(origin, made.path)
+            self.notify(f"{kept}; to compare: {command}", timeout=10)
+        self.ordered()

@@ -1,0 +1,110 @@
+"""Actions on the clock: playing, stepping, jumping."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+from tui.stage import Stage
+
+if TYPE_CHECKING:
+    from tui.player import Player
+
+FACTORS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)
+
+
+class TimeActions(Stage):
+    """Time."""
+
+    def action_play_pause(self) -> None:
+        self._turn(1)
+
+    def action_reverse(self) -> None:
+        self._turn(-1)
+
+    def action_step_forward(self) -> None:
+        self._step(1)
+
+    def action_step_back(self) -> None:
+        self._step(-1)
+
+    def action_forward_10(self) -> None:
+        self._step(10)
+
+    def action_back_10(self) -> None:
+        self._step(-10)
+
+    def action_forward_100(self) -> None:
+        self._step(100)
+
+    def action_back_100(self) -> None:
+        self._step(-100)
+
+    def action_faster(self) -> None:
+        self._set_speed(min((f for f in FACTORS if f > self.speed), default=math.inf))
+
+    def action_slower(self) -> None:
+        self._set_speed(max((f for f in FACTORS if f < self.speed), default=FACTORS[0]))
+
+    def action_normal_speed(self) -> None:
+        self._set_speed(1.0)
+
+    def action_full_speed(self) -> None:
+        self._set_speed(math.inf)
+
+    def action_go_start(self) -> None:
+        self.go_to_tick(0)
+
+    def action_go_end(self) -> None:
+        if self.ready() and self.shot is not None:
+            self.go_to_tick(self.shot.head)
+
+    def action_go_to(self) -> None:
+        if not self.ready():
+            return
+        from tui.screens.go_to import GoToScreen
+
+        self.push_screen(GoToScreen(self.view()), self._go_to_chosen)
+
+    def go_to_tick(self, tick: int) -> None:
+        """Pause there."""
+        if self.ready():
+            self.goal = tick
+            self._player.seek(tick)
+            self.ordered()
+
+    def _go_to_chosen(self, tick: int | None) -> None:
+        if tick is not None:
+            self.go_to_tick(tick)
+
+    @property
+    def _player(self) -> Player:
+        assert self.player is not None
+        return self.player
+
+    def _turn(self, direction: int) -> None:
+        if self.ready() and not (direction > 0 and self._has_ended()):
+            self._player.toggle(direction)
+            self.ordered()
+
+    def _has_ended(self) -> bool:
+        """Whether there is nothing to be played any more; if so, says why."""
+        shot = self.shot
+        if shot is None or shot.playing or shot.tick != shot.end:
+            return False
+        if shot.failed:
+            self.tell_failure()
+        else:
+            self.notify(f"{self.mode(shot).text} at tick {shot.tick:,}; r plays it backwards")
+        return True
+
+    def _step(self, ticks: int) -> None:
+        if self.ready():
+            self._player.step(ticks)
+            self.ordered()
+
+    def _set_speed(self, factor: float) -> None:
+        self.speed = factor
+        if self.ready():
+            self._player.set_speed(factor)
+            self.ordered()

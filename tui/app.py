@@ -1,0 +1,310 @@
+"""The viewer: its widgets, the mouse, and how it begins and ends."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import threading
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, ClassVar
+
+from textual import events
+from textual.app import ComposeResult, SystemCommand
+from textual.binding import Binding
+from textual.containers import Container, Horizontal, Vertical
+from textual.screen import Screen
+from textual.widgets import Footer
+
+from automaton.errors import InputError
+from automaton.world.state import NIL
+from tui.actions.capture import CaptureActions
+from tui.actions.choose import ChooseActions
+from tui.actions.layers import LayerActions
+from tui.actions.map import MapActions
+from tui.bindings import ACTIONS, COMPARING, bindings
+from tui.divergence import first_difference
+from tui.opening import Opening
+from tui.options import Options
+from tui.pace import quiet_collector
+from tui.render.styles import Look
+from tui.screens.help import HelpScreen
+from tui.themes import themes
+from tui.widgets.map_view import MapView
+from tui.widgets.timeline import Timeline
+from tui.widgets.too_small import TooSmall
+
+if TYPE_CHECKING:
+    from tui.player import Player
+    from tui.view import CellChosen, RobotChosen, TickChosen
+
+SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
+INTERRUPTED = 130
+PANELS_MODULE = "tui.widgets.tabs"
+
+
+class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
+    """Shows one live run, or one or two recorded ones."""
+
+    TITLE = "automaton"
+    CSS_PATH = "viewer.tcss"
+    ENABLE_COMMAND_PALETTE = True
+    # What does not fit into a line is said over the map: status and time line stay readable.
+    CSS = "ToastRack { dock: top; align: right top; }"
+    # Textual declares these without ClassVar.
+    HORIZONTAL_BREAKPOINTS: ClassVar = [  # type: ignore[misc]
+        (0, "-narrow"),
+        (100, "-normal"),
+        (160, "-wide"),
+    ]
+    VERTICAL_BREAKPOINTS: ClassVar = [(0, "-low"), (30, "-high")]  # type: ignore[misc]
+    BINDINGS: ClassVar = [
+        *bindings(),
+        Binding("ctrl+c", "interrupt", show=False, priority=True, system=True),
+    ]
+
+    def __init__(self, opening: Opening, options: Options) -> None:
+        super().__init__(opening, options)
+        for theme in themes():
+            self.register_theme(theme)
+        self.theme = f"automaton-{options.theme}"
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self._ending = threading.Lock()
+        self._ended = False
+
+    def compose(self) -> ComposeResult:
+        yield TooSmall()
+        with Container(id="main"):
+            yield self.title_line
+            with Horizontal(id="body"):
+                with Container(id="maps"):
+                    for head, view in zip(self.heads, self.maps, strict=True):
+                        with Vertical(classes="pane"):
+                            yield head
+                            yield view
+                yield Container(id="side")
+            yield self.info
+            yield self.status
+            yield self.timeline
+            yield Footer(show_command_palette=False, compact=True)
+
+    def on_mount(self) -> None:
+        self.screen.set_class(self.opening.comparing, "-comparing")
+        self.screen.add_class("-panels-side")
+        self.maps[0].focus()
+        self.loop = asyncio.get_running_loop()
+        self.frames.start()
+        self.call_after_refresh(self._begin)
+
+    def on_unmount(self) -> None:
+        self.frames.stop()
+
+    # The runs come after the first picture: importing Numba takes longer than drawing the floor.
+
+    def _begin(self) -> None:
+        threading.Thread(target=self._open, name="opening", daemon=True).start()
+
+    def _open(self) -> None:
+        """In a thread of its own."""
+        player: Player | None = None
+        error = ""
+        try:
+            from tui.player import Player
+
+            importlib.import_module(PANELS_MODULE)
+            player = self._playing_runs(Player(self.opening.begin()))
+        except InputError as wrong:
+            error = str(wrong)
+        except Exception as wrong:
+            error = f"internal error, {type(wrong).__name__}: {wrong}"
+        with self._ending:
+            if self._ended:
+                if player is not None:
+                    player.close()
+                return
+            self.player = player
+        self.call_later(self._opened, error)
+        if self.opening.comparing:
+            self.divergence = first_difference(*self.opening.recordings)
+            self.call_later(self.changed)
+
+    def _playing_runs(self, player: Player) -> Player:
+        player.set_speed(self.options.speed)
+        if self.options.at is not None:
+            player.seek(self.options.at)
+        elif not self.options.paused:
+            player.play()
+        return player
+
+    async def _opened(self, error: str) -> None:
+        self.error = error
+        self.ordered()
+        self.changed()
+        self.set_timer(SETTLED_S, quiet_collector)
+        if not error:
+            from tui.widgets.tabs import PanelColumn
+
+            self.column = PanelColumn(self.look, self.glyphs, id="panels")
+            await self.query_one("#side").mount(self.column)
+            self.changed()
+
+    def close_runs(self) -> None:
+        """Nothing is computed any more, and what was recorded is whole; from any thread."""
+        with self._ending:
+            if not self._ended and self.player is not None:
+                self.player.close()
+            self._ended = True
+
+    # What Textual tells.
+
+    def on_resize(self, event: events.Resize) -> None:
+        small = self.query_one(TooSmall).measure(event.size.width, event.size.height)
+        self.screen_stack[0].set_class(small, "-too-small")
+        self.presenter.terminal_resized()
+        self.changed()
+
+    def on_cursor_position(self) -> None:
+        self.frames.answered()
+
+    def on_app_blur(self) -> None:
+        self.frames.pace.blurred = True
+
+    def on_app_focus(self) -> None:
+        self.frames.pace.blurred = False
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """What cannot be done now is not in the palette."""
+        for action in ACTIONS:
+            if action.id not in COMPARING or self.opening.comparing:
+                meaning = action.meaning or action.label
+                yield SystemCommand(action.label, meaning, getattr(self, f"action_{action.id}"))
+
+    # The mouse.
+
+    def on_map_view_resized(self, event: MapView.Resized) -> None:
+        if event.view in self.maps:
+            if self.opening.comparing:
+                self._split()
+            rows = min(view.size.height for view in self.maps)
+            columns = min(view.size.width for view in self.maps)
+            self.pictures.resize(rows, columns)
+        self.say_titles()
+        self.changed()
+
+    def _split(self) -> None:
+        """Put two maps where they are larger: beside or below each other."""
+        room = self.query_one("#maps")
+        split = self.pictures.split(room.size.height, room.size.width)
+        if split and (room.styles.layout is None or room.styles.layout.name != split):
+            room.styles.layout = split
+
+    def on_map_view_clicked(self, event: MapView.Clicked) -> None:
+        if event.view not in self.maps:
+            return
+        cell = self._cell_at(event.view, event.row, event.column)
+        if self._in_minimap(event.row, event.column):
+            self._centre(event.row, event.column)
+        elif cell is None:
+            self.choose()
+        else:
+            self.choice.side = self.maps.index(event.view)
+            self.choose_at(cell)
+            if event.double and self.choice.robot != NIL and not self.choice.following:
+                self.action_follow()
+
+    def on_map_view_dragged(self, event: MapView.Dragged) -> None:
+        if event.view in self.maps:
+            self.pan(-event.columns, -event.rows)
+
+    def on_map_view_wheeled(self, event: MapView.Wheeled) -> None:
+        if event.view not in self.maps:
+            return
+        back = event.direction in ("up", "left")
+        if event.direction in ("left", "right") or event.shift:
+            self.pan(-8 if back else 8, 0)
+        elif event.ctrl:
+            self.pan(0, -4 if back else 4)
+        else:
+            self.zoom(1 if back else -1, (event.row, event.column))
+
+    def on_map_view_hovered(self, event: MapView.Hovered) -> None:
+        if event.view in self.maps:
+            cell = self._cell_at(event.view, event.row, event.column)
+            self.hovered = NIL if cell is None else cell
+            self.hovered_side = self.maps.index(event.view)
+            self.say_soon()
+
+    def on_timeline_scrubbed(self, event: Timeline.Scrubbed) -> None:
+        self.go_to_tick(event.tick)
+
+    def on_timeline_moved(self, event: Timeline.Moved) -> None:
+        if self.ready() and self.player is not None:
+            self.player.step(event.ticks)
+            self.ordered()
+
+    def _cell_at(self, view: MapView, row: int, column: int) -> int | None:
+        if row < 0 or self._in_minimap(row, column):
+            return None
+        return self.pictures.camera.cell_at(row, column)
+
+    def _in_minimap(self, row: int, column: int) -> bool:
+        corner = self.pictures.corner(self.choice)
+        return corner is not None and corner.holds(row, column)
+
+    def _centre(self, row: int, column: int) -> None:
+        """Go to what was clicked in the minimap."""
+        corner = self.pictures.corner(self.choice)
+        assert corner is not None
+        cell = corner.minimap.cell_at(row - corner.top, column - corner.left)
+        if cell is not None:
+            self.choice.following = self.pictures.fitted = False
+            self.pictures.camera.centre_on(cell)
+            self.changed()
+
+    # What panels ask for.
+
+    def on_robot_chosen(self, event: RobotChosen) -> None:
+        self.choose(event.robot)
+        self.show_robot()
+
+    def on_cell_chosen(self, event: CellChosen) -> None:
+        self.choose(cell=event.cell)
+        self.show_cell(event.cell)
+
+    def on_tick_chosen(self, event: TickChosen) -> None:
+        self.go_to_tick(event.tick)
+
+    # Actions of the viewer itself.
+
+    def action_help(self) -> None:
+        keys: dict[str, list[str]] = {}
+        for key, binding in self._bindings:
+            if binding.id is not None:
+                keys.setdefault(binding.id, []).append(key)
+        self.push_screen(HelpScreen(keys))
+
+    def action_theme(self) -> None:
+        light = self.look.theme == "dark"
+        self.look = Look(self.look.depth, "light" if light else "dark")
+        self.theme = f"automaton-{self.look.theme}"
+        lines = (self.title_line, self.info, self.status, self.timeline)
+        for view in (*self.maps, *self.heads, *lines):
+            view.dress(self.look, self.glyphs)
+        if self.column is not None:
+            self.column.dress(self.look, self.glyphs)
+        self.changed()
+
+    def action_link_figures(self) -> None:
+        self.link_shown = not self.link_shown
+        self.changed()
+
+    async def action_quit(self) -> None:
+        self.leave(0)
+
+    def action_interrupt(self) -> None:
+        self.leave(INTERRUPTED)
+
+    def leave(self, code: int) -> None:
+        """End with this exit code; also from a signal's handler."""
+        if self.loop is None:
+            raise SystemExit(code)
+        self.loop.call_soon_threadsafe(lambda: self.exit(return_code=code))

@@ -1,0 +1,1 @@
+"""What the viewer costs: `automaton bench --only viewer`."""

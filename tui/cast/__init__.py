@@ -1,0 +1,2 @@
+"""Films and pictures of recorded runs, made without a terminal: with the viewer's renderer, without
+Textual."""

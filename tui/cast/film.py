@@ -1,0 +1,128 @@
+"""A recording as pictures: the map as the viewer draws it, with a line or two below."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automaton.errors import InputError, alternatives
+from automaton.units import unit
+from automaton.world.state import NIL
+from tui.cast.frame import aim, checked_size, size_for
+from tui.cast.request import Request
+from tui.cast.status import Status
+from tui.opening import recorded
+from tui.pictures import Choice, Pictures
+from tui.render.depth import DEPTHS
+from tui.render.glyphs import ASCII, UNICODE, Codes
+from tui.render.scene import LAYERS
+from tui.render.styles import Look
+from tui.titles import title_of
+
+if TYPE_CHECKING:  # they need Numba
+    from automaton.history.snapshot import Snapshot
+    from tui.player import Shot
+
+
+class Film:
+    """One recording, as requested. Nothing is played before pictures are asked for."""
+
+    def __init__(self, path: Path, request: Request) -> None:
+        """Raises InputError for what is no recording, and for requests that it does not meet."""
+        self._opening = recorded(path)
+        (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
+        self.last = self.recording.ticks
+        self.glyphs = ASCII if request.ascii else UNICODE
+        self.look = Look(DEPTHS[request.color], request.theme)
+        self._choice = self._chosen(request)
+        self._status = self._said(request)
+        self._pictures = Pictures(self._opening, self.glyphs)
+        plan, robots = self._resolved.plan, self._resolved.scenario.fleet.robots
+        self.columns, self.rows = (
+            checked_size(*request.size)
+            if request.size
+            else size_for(plan, robots, request.zoom, self._status)
+        )
+        map_rows = self.rows - self._status.rows(self.columns)
+        self._pictures.resize(map_rows, self.columns)
+        aim(self._pictures.camera, request.zoom)
+
+    @property
+    def title(self) -> str:
+        """The run in a few words; where its file lies is not among them."""
+        recording = self.recording
+        return title_of(self._resolved, recording.header["seed"], recording.stored())
+
+    @property
+    def size(self) -> str:
+        """As it is said."""
+        return f"{self.columns}x{self.rows}"
+
+    def checked(self, tick: int) -> int:
+        """A tick, if it was recorded. Raises InputError."""
+        if tick > self.last:
+            raise InputError(f"there is no tick {tick:,}: the recording ends at tick {self.last:,}")
+        return tick
+
+    def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
+        """(rows, columns) codes of each of these ticks, which ascend."""
+        from automaton.history.playback import Playback
+        from automaton.history.snapshot import take_snapshot
+
+        playback = Playback(self.recording.header, self.recording.stored())
+        robot, layer = self._choice.robot, self._choice.layer
+        for tick in ticks:
+            playback.go_to(tick)
+            yield self._codes(take_snapshot(playback.simulation, robot, layer))
+
+    def _codes(self, snapshot: Snapshot) -> Codes:
+        shot, camera = self._shot(snapshot), self._pictures.camera
+        self._pictures.follow(shot, self._choice)
+        scene = self._pictures.scene(shot, self._choice, 0)
+        floor = self._pictures.picture(scene, self._choice, camera.rows, camera.columns)
+        return np.vstack((floor, self._status.codes(snapshot, self.columns)))
+
+    def _shot(self, snapshot: Snapshot) -> Shot:
+        from tui.player import Shot
+
+        return Shot(
+            runs=(),
+            stops=0,
+            seq=0,
+            tick=snapshot.tick,
+            snapshots=(snapshot,),
+            figures=(),
+            playing=1,
+            asked=0.0,
+            achieved=0.0,
+            head=self.last,
+            known=self.last,
+            end=self.last,
+            live=False,
+            stopped="",
+            culprits=(),
+            error="",
+        )
+
+    def _chosen(self, request: Request) -> Choice:
+        robots = self._resolved.scenario.fleet.robots
+        if request.follow >= robots:
+            raise InputError(
+                f"there is no robot {request.follow}: the last one is robot {robots - 1}"
+            )
+        # No recorded floor has zones.
+        known = [name for name in LAYERS if name not in ("", "zones")]
+        if request.layer and request.layer not in known:
+            raise InputError(f"unknown layer '{request.layer}': allowed are {alternatives(known)}")
+        return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
+
+    def _said(self, request: Request) -> Status:
+        scenario = self._resolved.scenario
+        chosen = [request.layer] if request.layer else []
+        chosen += [f"robot {request.follow}"] if request.follow != NIL else []
+        orders = len(self.recording.header["orders"]["source"])
+        tick = unit(scenario.units.tick)
+        return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen))

@@ -1,0 +1,105 @@
+"""The lines under the map of a film.
+
+    tick 1,234 of 2,616   617 s   3 work   1 wait   23/50 delivered                robot 2   visits
+
+Every number has its place, whatever its value, so that words stand still and few characters change.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from automaton.units import Unit, number
+from tui.render import styles
+from tui.render.glyphs import Codes, code, text
+from tui.render.styles import style
+from tui.tally import tally
+
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.history.snapshot import Snapshot
+
+GAP: Final = 2
+TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
+
+
+class Word(NamedTuple):
+    """Something said in one colour."""
+
+    words: str
+    ink: int
+    gap: int = GAP  # before it
+
+
+class Status:
+    """What is said of each tick, in one row if there is room, else in two."""
+
+    def __init__(self, last: int, robots: int, orders: int, tick: Unit, chosen: str) -> None:
+        self.last, self.unit, self.chosen = last, tick, chosen
+        self.robots_width, self.orders_width = len(f"{robots:,}"), len(f"{orders:,}")
+        self.orders = orders
+
+    @property
+    def widths(self) -> tuple[int, int]:
+        """Of the words of time, and of those of the fleet."""
+        return _width(self._time(self.last)), _width(self._fleet(0, 0, 0, 1))
+
+    @property
+    def least(self) -> int:
+        """Columns with which nothing is left out."""
+        return max(self.widths)
+
+    def rows(self, columns: int) -> int:
+        """How many it takes."""
+        return 1 if sum(self.widths) <= columns else 2
+
+    def codes(self, snapshot: Snapshot, columns: int) -> Codes:
+        """(rows, columns) codes."""
+        time = self._time(snapshot.tick)
+        now = tally(snapshot)
+        fleet = self._fleet(now.working, now.waiting, now.delivered, now.circling)
+        lines = [time + fleet] if self.rows(columns) == 1 else [time, fleet]
+        return np.stack([_line(words, columns) for words in lines])
+
+    def _time(self, tick: int) -> list[Word]:
+        last = f"{self.last:,}"
+        said = [
+            Word(f"tick {tick:>{len(last)},}", styles.SELECTED),
+            Word(f"of {last}", styles.DIM, 1),
+        ]
+        if self.unit.size != 1:
+            width = max(TIME_DIGITS, len(number(self.unit.of(self.last))))
+            said.append(
+                Word(f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.DIM)
+            )
+        return said + ([Word(self.chosen, styles.CURSOR)] if self.chosen else [])
+
+    def _fleet(self, working: int, waiting: int, delivered: int, circling: int) -> list[Word]:
+        width = self.robots_width
+        done = f"{delivered:>{self.orders_width},}/{self.orders:,} delivered"
+        said = [
+            Word(f"{working:>{width},} work", styles.ROBOT),
+            Word(f"{waiting:>{width},} wait", styles.WAITS if waiting else styles.DIM),
+            Word(done, styles.DONE),
+        ]
+        if circling:
+            said.append(Word(f"{circling:>{width},} in a circle", styles.FAULT))
+        return said
+
+
+def _width(words: list[Word]) -> int:
+    return sum(len(word.words) + word.gap for word in words)
+
+
+def _line(words: list[Word], columns: int) -> Codes:
+    """(columns,) codes; words for which there is no room are left out."""
+    line = np.full(columns, code(style(styles.TEXT, styles.VOID), 0))
+    end = -1  # the first word begins in column 1
+    for word in words:
+        begin = end + word.gap
+        end = begin + len(word.words)
+        if end > columns:
+            break
+        line[begin:end] = code(style(word.ink, styles.VOID), np.array(text(word.words), np.uint32))
+    return line

@@ -1,0 +1,56 @@
+"""From a command to the viewer on the terminal and back, or to plain text where there is none."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from tui.opening import Opening
+from tui.options import Options
+from tui.recordings import comparing_command
+
+BAD_INPUT = 2  # a strategy that fails counts as such
+
+
+def show(opening: Opening, options: Options) -> int:
+    """Show it until the user leaves; returns the exit code."""
+    if options.plain or os.environ.get("TERM") == "dumb" or not _has_terminal():
+        from tui.plain import tell
+
+        return tell(opening)
+    os.environ.update(options.for_textual(os.environ))
+    from tui.app import Viewer
+    from tui.signals import handled
+
+    viewer = Viewer(opening, options)
+    try:
+        with handled(viewer.leave, viewer.close_runs):
+            viewer.run()
+    finally:
+        viewer.close_runs()
+    failed, error = viewer.error, ""
+    if viewer.shot is not None:
+        failed, error = failed or viewer.shot.failed, viewer.shot.error
+    if failed or error:
+        _say(failed or error)
+    kept = [path for path in viewer.recordings if path.exists()]
+    for path in kept:
+        _say(f"recorded in {path}")
+    runs = [*opening.files, *kept]
+    if kept and len(runs) > 1:
+        _say(f"to compare: {comparing_command(*runs[-2:])}")
+    return viewer.return_code or (BAD_INPUT if failed else 0)
+
+
+def _say(sentence: str) -> None:
+    """A line on the terminal, if it is still there; a lost one must not change the exit code."""
+    try:
+        print(f"automaton: {sentence}", file=sys.stderr, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def _has_terminal() -> bool:
+    """A browser's session has none, but a driver of its own."""
+    streams = (sys.stdin, sys.stdout, sys.stderr)  # Textual draws on stderr
+    return bool(os.environ.get("TEXTUAL_DRIVER")) or all(stream.isatty() for stream in streams)

@@ -1,0 +1,413 @@
+"""The thread that carries one or two runs along: one clock, so that both are at the same tick.
+
+Everything about the runs is done here; the screen asks for the latest Shot and gives orders, neither
+of which ever waits for the simulation.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.history.breakpoints import Breakpoint
+from automaton.history.run import SLICE_S, Run
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.metrics import OPERATIONS, executed_ticks, metrics_of
+from automaton.world.state import NIL, Array
+
+TICKS_PER_S: Final = 10.0  # at speed x1
+SPEEDS: Final = (0.25, 0.5, 1, 2, 4, 8, 16, 32, 64, math.inf)
+REWIND: Final = 64.0  # the fastest way back
+SHOT_S: Final = 1 / 60  # between two shots while ticks fly by
+FIGURES_S: Final = 0.3  # between two readings of the metrics
+IDLE_S: Final = 0.5
+RATE_S: Final = 0.5  # over which the speed is measured at least,
+RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
+PATIENCE_S: Final = 3.0  # with a strategy that is to be left
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Metrics of a run at a tick."""
+
+    tick: int
+    metrics: dict[str, float | int]  # of the fleet, by the names of automaton.metrics.GLOSSARY
+    operations: Array  # (n,) int64, by identity: operations begun
+    active: Array  # (n,) float64: share of ticks in which it did something
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What there is to be seen, and how it goes on."""
+
+    seq: int
+    tick: int
+    runs: tuple[Run, ...]  # of which plan, header, resolved and chronicle may be read
+    snapshots: tuple[Snapshot, ...]
+    figures: tuple[Figures, ...]
+    playing: int  # -1 backwards, 0 paused, 1
+    asked: float  # ticks per second; math.inf = as fast as it goes
+    achieved: float
+    head: int  # the last tick that is known
+    known: int  # the last tick up to which events are known
+    end: int | None  # the last tick that there will be, if that is known
+    live: bool
+    stops: int  # how often breakpoints have stopped it
+    stopped: str  # why a breakpoint stopped it, or ""
+    culprits: tuple[int, ...]  # robots that a breakpoint was about
+    error: str  # why it cannot go on, or ""
+    failed: str = ""  # why a strategy could not go on, for as long as its run is there
+
+
+class Player:
+    """Owns the runs from now on; use `latest` and the orders only, from any thread."""
+
+    def __init__(self, runs: Sequence[Run], start: bool = True) -> None:
+        self.runs = list(runs)
+        self._orders: deque[Callable[[], None]] = deque()
+        self._wake = threading.Condition()
+        self._alive = True
+        self._direction, self._speed = 0, 1.0
+        self._tick = 0
+        self._goal: int | None = None  # a tick to be shown, however long it takes
+        self._anchor = (0.0, 0)  # time and tick at which the clock was set
+        self._rate = (0.0, 0, 0.0)  # time and tick of the last measurement; ticks per second
+        self._selected, self._layer = NIL, ""
+        self._breakpoints: list[Breakpoint] = []
+        self._stops, self._stopped, self._error = 0, "", ""
+        self._culprits: tuple[int, ...] = ()
+        self._figures: tuple[Figures, ...] = ()
+        self._figures_at = -math.inf
+        self._stale = True
+        for run in self.runs:
+            run.give_up = self._given_up
+        self._shot = self._take_shot(0)
+        self._thread = threading.Thread(target=self._carry_along, name="player", daemon=True)
+        if start:
+            self._thread.start()
+
+    def latest(self) -> Shot:
+        """The newest shot; never waits."""
+        return self._shot
+
+    @property
+    def thread(self) -> int:
+        """The system's number of the player's thread."""
+        return self._thread.native_id or 0
+
+    def play(self, direction: int = 1) -> None:
+        """Go on; with -1 backwards."""
+        self._order(lambda: self._set_clock(direction, self._speed))
+
+    def toggle(self, direction: int = 1) -> None:
+        """Play in this direction; if it does already, or forwards if it plays at all, pause."""
+
+        def turn() -> None:
+            playing = self._direction == direction or (direction > 0 and self._direction != 0)
+            if playing:
+                self._stand()
+            else:
+                self._set_clock(direction, self._speed)
+
+        self._order(turn)
+
+    def pause(self) -> None:
+        """Stop at the tick that is shown."""
+        self._order(self._stand)
+
+    def set_speed(self, factor: float) -> None:
+        """Times TICKS_PER_S; math.inf for as fast as it goes."""
+        self._order(lambda: self._set_clock(self._direction, factor))
+
+    def step(self, ticks: int) -> None:
+        """Pause, and show so many ticks later or earlier."""
+        self._order(lambda: self._aim((self._tick if self._goal is None else self._goal) + ticks))
+
+    def seek(self, tick: int) -> None:
+        """Pause, and show a tick."""
+        self._order(lambda: self._aim(tick))
+
+    def select(self, robot: int) -> None:
+        """The robot whose route the snapshots give, or NIL."""
+        self._order(lambda: self._choose(robot, self._layer))
+
+    def show_layer(self, name: str) -> None:
+        """The layer of which the snapshots hold the field, or ""."""
+        self._order(lambda: self._choose(self._selected, name))
+
+    def set_breakpoints(self, breakpoints: Sequence[Breakpoint]) -> None:
+        """Stop where one of them begins to hold."""
+        self._order(lambda: setattr(self, "_breakpoints", list(breakpoints)))
+
+    def exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+        """Replace the first run by what `work` makes of it; `done` gets "" or what was wrong.
+
+        Both are called in the player's thread.
+        """
+        self._order(lambda: self._exchange(work, done))
+
+    def close(self) -> None:
+        """End the thread and close the runs: what was recorded is whole after it."""
+        with self._wake:
+            self._alive = False
+            self._wake.notify()
+        if self._thread.is_alive():
+            self._thread.join(PATIENCE_S)
+        if self._thread.is_alive():
+            return  # a strategy does not answer; what was recorded so far lies on the disk
+        for run in self.runs:
+            run.close()
+
+    def _order(self, work: Callable[[], None]) -> None:
+        with self._wake:
+            self._orders.append(work)
+            self._wake.notify()
+
+    # From here on in the player's thread.
+
+    def _carry_along(self) -> None:
+        while self._alive:
+            try:
+                self._obey()
+                busy = self._goal is not None or self._direction != 0
+                if busy:
+                    self._advance()
+                else:
+                    busy = self._look_ahead()
+                if busy and self._until_next_tick() > SLICE_S:
+                    self._look_ahead()
+                self._publish()
+            except Exception as error:
+                self._fail(error)
+                busy = False
+            self._rest(busy)
+
+    def _given_up(self) -> bool:
+        return not self._alive
+
+    def _obey(self) -> None:
+        while self._orders:
+            self._stale = True
+            self._orders.popleft()()
+
+    def _fail(self, error: Exception) -> None:
+        """Stand still and say why; the screen goes on."""
+        self._error = _sentence(error)
+        self._stand()
+        self._tick = min(run.tick for run in self.runs)
+        with suppress(Exception):  # the same again: one sentence is enough
+            self._tick = self._show(self._tick)
+        try:
+            self._shot = self._take_shot(self._shot.seq + 1)
+        except Exception:  # then the last one has to do
+            self._shot = replace(
+                self._shot, seq=self._shot.seq + 1, error=self._error, playing=0, achieved=0.0
+            )
+
+    def _rest(self, busy: bool) -> None:
+        """Wait for an order, or until the clock asks for the next tick."""
+        pause = self._until_next_tick() if busy else IDLE_S
+        if pause <= 0 and (busy or self._orders):
+            return
+        with self._wake:
+            if not self._orders and self._alive:
+                self._wake.wait(pause)
+
+    def _until_next_tick(self) -> float:
+        if self._goal is not None or self._direction == 0 or math.isinf(self._pace):
+            return 0.0
+        began, tick = self._anchor
+        due = began + (abs(self._tick - tick) + 1) / self._asked
+        return min(due - time.monotonic(), IDLE_S)
+
+    def _stand(self) -> None:
+        self._goal = None
+        self._set_clock(0, self._speed)
+
+    def _set_clock(self, direction: int, speed: float) -> None:
+        if direction and not self._direction:
+            self._stopped, self._culprits, self._error = "", (), ""
+        if (direction, speed) != (self._direction, self._speed):  # what was measured is of another
+            self._rate = (time.monotonic(), self._tick, 0.0)
+        self._direction, self._speed = direction, speed
+        if direction:
+            self._goal = None
+        self._anchor = (time.monotonic(), self._tick)
+
+    def _aim(self, tick: int) -> None:
+        self._set_clock(0, self._speed)
+        self._stopped, self._culprits, self._error = "", (), ""
+        ends = [run.end for run in self.runs]
+        last = math.inf if None in ends else max(end for end in ends if end is not None)
+        self._goal = int(max(0, min(tick, last)))
+
+    def _choose(self, robot: int, layer: str) -> None:
+        self._selected, self._layer = robot, layer
+
+    def _exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+        try:
+            fresh = work(self.runs[0])
+        except Exception as error:
+            done(_sentence(error))
+            return
+        before, self.runs[0] = self.runs[0], fresh
+        fresh.give_up = self._given_up
+        before.close()
+        self._error = ""
+        self._aim(fresh.tick)
+        self._figures_at = -math.inf
+        done("")
+
+    def _advance(self) -> None:
+        """Bring all runs nearer to the tick that the clock or an order asks for."""
+        goal = self._goal if self._goal is not None else self._due()
+        watched = self._goal is None and self._direction > 0 and self._breakpoints
+        before = self._tick
+        if watched:
+            self._creep(goal)
+        else:
+            self._tick = self._show(goal)
+        if self._tick != before:
+            self._stale = True
+        if self._tick == self._goal or (self._goal is not None and self._tick == before):
+            self._goal = None
+        elif self._goal is None and self._at_an_end():
+            self._set_clock(0, self._speed)
+            self._stale = True
+        elif math.isinf(self._pace) or self._tick != goal:
+            self._anchor = (time.monotonic(), self._tick)
+
+    @property
+    def _asked(self) -> float:
+        """Ticks a second."""
+        return TICKS_PER_S * self._pace
+
+    @property
+    def _pace(self) -> float:
+        """The speed in this direction."""
+        return self._speed if self._direction > 0 else min(self._speed, REWIND)
+
+    def _due(self) -> int:
+        """The tick that the clock asks for now."""
+        began, tick = self._anchor
+        if math.isinf(self._pace):
+            return self._tick + 2**30
+        passed = int((time.monotonic() - began) * self._asked)
+        return max(0, tick + self._direction * passed)
+
+    def _show(self, tick: int) -> int:
+        """Show a tick in all runs, or one as near to it as they all get in a moment."""
+        reached = [run.show(tick) for run in self.runs]
+        if len(self.runs) == 1:
+            return reached[0]
+        under_way = [at for at, run in zip(reached, self.runs, strict=True) if at != run.end]
+        common = min(under_way, default=max(reached))
+        for run in self.runs:
+            while run.tick != common and run.tick != run.end:
+                run.show(common)
+        return common
+
+    def _creep(self, tick: int) -> None:
+        """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold."""
+        until = time.monotonic() + SHOT_S
+        held = [self._holding(point) for point in self._breakpoints]
+        while self._tick < tick and time.monotonic() < until and not self._at_an_end():
+            self._tick = self._show(self._tick + 1)
+            now = [self._holding(point) for point in self._breakpoints]
+            for point, before, after in zip(self._breakpoints, held, now, strict=True):
+                fresh = np.setdiff1d(after, before)
+                if len(fresh):
+                    self._stop_at(point, fresh)
+                    return
+            held = now
+
+    def _holding(self, point: Breakpoint) -> Array:
+        run = self.runs[0]
+        return point.test(run.shown, run.plan)
+
+    def _stop_at(self, point: Breakpoint, robots: Array) -> None:
+        self._set_clock(0, self._speed)
+        self._stops += 1
+        self._culprits = tuple(int(robot) for robot in robots)
+        who = f"robot {self._culprits[0]}" + (" and others" if len(robots) > 1 else "")
+        self._stopped = f"{point.text}: {who}"
+
+    def _at_an_end(self) -> bool:
+        if self._direction < 0:
+            return self._tick == 0
+        return all(run.end is not None and self._tick >= run.end for run in self.runs)
+
+    def _look_ahead(self) -> bool:
+        """Go through a recording while nothing else is to be done, so that its events are known."""
+        before = [run.chronicle.known for run in self.runs]
+        for run in self.runs:
+            if not run.live:
+                run.extend()
+        grown = before != [run.chronicle.known for run in self.runs]
+        self._stale = self._stale or grown
+        return grown
+
+    def _publish(self) -> None:
+        now = time.monotonic()
+        measured, tick, rate = self._rate
+        if self._direction and now - measured >= max(RATE_S, RATE_TICKS / self._asked):
+            rate = abs(self._tick - tick) / (now - measured)
+            self._rate = (now, self._tick, rate)
+            self._stale = True
+        if self._stale and (now - self._published >= SHOT_S or not self._direction):
+            self._shot = self._take_shot(self._shot.seq + 1)
+
+    def _take_shot(self, seq: int) -> Shot:
+        self._stale = False
+        self._published = now = time.monotonic()
+        if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
+            self._figures_at = now
+            self._figures = tuple(_figures(run) for run in self.runs)
+        ends = [run.end for run in self.runs]
+        failed = next((run.failed for run in self.runs if run.failed), "")
+        trouble = next((run.trouble for run in self.runs if run.trouble), "")
+        return Shot(
+            seq=seq,
+            tick=self._tick,
+            runs=tuple(self.runs),
+            snapshots=tuple(
+                take_snapshot(run.shown, self._selected, self._layer) for run in self.runs
+            ),
+            figures=self._figures,
+            playing=self._direction,
+            asked=TICKS_PER_S * self._speed,
+            achieved=self._rate[2] if self._direction else 0.0,
+            head=max(run.head for run in self.runs),
+            known=min(run.chronicle.known for run in self.runs),
+            end=None if None in ends else max(end for end in ends if end is not None),
+            live=self.runs[0].live,
+            stops=self._stops,
+            stopped=self._stopped,
+            culprits=self._culprits,
+            error=self._error or trouble,
+            failed=failed,
+        )
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, InputError):
+        return str(error)
+    return f"internal error, {type(error).__name__}: {error}"
+
+
+def _figures(run: Run) -> Figures:
+    shown = run.shown
+    world = shown.world
+    by_identity = world.robots.at_index
+    active = executed_ticks(world)[by_identity, 1:].sum((1, 2)) / max(1, shown.tick)
+    operations = world.tally.times[by_identity][:, OPERATIONS].sum((1, 2))
+    return Figures(shown.tick, metrics_of(shown), operations, active)

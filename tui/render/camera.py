@@ -1,0 +1,281 @@
+"""Which part of a floor is on the screen, and how large: the zoom ladder, panning, cell <-> screen.
+
+The whole floor, drawn at one step of the ladder, is a picture of `size()` characters; the camera is
+a window on it whose upper left corner is character (top, left).
+
+    cells   n characters for each cell       1>_ 2v_ ...   identities are readable
+    pixels  half blocks, 1 x 2 cells each
+    dots    braille, 2 x 4 dots each, k x k cells in a dot; k grows until the floor fits
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.world.cells import WALL
+from automaton.world.plan import FloorPlan
+
+Place = tuple[int, int]  # row, column of the screen
+
+
+class Zoom(NamedTuple):
+    """One step of the ladder: a character holds `across` x `down` cells, a cell `width` columns."""
+
+    name: str
+    kind: Literal["cells", "pixels", "dots"]
+    width: int = 1
+    across: int = 1
+    down: int = 1
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Characters for one cell: rows, columns."""
+        return 1 / self.down, self.width / self.across
+
+
+class Rectangle(NamedTuple):
+    """Cells of the bordered floor: rows [top, bottom), columns [left, right)."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+
+SQUARE: Final = Zoom("2x1", "cells", 2)
+ONE_TO_ONE: Final = Zoom("1x1", "cells")
+HALF: Final = Zoom("half", "pixels", 1, 1, 2)
+
+
+def shown_rectangle(plan: FloorPlan) -> Rectangle:
+    """The smallest rectangle that holds everything but outer walls; bays may lie in the border."""
+    rows, columns = np.nonzero(plan.kind != WALL)
+    if not rows.size:
+        return Rectangle(1, 1, plan.height + 1, plan.width + 1)
+    return Rectangle(
+        int(rows.min()), int(columns.min()), int(rows.max()) + 1, int(columns.max()) + 1
+    )
+
+
+def with_identities(robots: int) -> Zoom:
+    """Cells wide enough for a robot and its number."""
+    width = 1 + max(2, len(str(robots - 1)))
+    return Zoom(f"{width}x1", "cells", width)
+
+
+def dots(k: int) -> Zoom:
+    """Braille with k x k cells in a dot."""
+    return Zoom(f"braille {k}", "dots", 1, 2 * k, 4 * k)
+
+
+class Camera:
+    """A window of rows x columns characters on the floor."""
+
+    def __init__(self, plan: FloorPlan, rows: int, columns: int, robots: int = 0) -> None:
+        self.plan = plan
+        self.shown = shown_rectangle(plan)
+        self.height = self.shown.bottom - self.shown.top
+        self.width = self.shown.right - self.shown.left
+        self.rows, self.columns = rows, columns
+        self._identities = with_identities(robots)
+        self.ladder = self._steps()
+        self.zoom = ONE_TO_ONE
+        self.top = self.left = 0  # character of the whole picture in the upper left corner
+        self._y, self._x = self.height / 2, self.width / 2  # the centre of the view, in cells
+        self.fit()
+
+    def copy(self) -> Camera:
+        return copy.copy(self)
+
+    @property
+    def key(self) -> tuple[Zoom, int, int, int, int]:
+        """What a picture of the empty floor depends on."""
+        return self.zoom, self.top, self.left, self.rows, self.columns
+
+    def size(self) -> Place:
+        """Rows and columns of the picture of the whole floor."""
+        return self._size(self.zoom)
+
+    def exceeds(self) -> bool:
+        """Whether some of the floor is off the screen."""
+        rows, columns = self.size()
+        inside = 0 >= self.top >= rows - self.rows and 0 >= self.left >= columns - self.columns
+        return not inside
+
+    # Zooming.
+
+    def fit(self) -> None:
+        """The largest step at which the whole floor is seen, in the middle."""
+        self.zoom = next((zoom for zoom in self.ladder if self._fits(zoom)), self.ladder[-1])
+        self._y, self._x = self.height / 2, self.width / 2
+        self._settle(self._range(0), self._range(1))
+
+    def one_to_one(self) -> None:
+        """One character for a cell, about the same centre."""
+        self.zoom = ONE_TO_ONE
+        self._settle(self._range(0), self._range(1))
+
+    def zoom_in(self, at: Place | None = None) -> None:
+        """One step nearer; the cell at that place of the screen stays there."""
+        self._zoom_by(-1, at)
+
+    def zoom_out(self, at: Place | None = None) -> None:
+        """One step farther; what is at `at` stays there as far as the floor stays on the screen."""
+        self._zoom_by(1, at)
+
+    def _zoom_by(self, steps: int, at: Place | None) -> None:
+        index = self.ladder.index(self.zoom) + steps
+        if not 0 <= index < len(self.ladder):
+            return
+        row, column = at or (self.rows // 2, self.columns // 2)
+        on_floor = self.cell_at(row, column) is not None
+        y, x = self._floor_at(row, column)
+        self.zoom = zoom = self.ladder[index]
+        top = y // zoom.down - row
+        left = (x // zoom.across - column // zoom.width) * zoom.width
+        if steps > 0 or not on_floor:
+            top, left = _inside(top, *self._range(0)), _inside(left, *self._range(1))
+        self.top, self.left = top, left
+        self._y, self._x = self._middle()
+
+    # Moving.
+
+    def pan(self, dx: float, dy: float) -> None:
+        """Move the view by so many cells; steps smaller than a character add up."""
+        self._y, self._x = self._y + dy, self._x + dx
+        # A view that zooming left beyond an edge may stay there or come back.
+        (low_y, high_y), (low_x, high_x) = self._range(0), self._range(1)
+        top, left = min(low_y, self.top), min(low_x, self.left)
+        self._settle((top, max(high_y, self.top)), (left, max(high_x, self.left)))
+
+    def pan_characters(self, columns: float, rows: float) -> None:
+        """Move the view by so many characters of the screen."""
+        down, across = self.zoom.scale
+        self.pan(columns / across, rows / down)
+
+    def centre_on(self, cell: int) -> None:
+        """Bring a cell as near to the middle as the edges of the floor allow."""
+        y, x = divmod(int(cell), self.plan.stride)
+        self._y, self._x = y - self.shown.top + 0.5, x - self.shown.left + 0.5
+        self._settle(self._range(0), self._range(1))
+
+    def resize(self, rows: int, columns: int) -> None:
+        """Another size of the screen; the centre stays."""
+        self.rows, self.columns = rows, columns
+        self.ladder = self._steps()
+        if self.zoom not in self.ladder:
+            self.zoom = self.ladder[-1]
+        self._settle(self._range(0), self._range(1))
+
+    # Between cells and characters.
+
+    def cell_at(self, row: int, column: int) -> int | None:
+        """The cell at a place of the screen, of several the middle one; None outside the floor."""
+        rows, columns = self.size()
+        if not (0 <= row + self.top < rows and 0 <= column + self.left < columns):
+            return None
+        y, x = self._floor_at(row, column)
+        return (y + self.shown.top) * self.plan.stride + x + self.shown.left
+
+    def place_of(self, cell: int) -> Place | None:
+        """Where a cell begins on the screen, or None if it is not on it."""
+        y, x = divmod(int(cell), self.plan.stride)
+        y, x = y - self.shown.top, x - self.shown.left
+        if not (0 <= y < self.height and 0 <= x < self.width):
+            return None
+        row = y // self.zoom.down - self.top
+        column = x // self.zoom.across * self.zoom.width - self.left
+        if -self.zoom.width < column < 0:
+            column = 0  # the cell is cut by the left edge
+        inside = 0 <= row < self.rows and 0 <= column < self.columns
+        return (row, column) if inside else None
+
+    def rectangle_at(self, row: int, column: int) -> Rectangle:
+        """The cells that the character at a place of the screen stands for."""
+        zoom = self.zoom
+        y = (row + self.top) * zoom.down + self.shown.top
+        x = (column + self.left) // zoom.width * zoom.across + self.shown.left
+        return Rectangle(y, x, y + zoom.down, x + zoom.across)
+
+    def visible(self) -> Rectangle:
+        """The cells of the floor on the screen, those that its edges cut included."""
+        last = self.rectangle_at(self.rows - 1, self.columns - 1)
+        first, shown = self.rectangle_at(0, 0), self.shown
+        top, left = max(first.top, shown.top), max(first.left, shown.left)
+        bottom, right = min(last.bottom, shown.bottom), min(last.right, shown.right)
+        return Rectangle(top, left, max(bottom, top), max(right, left))
+
+    def inside(self, cells: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Which of these cells are on the screen; NIL is not."""
+        seen = self.visible()
+        y, x = np.divmod(cells, self.plan.stride)
+        inside: NDArray[np.bool_] = (
+            (y >= seen.top) & (y < seen.bottom) & (x >= seen.left) & (x < seen.right) & (cells >= 0)
+        )
+        return inside
+
+    # The arithmetic of the window.
+
+    def _steps(self) -> tuple[Zoom, ...]:
+        """The ladder for this size of the screen, nearest first."""
+        steps = [self._identities, SQUARE, ONE_TO_ONE, HALF, dots(1)]
+        k, after = 2, 3
+        while not self._fits(steps[-1]):
+            steps.append(dots(k))
+            k, after = after, k + after
+        return tuple(steps)
+
+    def _size(self, zoom: Zoom) -> Place:
+        return -(-self.height // zoom.down), -(-self.width // zoom.across) * zoom.width
+
+    def _fits(self, zoom: Zoom) -> bool:
+        rows, columns = self._size(zoom)
+        return rows <= max(self.rows, 1) and columns <= max(self.columns, 1)
+
+    def _floor_at(self, row: int, column: int) -> tuple[int, int]:
+        """Row and column within the shown rectangle of the middle cell of a character.
+
+        Of a character that the edge of the floor cuts it is a cell on the floor.
+        """
+        zoom = self.zoom
+        y = (row + self.top) * zoom.down
+        x = (column + self.left) // zoom.width * zoom.across
+        y_end = self.height if y < self.height else y + zoom.down
+        x_end = self.width if x < self.width else x + zoom.across
+        return min(y + zoom.down // 2, y_end - 1), min(x + zoom.across // 2, x_end - 1)
+
+    def _middle(self) -> tuple[float, float]:
+        """The centre of the view, in cells."""
+        down, across = self.zoom.scale
+        return (self.top + self.rows / 2) / down, (self.left + self.columns / 2) / across
+
+    def _corner(self) -> tuple[int, int]:
+        """The character in the upper left corner that belongs to the centre, on whole cells."""
+        down, across = self.zoom.scale
+        left = round((self._x * across - self.columns / 2) / self.zoom.width)
+        return round(self._y * down - self.rows / 2), left * self.zoom.width
+
+    def _range(self, axis: int) -> tuple[int, int]:
+        """Where `top` (axis 0) or `left` (1) may lie: no blank margin, or the floor in the middle."""
+        picture = self.size()[axis]
+        screen = (self.rows, self.columns)[axis]
+        if picture <= screen:
+            return (-((screen - picture) // 2),) * 2
+        width = self.zoom.width if axis else 1
+        return 0, -(-(picture - screen) // width) * width
+
+    def _settle(self, rows: tuple[int, int], columns: tuple[int, int]) -> None:
+        """Show what the centre asks for, with `top` and `left` in these ranges."""
+        top, left = self._corner()
+        self.top, self.left = _inside(top, *rows), _inside(left, *columns)
+        y, x = self._middle()
+        self._y = self._y if self.top == top else y
+        self._x = self._x if self.left == left else x
+
+
+def _inside(value: int, low: int, high: int) -> int:
+    return min(max(value, low), high)

@@ -1,0 +1,35 @@
+"""A scene and a camera made a picture: one code for each character of the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tui.render import styles
+from tui.render.camera import Camera
+from tui.render.far import far_picture
+from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.near import near_picture
+from tui.render.pixels import pixel_picture
+from tui.render.scene import HEAT, Scene
+from tui.render.styles import style
+
+
+def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = None) -> Codes:
+    """(camera.rows, camera.columns) codes; `out` is overwritten and returned if it is given."""
+    if out is None or out.shape != (camera.rows, camera.columns):
+        out = np.empty((camera.rows, camera.columns), np.uint32)
+    kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
+    if kind == "cells":
+        part = near_picture(scene, camera, glyphs)
+        before = camera.left % camera.zoom.width if camera.left > 0 else 0  # columns cut off
+        part = part[:, before : before + camera.columns]
+    elif kind == "pixels" or scene.layer in (*HEAT, "zones"):
+        part = pixel_picture(scene, camera, glyphs)
+    else:
+        part = far_picture(scene, camera, glyphs)
+    rows = min(part.shape[0], camera.rows - top)
+    columns = min(part.shape[1], camera.columns - left)
+    if (rows, columns) != out.shape:
+        out[:] = code(style(styles.VOID, styles.VOID), glyphs.blank)
+    out[top : top + rows, left : left + columns] = part[:rows, :columns]
+    return out

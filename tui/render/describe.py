@@ -1,0 +1,106 @@
+"""What a cell holds, in one line.
+
+(12, 4) shelf with load 7 for (20, 3), reserved by robot 2
+(3, 0) track along x, robot 1 with load 4, waits: head-on
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.world.cells import (
+    DESTINATION,
+    DIRECTIONS,
+    EXIT_EAST,
+    EXIT_WEST,
+    FLOOR,
+    KINDS,
+    SHELF,
+    TRACK,
+)
+from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL
+from automaton.world.waiting import CAUSES
+from tui.render.scene import CROWD, DETAIL_SHIFT, ONE_WAY, PASSING, Scene
+
+MOST_ROBOTS = 3  # named in one line
+
+
+def describe(scene: Scene, cell: int) -> str:
+    """One line about a cell of the floor."""
+    parts = [place(scene, cell) + " " + ground(scene, cell) + _content(scene, cell)]
+    zones = scene.floor.zones
+    if zones is not None and zones[cell] != NIL:
+        parts.append(f"zone {zones[cell]}")
+    if scene.values is not None and scene.floor.drivable[cell]:
+        parts.append(f"{scene.layer} {scene.values[cell]}")
+    return ", ".join(parts + _robots(scene, cell))
+
+
+def place(scene: Scene, cell: int) -> str:
+    x, y = scene.floor.plan.xy(cell)
+    return f"({x}, {y})"
+
+
+def ground(scene: Scene, cell: int) -> str:
+    """The kind of a cell and what is special about it."""
+    number = int(scene.floor.looks.reshape(-1)[cell])
+    kind, detail = number & 7, number >> DETAIL_SHIFT
+    if kind == TRACK:
+        return f"track along {'x' if detail & (EXIT_EAST | EXIT_WEST) else 'y'}"
+    if kind == FLOOR and ONE_WAY <= detail < ONE_WAY + 4:
+        return f"one-way floor {DIRECTIONS[detail - ONE_WAY]}"
+    if kind == FLOOR and detail == PASSING:
+        return "passing aisle"
+    if kind == FLOOR and detail == CROWD:
+        return "floor for any number of robots"
+    return KINDS[kind].name
+
+
+def _content(scene: Scene, cell: int) -> str:
+    """What a shelf or a destination holds."""
+    slot, snapshot = int(scene.floor.slot_in[cell]), scene.snapshot
+    if slot == NIL or snapshot is None:
+        return ""
+    orders, slots = snapshot.orders, snapshot.slots
+    text = ""
+    if scene.floor.plan.kind.reshape(-1)[cell] == DESTINATION:
+        arrived = (orders.state == DELIVERED) & (orders.target == slot)
+        text = f" with {np.count_nonzero(arrived)} loads"
+    elif (order := int(slots.content[slot])) != NIL:
+        text = f" with load {order}"
+        if orders.target[order] != NIL:
+            text += f" for {place(scene, int(slots.cell[orders.target[order]]))}"
+        if orders.by[order] != NIL:
+            text += f", to be fetched by robot {orders.by[order]}"
+    elif scene.floor.plan.kind.reshape(-1)[cell] == SHELF:
+        text = ", empty"
+    return text + (f", reserved by robot {slots.by[slot]}" if slots.by[slot] != NIL else "")
+
+
+def _robots(scene: Scene, cell: int) -> list[str]:
+    """The robots in a cell, and those that are about to enter it."""
+    if scene.snapshot is None:
+        return []
+    robots = scene.snapshot.robots
+    at = np.where(robots.cell == NIL, robots.bay, robots.cell)
+    here, coming = np.flatnonzero(at == cell).tolist(), np.flatnonzero(robots.claim == cell)
+    said = [_robot(scene, robot) for robot in here[:MOST_ROBOTS]]
+    if len(here) > MOST_ROBOTS:
+        said.append(f"and {len(here) - MOST_ROBOTS} robots more")
+    return said + [f"robot {robot} comes" for robot in coming.tolist()]
+
+
+def _robot(scene: Scene, robot: int) -> str:
+    assert scene.snapshot is not None
+    robots = scene.snapshot.robots
+    words = [f"robot {robot}"]
+    if robots.load[robot] != NIL:
+        words.append(f"with load {robots.load[robot]}")
+    if robots.parked[robot]:
+        return " ".join([*words, "parked"])
+    if robots.cause[robot]:
+        waits = f", waits: {CAUSES[robots.cause[robot]].name}"
+        return " ".join(words) + waits + (" in a circle" if robots.ring[robot] else "")
+    if robots.action[robot] != IDLE:
+        words.append(f"({ACTION_NAMES[robots.action[robot]]})")
+    return " ".join(words)

@@ -1,0 +1,149 @@
+"""Pictures in braille: k x k cells in each dot, 2 x 4 dots in a character.
+
+A character has one colour. Where robots are, it shows their dots alone, in the colour of the worst;
+elsewhere the structure of the floor in faint colours: a dot of which half the cells are shelves or
+walls is set, and stations stand out of what surrounds them.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.world.cells import BAY, CHARGER, DESTINATION, SHELF, WALL
+from automaton.world.state import NIL
+from tui.render import robots as fleet
+from tui.render import styles
+from tui.render.blocks import Part, blocks, part_of
+from tui.render.camera import Camera, Rectangle
+from tui.render.cell_looks import FAR_SHELF, look
+from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.scene import OUTSIDE, Floor, Scene
+from tui.render.styles import style
+
+BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)  # row, column
+STATIONS = ((BAY, styles.BAY), (CHARGER, styles.CHARGER), (DESTINATION, styles.DESTINATION))
+
+
+def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
+    """(rows, columns) the characters that show some of the floor."""
+    part = part_of(camera)
+    base = floor_in_dots(scene.floor, camera.shown, camera.zoom.across // 2, glyphs)
+    codes = base[part.top : part.bottom, part.left : part.right].copy()
+    if scene.layer == "flow" and scene.values is not None:
+        draw_flow(codes, part, scene, scene.values, camera, glyphs)
+    if scene.snapshot is not None:
+        route = np.asarray(scene.route, np.int32)
+        draw_dots(codes, part, camera, glyphs, route, styles.ROUTE)
+        draw_robots(codes, part, scene, camera, glyphs)
+    if scene.cursor is not None:
+        spots = Dots(np.array([scene.cursor], np.int32), part, camera).index
+        codes.reshape(-1)[spots] = styles.repapered(codes.reshape(-1)[spots], styles.CURSOR)
+    return codes
+
+
+@lru_cache(maxsize=16)
+def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> Codes:
+    """The whole floor without robots."""
+    looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
+    kind = floor.plan.kind[shown.top : shown.bottom, shown.left : shown.right]
+    shelves, walls = kind == SHELF, (kind == WALL) & (looks != look(WALL, OUTSIDE))
+    area = blocks(np.ones(kind.shape, np.uint8), k)
+    pattern = _patterns(2 * blocks(shelves | walls, k) >= area)
+    across, down = 2 * k, 4 * k
+    more_walls = blocks(walls, across, down) > blocks(shelves, across, down)
+    ink = np.where(more_walls, styles.WALL, FAR_SHELF)
+    for station, its_ink in STATIONS:
+        dots = _patterns(blocks(kind == station, k) > 0)
+        ink = np.where(dots, its_ink, ink)
+        pattern = np.where(dots, dots, pattern)
+    codes: Codes = code(style(ink, styles.FLOOR), np.array(glyphs.braille)[pattern])
+    return np.asarray(codes, np.uint32)
+
+
+def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The braille pattern of each 2 x 4 dots."""
+    rows, columns = dots.shape
+    padded = np.pad(dots, ((0, -rows % 4), (0, -columns % 2)))
+    cells = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 2, 2)
+    return np.asarray((cells * BITS[None, :, None, :]).sum(axis=(1, 3)), np.uint8)
+
+
+class Dots:
+    """Cells as characters of a part of the picture and dots in them."""
+
+    def __init__(self, cells: NDArray[np.int32], part: Part, camera: Camera) -> None:
+        k = camera.zoom.across // 2
+        y, x = np.divmod(cells, np.int32(camera.plan.stride))
+        y, x = (y - camera.shown.top) // k, (x - camera.shown.left) // k
+        row, column = (y >> 2) - part.top, (x >> 1) - part.left
+        rows, columns = part.bottom - part.top, part.right - part.left
+        inside = (cells >= 0) & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        self.which = np.flatnonzero(inside)
+        self.index = (row * columns + column)[self.which]
+        self.bit = BITS[y & 3, x & 1][self.which]
+
+    def patterns(self, size: int) -> NDArray[np.uint8]:
+        """The pattern of the character of each of these cells."""
+        pattern = np.zeros(size, np.uint8)
+        np.bitwise_or.at(pattern, self.index, self.bit)
+        return pattern[self.index]
+
+
+def draw_robots(codes: Codes, part: Part, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
+    """The robots' dots; marked robots and the selected one on papers of their own."""
+    seen = fleet.robots_of(scene)
+    dots = Dots(seen.cell, part, camera)
+    flat = codes.reshape(-1)
+    worst = np.zeros(flat.size, np.uint8)
+    np.maximum.at(worst, dots.index, seen.state[dots.which])
+    inks = fleet.INKS[worst[dots.index]]
+    signs = np.array(glyphs.braille)[dots.patterns(flat.size)]
+    flat[dots.index] = code(style(inks, styles.FLOOR), signs)
+    for robots, paper in ((scene.marked, styles.MARKED), ((scene.selected,), styles.SELECTED)):
+        chosen = np.asarray(robots, np.int32)
+        spots = Dots(seen.cell[chosen[chosen != NIL]], part, camera).index
+        flat[spots] = styles.repapered(flat[spots], paper)
+
+
+def draw_dots(
+    codes: Codes,
+    part: Part,
+    camera: Camera,
+    glyphs: GlyphSet,
+    cells: NDArray[np.int32],
+    ink: int,
+) -> None:
+    """Cells as dots of one colour; what else their characters showed gives way."""
+    dots = Dots(cells, part, camera)
+    flat = codes.reshape(-1)
+    signs = np.array(glyphs.braille)[dots.patterns(flat.size)]
+    flat[dots.index] = code(style(ink, styles.FLOOR), signs)
+
+
+def draw_flow(
+    codes: Codes,
+    part: Part,
+    scene: Scene,
+    strongest: NDArray[np.int32],
+    camera: Camera,
+    glyphs: GlyphSet,
+) -> None:
+    """An arrow for each character: where most robots of its cells went."""
+    from tui.render.near import flow_codes
+
+    assert scene.snapshot is not None and scene.snapshot.flow is not None
+    zoom, shown = camera.zoom, camera.shown
+    values = np.column_stack([scene.snapshot.flow, strongest])
+    rows = slice(shown.top + part.top * zoom.down, shown.top + part.bottom * zoom.down)
+    columns = slice(shown.left + part.left * zoom.across, shown.left + part.right * zoom.across)
+    values = values.reshape(*scene.floor.looks.shape, 5)[: shown.bottom, : shown.right][
+        rows, columns
+    ]
+    moves = blocks(values[..., :4], zoom.across, zoom.down)
+    levels = scene.levels(blocks(values[..., 4], zoom.across, zoom.down, np.maximum))
+    here = levels > 0
+    directions = moves[here].argmax(axis=1)
+    codes[here] = flow_codes(glyphs)[levels[here], directions]

@@ -1,0 +1,113 @@
+"""The characters of the pictures: two sets of the same shapes, one in Unicode, one in ASCII.
+
+A glyph is an index into the characters of either set, so that a picture can be shown with the one
+or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
+
+    unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◍ turntable  ↯ charger
+    ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
+
+Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
+East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
+GLYPH_BITS: Final = 16
+GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
+
+_PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
+_unicode = list(_PRINTABLE)
+_ascii = list(_PRINTABLE)
+
+
+def _shapes(unicode: str, ascii: str) -> tuple[int, ...]:
+    """Add shapes to both sets; their glyphs."""
+    first = len(_unicode)
+    _unicode.extend(unicode)
+    _ascii.extend(ascii)
+    assert len(_unicode) == len(_ascii), unicode
+    return tuple(range(first, len(_unicode)))
+
+
+def _shape(unicode: str, ascii: str) -> int:
+    (glyph,) = _shapes(unicode, ascii)
+    return glyph
+
+
+def _by_dots(ramp: str) -> str:
+    """The character of each braille pattern: the more dots, the darker."""
+    return "".join(ramp[pattern.bit_count()] for pattern in range(256))
+
+
+class GlyphSet:
+    """Names of the glyphs, and the characters that draw them. Directions are E, S, W, N."""
+
+    blank: Final = 0
+    digits: Final = tuple(range(ord("0"), ord("9") + 1))
+    # Robots, by direction.
+    robot: Final = _shapes("▹▿◃▵", ">v<^")
+    loaded: Final = _shapes("▸▾◂▴", "}V{A")
+    parked: Final = _shape("⊡", "p")
+    fault: Final = _shape("✗", "X")  # out of order
+    cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
+    # Cells.
+    floor: Final = ord(".")  # a byte, where ⋅ has three: robots that move uncover much floor
+    wall: Final = _shape("░", "%")
+    track: Final = _shapes("╌╎", "-|")  # by axis
+    crossing: Final = ord("+")  # of tracks, where nobody turns
+    turntable: Final = _shape("◍", "@")
+    one_way: Final = _shapes(
+        "\u203a⌄\u2039⌃", ")u(n"
+    )  # ›⌄‹⌃, by direction; ASCII arrows are robots
+    passing: Final = _shape("⇄", ":")
+    unlimited: Final = ord("~")  # floor for any number of robots
+    shelf: Final = _shape("▯", "#")
+    load: Final = _shape("▮", "$")  # a shelf that holds a load
+    destination: Final = _shape("⊔", "=")
+    charger: Final = _shape("↯", "c")
+    bay: Final = _shape("▢", "b")
+    # What is laid over them.
+    route: Final = _shape("∙", "o")
+    stand: Final = _shape("⊗", "O")  # where the route ends
+    arrow: Final = _shapes("⇢⇣⇠⇡", ")u(n")  # flow, by direction
+    ramp: Final = tuple(map(ord, " .:-=+*#@"))  # nine levels, for heat without colours
+    # Several cells in a character.
+    upper_half: Final = _shape("▀", "'")
+    lower_half: Final = _shape("▄", ".")
+    full: Final = _shape("█", ":")
+    braille: Final = _shapes("".join(map(chr, range(0x2800, 0x2900))), _by_dots(" .:-=+*#@"))
+
+    def __init__(self, name: str, characters: str) -> None:
+        self.name = name
+        self.characters = characters  # by glyph
+
+    def __repr__(self) -> str:
+        return f"GlyphSet({self.name!r})"
+
+
+UNICODE: Final = GlyphSet("unicode", "".join(_unicode))
+ASCII: Final = GlyphSet("ascii", "".join(_ascii))
+
+
+@overload
+def code(style: int, glyph: int) -> np.uint32: ...
+@overload
+def code(style: NDArray[Any], glyph: int | NDArray[Any]) -> Codes: ...
+@overload
+def code(style: int, glyph: NDArray[Any]) -> Codes: ...
+def code(style: int | NDArray[Any], glyph: int | NDArray[Any]) -> np.uint32 | Codes:
+    """What stands in a cell: a style and a glyph, as one number."""
+    shifted = np.asarray(style, np.uint32) << np.uint32(GLYPH_BITS)
+    codes: np.uint32 | Codes = shifted | np.asarray(glyph, np.uint32)
+    return codes
+
+
+def text(words: str) -> tuple[int, ...]:
+    """The glyphs of a text in ASCII."""
+    return tuple(words.encode("ascii", "replace"))

@@ -1,0 +1,164 @@
+"""What the signs of a picture mean: those that can occur on this floor, with this layer."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.world.cells import CHARGER, FLOOR, KINDS, SHELF, TRACK, WALL
+from tui.render import robots as fleet
+from tui.render import styles
+from tui.render.camera import Zoom
+from tui.render.cell_looks import FAR_SHELF, cell_codes, ink_of, look
+from tui.render.field import LEVELS
+from tui.render.glyphs import GlyphSet, code
+from tui.render.near import ZONES, flow_codes, heat_codes
+from tui.render.pixels import DRIVEN
+from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, OUTSIDE, PASSING, Scene
+from tui.render.styles import style
+
+UNITS = {
+    "visits": "visits",
+    "waiting": "ticks lost",
+    "congestion": "ticks lost of late",
+    "flow": "moves",
+}
+
+
+WORST = 10  # cells of a layer that are listed
+
+
+class Entry(NamedTuple):
+    """One line of a legend."""
+
+    signs: tuple[int, ...]  # codes
+    meaning: str
+
+
+def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    """The robots, what lies over the floor, the layer, and the floor."""
+    near = zoom.kind == "cells"
+    entries = _robots(scene, glyphs) if near else _far_robots(scene, glyphs)
+    entries += _overlays(scene, glyphs, near)
+    entries += _layer(scene, glyphs)
+    return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+
+
+def worst_cells(scene: Scene) -> list[tuple[int, int]]:
+    """Cells with the greatest numbers of a heat layer, and the numbers."""
+    if scene.layer not in HEAT or scene.values is None:
+        return []
+    order = np.argsort(-scene.values, kind="stable")[:WORST]
+    return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
+
+
+def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    shapes = fleet.shapes(glyphs)
+
+    def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
+        ink = style(int(fleet.INKS[state]), styles.FLOOR)
+        return tuple(int(code(ink, shapes[shape, d])) for d in directions)
+
+    ways = (0, 1, 2, 3)
+    entries = [
+        Entry(signs(fleet.EMPTY, fleet.HOLLOW, ways), "robot, and the way it faces"),
+        Entry(signs(fleet.LOADED, fleet.FILLED, ways), "robot with a load"),
+        Entry(signs(fleet.WAITS, fleet.HOLLOW, (0,)), "waits"),
+        Entry(signs(fleet.DEADLOCK, fleet.HOLLOW, (0,)), "waits in a circle of robots"),
+        Entry(signs(fleet.PARKED, fleet.SQUARE, (0,)), "parked"),
+    ]
+    if (scene.floor.plan.kind == CHARGER).any():
+        entries.append(Entry(signs(fleet.CHARGING, fleet.HOLLOW, (0,)), "charges"))
+    if (scene.floor.plan.capacity[scene.floor.plan.drivable()] != 1).any():
+        several = style(styles.FLOOR, styles.ROBOT)
+        entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
+    claim = int(code(style(styles.DIM, styles.FLOOR), glyphs.arrow[0]))
+    return [*entries, Entry((claim,), "held by a robot that is moving in")]
+
+
+def _far_robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    names = ["parked robots", "charging", "empty", "with a load", "waiting", "waiting in a circle"]
+    entries = []
+    for state in reversed(range(len(names))):
+        if state != fleet.CHARGING or (scene.floor.plan.kind == CHARGER).any():
+            sign = int(code(style(int(fleet.INKS[state]), styles.FLOOR), glyphs.full))
+            entries.append(Entry((sign,), names[state]))
+    return entries
+
+
+def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
+    def paper(ink: int) -> tuple[int, ...]:
+        return (int(code(style(styles.ROBOT, ink), glyphs.robot[0])),)
+
+    entries = []
+    if scene.selected >= 0:
+        entries.append(Entry(paper(styles.SELECTED), f"robot {scene.selected}, selected"))
+        route = style(styles.ROUTE, styles.FLOOR)
+        entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
+        if near:
+            entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    if len(scene.marked):
+        entries.append(Entry(paper(styles.MARKED), "found"))
+    return entries
+
+
+def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Levels with their numbers, or the zones."""
+    if scene.zones is not None:
+        zones = np.unique(scene.zones[scene.zones >= 0]).tolist()
+        return [Entry((zone_sign(zone, glyphs),), f"zone {zone}") for zone in zones]
+    if scene.values is None:
+        return []
+    lines: dict[tuple[int, ...], list[int]] = {}
+    for level in range(1, LEVELS):
+        heat = (int(heat_codes(glyphs)[level]),)
+        arrows = tuple(flow_codes(glyphs)[level].tolist())
+        lines.setdefault(heat if scene.layer in HEAT else arrows, []).append(level)
+    return [
+        Entry(codes, f"{UNITS[scene.layer]}: {scene.scale.words(levels[0], levels[-1])}")
+        for codes, levels in lines.items()
+    ]
+
+
+def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """The looks of this floor; those that differ in direction alone share a line."""
+    codes = cell_codes(glyphs, 1)
+    lines: dict[str, list[int]] = {}
+    numbers = set(np.unique(scene.floor.looks).tolist())
+    if look(SHELF) in numbers:
+        numbers.add(look(SHELF, FULL))
+    for number in sorted(numbers - {look(WALL, OUTSIDE)}):
+        signs = lines.setdefault(_meaning(number), [])
+        if int(codes[number, 0]) not in signs:
+            signs.append(int(codes[number, 0]))
+    return [Entry(tuple(signs), meaning) for meaning, signs in lines.items()]
+
+
+def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    kinds = [kind for kind in np.unique(scene.floor.plan.kind).tolist() if kind not in DRIVEN]
+
+    def sign(kind: int) -> int:
+        ink = FAR_SHELF if kind == SHELF else ink_of(look(kind))
+        return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
+
+    return [Entry((sign(kind),), KINDS[kind].name) for kind in kinds]
+
+
+def zone_sign(zone: int, glyphs: GlyphSet) -> int:
+    """Its number, seen where there are no colours, in its tint."""
+    ink = styles.ZONE_0 + zone % ZONES
+    return int(code(style(ink, ink), glyphs.digits[zone % 10]))
+
+
+def _meaning(number: int) -> str:
+    kind, detail = number & 7, number >> DETAIL_SHIFT
+    if kind == SHELF:
+        return "shelf with a load" if detail == FULL else "empty shelf"
+    if kind == TRACK:
+        return "track, driven along"
+    if kind == FLOOR and detail:
+        return {PASSING: "two robots pass here", CROWD: "any number of robots"}.get(
+            detail, "one-way floor"
+        )
+    return {"turntable": "turntable: robots turn here"}.get(KINDS[kind].name, KINDS[kind].name)

@@ -1,0 +1,47 @@
+"""The whole floor in a few characters, with a frame round the part that is on the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tui.render import styles
+from tui.render.blocks import part_of
+from tui.render.camera import Camera, Rectangle
+from tui.render.compose import compose
+from tui.render.far import draw_dots
+from tui.render.glyphs import Codes, GlyphSet
+from tui.render.scene import NOTHING, Scene
+
+
+class Minimap:
+    """An overview of rows x columns characters, in braille."""
+
+    def __init__(self, camera: Camera, rows: int, columns: int) -> None:
+        self.camera = Camera(camera.plan, rows, columns)
+        while self.camera.zoom.kind != "dots":
+            self.camera.zoom_out()
+
+    def picture(self, scene: Scene, main: Camera, glyphs: GlyphSet) -> Codes:
+        """(rows, columns) codes; a frame goes round what `main` shows."""
+        codes = compose(scene.with_(layer="", route=NOTHING, cursor=None), self.camera, glyphs)
+        part = part_of(self.camera)
+        top, left = part.top - self.camera.top, part.left - self.camera.left
+        inside = codes[top : top + part.bottom - part.top, left : left + part.right - part.left]
+        floor = inside.copy()
+        draw_dots(floor, part, self.camera, glyphs, edge(main.visible(), main), styles.CURSOR)
+        inside[:] = floor
+        return codes
+
+    def cell_at(self, row: int, column: int) -> int | None:
+        """The cell to centre on after a click."""
+        return self.camera.cell_at(row, column)
+
+
+def edge(seen: Rectangle, camera: Camera) -> NDArray[np.int32]:
+    """The outermost cells of a rectangle."""
+    rows, columns = np.arange(seen.top, seen.bottom), np.arange(seen.left, seen.right)
+    stride = camera.plan.stride
+    sides = [rows * stride + column for column in (seen.left, seen.right - 1)]
+    sides += [row * stride + columns for row in (seen.top, seen.bottom - 1)]
+    return np.concatenate(sides).astype(np.int32)

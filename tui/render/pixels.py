@@ -1,0 +1,181 @@
+"""Pictures in half blocks: two pixels in a character, each with a colour of its own.
+
+A pixel is one cell on the step "half" of the ladder. The steps beyond are drawn so while a layer
+colours the floor; a pixel is then as large as half a character of braille, so that switching the
+layer on moves nothing.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.world.cells import (
+    BAY,
+    CHARGER,
+    DESTINATION,
+    FLOOR,
+    SHELF,
+    TRACK,
+    TURNTABLE,
+    WALL,
+)
+from automaton.world.state import NIL
+from tui.render import robots as fleet
+from tui.render import styles
+from tui.render.blocks import Part, blocks, part_of
+from tui.render.camera import Camera, Rectangle
+from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
+from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.near import ZONES
+from tui.render.scene import LOOKS, Floor, Scene
+from tui.render.shelves import full_shelves
+from tui.render.styles import style
+
+Colours = NDArray[np.uint8]
+STATIONS = (BAY, CHARGER, DESTINATION)  # show in a pixel of many cells, the last one first
+DRIVEN = (FLOOR, TRACK, TURNTABLE)
+
+
+# Colours of what stands on the floor, and the braille dots of its upper and lower half.
+DOTTED = (FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER, styles.DESTINATION)
+TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
+TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
+
+
+def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
+    """(rows, columns) the characters that show some of the floor."""
+    part, k = part_of(camera), camera.zoom.across
+    whole = floor_in_pixels(scene.floor, camera.shown, k)
+    pixels = whole[2 * part.top : 2 * part.bottom, part.left : part.right].copy()
+    canvas = _Pixels(pixels, part, camera)
+    if k == 1:
+        canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
+    draw_layer(canvas, scene)
+    if scene.snapshot is not None:
+        canvas.paint(np.asarray(scene.route, np.int32), styles.ROUTE)
+        draw_robots(canvas, scene)
+    if scene.cursor is not None:
+        canvas.paint(np.array([scene.cursor], np.int32), styles.CURSOR)
+    table = pairs(glyphs)
+    codes: Codes = table[pixels[0::2].astype(np.intp) * len(styles.COLOURS) + pixels[1::2]]
+    return codes
+
+
+@lru_cache(maxsize=4)
+def pairs(glyphs: GlyphSet) -> Codes:
+    """The character of each pair of colours, upper * colours + lower.
+
+    What stands on the floor is dotted, what lies over it or moves is solid: that tells robots from
+    shelves where there are no colours. Beside something solid the other half is plain floor.
+    """
+    colours, floor = len(styles.COLOURS), styles.FLOOR
+    upper, lower = np.divmod(np.arange(colours * colours), colours)
+    standing = np.isin(np.arange(colours), [floor, *DOTTED])
+    top = np.where(standing[upper] & ~standing[lower], floor, upper)
+    bottom = np.where(standing[lower] & ~standing[upper], floor, lower)
+    codes = code(style(top, bottom), glyphs.upper_half)
+    codes = np.where(top == floor, code(style(bottom, floor), glyphs.lower_half), codes)
+    codes = np.where(top == bottom, code(style(top, floor), glyphs.full), codes)
+    ink = np.maximum(upper, lower)  # the table of colours ends with what matters most
+    pattern = _dots(TOP_DOTS, TOP_PAIR)[upper] | _dots(BOTTOM_DOTS, BOTTOM_PAIR)[lower]
+    dotted = code(style(ink, floor), np.array(glyphs.braille)[pattern])
+    return np.where(standing[upper] & standing[lower], dotted, codes).astype(np.uint32)
+
+
+def _dots(full: int, pair: int) -> NDArray[np.uint8]:
+    """(colours,) the dots of each colour that stands on the floor; fewer for an empty shelf."""
+    dots = np.zeros(len(styles.COLOURS), np.uint8)
+    dots[list(DOTTED)] = full
+    dots[FAR_SHELF] = pair
+    return dots
+
+
+@lru_cache(maxsize=16)
+def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
+    """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
+    rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
+    kind = floor.plan.kind[rows, columns]
+    if k == 1:
+        inks = np.array([_pixel_ink(number) for number in range(LOOKS)], np.uint8)
+        pixels = inks[floor.looks[rows, columns]]
+    else:
+        area = blocks(np.ones(kind.shape, np.uint8), k)
+        pixels = np.full(area.shape, styles.FLOOR, np.uint8)
+        inner = floor.looks[rows, columns] == look(WALL)
+        solid = (kind == SHELF) | inner
+        pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
+        for station in STATIONS:
+            pixels[blocks(kind == station, k) > 0] = INKS[station]
+    return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.FLOOR)
+
+
+def _pixel_ink(number: int) -> int:
+    """Floor and rails are dark: only what stands on the floor has a colour."""
+    kind = number & 7
+    if kind in DRIVEN:
+        return styles.FLOOR
+    return FAR_SHELF if kind == SHELF else ink_of(number)
+
+
+class _Pixels:
+    """The pixels on the screen, while they are painted."""
+
+    def __init__(self, pixels: Colours, part: Part, camera: Camera) -> None:
+        self.pixels, self.part, self.camera = pixels, part, camera
+        self.k = camera.zoom.across
+        self.flat = pixels.reshape(-1)
+
+    def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+        """Index of the pixel of those cells that are on the screen, and which of them they are."""
+        y, x = np.divmod(cells, np.int32(self.camera.plan.stride))
+        shown, (rows, columns) = self.camera.shown, self.pixels.shape
+        y = (y - shown.top) // self.k - 2 * self.part.top
+        x = (x - shown.left) // self.k - self.part.left
+        inside = (cells >= 0) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
+        which = np.flatnonzero(inside)
+        return (y * columns + x)[which], which
+
+    def paint(self, cells: NDArray[np.int32], ink: int) -> None:
+        self.flat[self.at(cells)[0]] = ink
+
+    def reduced(self, values: NDArray[Any], rest: int) -> NDArray[Any]:
+        """(rows, columns of pixels) the largest value in each pixel, `rest` beyond the floor."""
+        camera, part, k = self.camera, self.part, self.k
+        top, left = camera.shown.top, camera.shown.left
+        rows, columns = self.pixels.shape
+        y, x = top + 2 * part.top * k, left + part.left * k
+        values = values.reshape(camera.plan.kind.shape)
+        values = values[
+            y : min(y + rows * k, camera.shown.bottom), x : min(x + columns * k, camera.shown.right)
+        ]
+        values = values if k == 1 else blocks(values, k, over=np.maximum)
+        missing = rows - len(values)
+        return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)
+
+
+def draw_layer(canvas: _Pixels, scene: Scene) -> None:
+    """Heat, or zones."""
+    if scene.zones is not None:
+        zones = canvas.reduced(scene.zones, NIL)
+        inside = zones != NIL
+        canvas.pixels[inside] = styles.ZONE_0 + zones[inside] % ZONES
+    elif scene.values is not None:
+        levels = scene.levels(canvas.reduced(scene.values, 0))
+        hot = levels > 0
+        canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
+
+
+def draw_robots(canvas: _Pixels, scene: Scene) -> None:
+    """Each robot as a pixel in the colour of its state, of several in that of the worst."""
+    seen = fleet.robots_of(scene)
+    index, which = canvas.at(seen.cell)
+    order = np.argsort(seen.state[which], kind="stable")
+    canvas.flat[index[order]] = fleet.INKS[seen.state[which[order]]]
+    chosen = np.asarray(scene.marked, np.int32)
+    canvas.paint(seen.cell[chosen], styles.MARKED)
+    if scene.selected != NIL:
+        canvas.paint(seen.cell[[scene.selected]], styles.SELECTED)

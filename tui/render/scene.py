@@ -1,0 +1,159 @@
+"""What a picture is made of: the static floor, a snapshot of the run, and what is laid over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.world.cells import (
+    ALL_EXITS,
+    EXIT_EAST,
+    EXIT_NORTH,
+    EXIT_SOUTH,
+    EXIT_WEST,
+    FLOOR,
+    STEPS,
+    TRACK,
+    TURNTABLE,
+    UNLIMITED,
+    WALL,
+    opposite_exits,
+)
+from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.state import NIL
+from tui.render.field import Scale, levels_of, scale_for
+
+if TYPE_CHECKING:  # it needs Numba, pictures do not
+    from automaton.history.snapshot import Snapshot
+
+LAYERS: Final = ("", "visits", "waiting", "congestion", "flow", "zones")
+HEAT: Final = ("visits", "waiting", "congestion")
+
+# What a cell looks like: its kind, and a detail in the bits above.
+DETAIL_SHIFT: Final = 3
+LOOKS: Final = 8 << 4
+OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
+ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+PASSING: Final = 5
+CROWD: Final = 6  # any number of robots
+FULL: Final = 1  # detail of a shelf: it holds a load
+NOTHING: Final = np.zeros(0, np.int32)
+
+
+def looks_of(plan: FloorPlan) -> NDArray[np.uint8]:
+    """(height + 2, width + 2) kind and detail of each cell; shelves are empty."""
+    kind, exits = plan.kind, plan.exits
+    detail = np.zeros_like(kind)
+    rails = (kind == TRACK) | (kind == TURNTABLE)
+    detail[rails] = exits[rails]
+    detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
+    detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
+    for direction in range(4):
+        detail[(kind == FLOOR) & _one_way(exits, direction)] = ONE_WAY + direction
+    detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE
+    return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
+
+
+def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
+    """Cells with that exit alone, from which there is no way back: a dead end is not one-way."""
+    bit = (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH)[direction]
+    dx, dy = STEPS[direction]
+    ahead = np.roll(exits, (-dy, -dx), (0, 1))
+    one_way: NDArray[np.bool_] = (exits == bit) & (ahead & opposite_exits(bit) & ALL_EXITS == 0)
+    return one_way
+
+
+def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    some = np.pad(kind != WALL, 1)
+    height, width = kind.shape
+    near = np.zeros(kind.shape, bool)
+    for dy in range(3):
+        for dx in range(3):
+            near |= some[dy : dy + height, dx : dx + width]
+    return near
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """What does not change during a run; compared by identity, so that pictures can be kept."""
+
+    plan: FloorPlan
+    slots_cell: NDArray[np.int32]  # (s,)
+    slots_endless: NDArray[np.uint8]  # (s,) 1 = a destination
+    headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
+    zones: NDArray[np.int16] | None = None  # (C,) zone of a cell, or NIL
+
+    @cached_property
+    def looks(self) -> NDArray[np.uint8]:
+        return looks_of(self.plan)
+
+    @cached_property
+    def drivable(self) -> NDArray[np.bool_]:
+        """(C,)"""
+        return DRIVABLE[self.plan.kind].reshape(-1)
+
+    @cached_property
+    def slot_in(self) -> NDArray[np.int32]:
+        """(C,) the slot in a cell, or NIL."""
+        slots = np.full(self.plan.kind.size, NIL, np.int32)
+        slots[self.slots_cell] = np.arange(len(self.slots_cell))
+        return slots
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One moment of a run, and what the user wants to see of it."""
+
+    floor: Floor
+    snapshot: Snapshot | None = None  # None: the floor alone
+    selected: int = NIL  # robot
+    route: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # its cells, stand last
+    cursor: int | None = None  # cell
+    layer: str = ""  # of LAYERS
+    marked: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # robots
+
+    def with_(self, **changes: Any) -> Scene:
+        """The same scene but for these fields."""
+        return replace(self, **changes)
+
+    @cached_property
+    def values(self) -> NDArray[np.int32] | None:
+        """(C,) what the layer counts, as far as the snapshot brings it."""
+        if self.snapshot is None:
+            return None
+        if self.layer in HEAT:
+            return self.snapshot.heat
+        if self.layer == "flow" and self.snapshot.flow is not None:
+            east, south, west, north = self.snapshot.flow.T
+            strongest = np.maximum(np.maximum(east, south), np.maximum(west, north))
+            return np.asarray(strongest, np.int32)
+        return None
+
+    @cached_property
+    def scale(self) -> Scale:
+        """From which number on each level of the layer begins."""
+        return scale_for(0 if self.values is None else int(self.values.max(initial=0)))
+
+    def levels(self, values: NDArray[np.int32]) -> NDArray[np.uint8]:
+        """0 to 8 on the scale of the layer."""
+        return levels_of(values, self.scale)
+
+    @property
+    def goal_cell(self) -> int:
+        """The shelf or destination that the selected robot works for, or NIL."""
+        if self.snapshot is None or self.selected == NIL:
+            return NIL
+        robots, orders = self.snapshot.robots, self.snapshot.orders
+        order, slot = int(robots.order[self.selected]), int(robots.slot[self.selected])
+        if int(robots.load[self.selected]) == NIL and order != NIL:
+            slot = int(orders.place[order])
+        return NIL if slot == NIL else int(self.floor.slots_cell[slot])
+
+    @property
+    def zones(self) -> NDArray[np.int16] | None:
+        """(C,) the zones, while their layer is shown."""
+        return self.floor.zones if self.layer == "zones" else None

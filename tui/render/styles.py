@@ -1,0 +1,287 @@
+"""Colours with a meaning, and how a terminal is told to show a pair of them.
+
+A style is an ink on a paper, both rows of one table. Colours are those of Okabe and Ito, which
+colour-blind people tell apart; floor, walls and shelves are greys; heat has the hues of cividis.
+Every colour has a value for dark and for light themes, in true colour, among 256 and among 16,
+chosen by hand: an automatic choice would merge orange with vermillion. Shape is always the second
+channel.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tui.render.depth import Depth
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes
+
+if TYPE_CHECKING:
+    from rich.style import Style
+
+Theme = Literal["dark", "light"]
+
+
+class Shades(NamedTuple):
+    """One colour on terminals of each depth."""
+
+    true: int  # 0xRRGGBB
+    indexed: int  # of 256; above 15, since the first 16 differ between terminals
+    sixteen: int
+
+
+class Colour(NamedTuple):
+    """One row of the table."""
+
+    name: str
+    dark: Shades
+    light: Shades
+    bold: bool
+
+
+_rows: list[Colour] = []
+
+
+def _row(
+    name: str, dark: tuple[int, int, int], light: tuple[int, int, int], bold: bool = False
+) -> int:
+    """Add a row; its index."""
+    _rows.append(Colour(name, Shades(*dark), Shades(*light), bold))
+    return len(_rows) - 1
+
+
+# From the ground up: what comes later in the table is painted earlier, and stands out more.
+# Grounds. Heat leaves out the middle greys, on which no ink is legible.
+FLOOR: Final = _row("floor", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
+VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 7))
+HEAT_0: Final = _row("heat 0", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
+HEAT_1: Final = _row("heat 1", (0x00224E, 17, 4), (0xFBF3C0, 230, 11))
+HEAT_2: Final = _row("heat 2", (0x17325F, 18, 4), (0xF3E48E, 229, 11))
+HEAT_3: Final = _row("heat 3", (0x33426B, 238, 8), (0xE3CF6C, 222, 3))
+HEAT_4: Final = _row("heat 4", (0x465070, 240, 8), (0xCDBA66, 179, 3))
+HEAT_5: Final = _row("heat 5", (0xBDB066, 143, 3), (0x4F5A75, 240, 8))
+HEAT_6: Final = _row("heat 6", (0xD2C25C, 179, 3), (0x3B496C, 238, 8))
+HEAT_7: Final = _row("heat 7", (0xE8D54C, 185, 11), (0x20386A, 18, 4))
+HEAT_8: Final = _row("heat 8", (0xFEEB62, 228, 11), (0x00224E, 17, 4))
+ZONE_0: Final = _row("zone 0", (0x14305C, 17, 4), (0xD6DFFA, 189, 12))
+ZONE_1: Final = _row("zone 1", (0x4D3F00, 58, 3), (0xFAF3C4, 230, 11))
+ZONE_2: Final = _row("zone 2", (0x00504A, 23, 6), (0xC9F5F2, 195, 14))
+ZONE_3: Final = _row("zone 3", (0x55205C, 53, 5), (0xFAD6F4, 225, 13))
+ZONE_4: Final = _row("zone 4", (0x3A3A3A, 237, 8), (0xDADADA, 253, 7))
+ZONE_5: Final = _row("zone 5", (0x5E1C14, 52, 1), (0xFCD5CE, 224, 9))
+ZONE_6: Final = _row("zone 6", (0x12430F, 22, 2), (0xD3F2CB, 194, 10))
+ZONE_7: Final = _row("zone 7", (0x4B4B80, 60, 7), (0xAFC9F0, 153, 6))
+FLOOR_MARK: Final = _row("floor mark", (0x444444, 238, 8), (0xBCBCBC, 250, 7))
+# Cells.
+TRACK: Final = _row("track", (0x6C6C6C, 242, 8), (0x8A8A8A, 245, 8))
+FLOW: Final = _row("direction", (0x5F8787, 66, 6), (0x5F8787, 66, 8))
+WALL: Final = _row("wall", (0x585858, 240, 8), (0x585858, 240, 8))
+SHELF: Final = _row("shelf", (0x8A8A8A, 245, 7), (0x808080, 244, 8))
+BAY: Final = _row("bay", (0x7A7AA8, 103, 8), (0x7474A0, 61, 8))
+TURNTABLE: Final = _row("turntable", (0xA8648C, 132, 5), (0x96648A, 96, 5))
+CHARGER: Final = _row("charger", (0xAFAF5F, 143, 2), (0x75750A, 100, 6))
+DESTINATION: Final = _row("destination", (0x2C7FD0, 26, 12), (0x2A2AA8, 19, 12))
+LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
+# What is written and laid over.
+DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x6C6C6C, 242, 8))
+TEXT: Final = _row("text", (0xD0D0D0, 252, 7), (0x262626, 235, 0))
+DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 2))
+ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
+MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
+# Robots.
+PARKED: Final = _row("parked", (0x5F87AF, 67, 6), (0x5F7F9F, 67, 8))
+CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x4E7A00, 64, 2))
+ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x0072B2, 25, 4))
+LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0xA85F00, 130, 5))
+WAITS: Final = _row("waiting robot", (0xFFC8D8, 224, 13), (0xA0107A, 126, 9))
+FAULT: Final = _row("fault", (0xFF5F1F, 202, 9), (0xC8102E, 160, 1), bold=True)
+CURSOR: Final = _row("cursor", (0x5FFFD7, 86, 10), (0x20D8B0, 43, 10))
+SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13), bold=True)
+
+COLOURS: Final = tuple(_rows)
+STYLES: Final = len(COLOURS) ** 2
+# Grounds keep their value as ink; all others adapt to these papers, see `Look`.
+GROUNDS: Final = range(FLOOR, TRACK)
+PAPERS: Final = (*GROUNDS, MARKED, CURSOR, SELECTED)
+
+LEGIBLE: Final = 2.0  # contrast of a large sign with what is behind it
+
+# The first 16 colours as xterm has them.
+XTERM: Final = (
+    *(0x000000, 0xCD0000, 0x00CD00, 0xCDCD00, 0x0000EE, 0xCD00CD, 0x00CDCD, 0xE5E5E5),
+    *(0x7F7F7F, 0xFF0000, 0x00FF00, 0xFFFF00, 0x5C5CFF, 0xFF00FF, 0x00FFFF, 0xFFFFFF),
+)
+
+
+@overload
+def style(ink: int, paper: int) -> int: ...
+@overload
+def style(ink: NDArray[Any], paper: int | NDArray[Any]) -> NDArray[np.uint32]: ...
+@overload
+def style(ink: int, paper: NDArray[Any]) -> NDArray[np.uint32]: ...
+def style(ink: int | NDArray[Any], paper: int | NDArray[Any]) -> int | NDArray[np.uint32]:
+    """The number of an ink on a paper; style 0 is the plain floor."""
+    if isinstance(ink, int) and isinstance(paper, int):
+        return ink * len(COLOURS) + paper
+    styles: NDArray[np.uint32] = np.asarray(ink, np.uint32) * np.uint32(len(COLOURS))
+    return styles + np.asarray(paper, np.uint32)
+
+
+def repapered(codes: Codes, paper: int | NDArray[Any]) -> Codes:
+    """The same glyphs in the same inks on another paper."""
+    styles = codes >> np.uint32(GLYPH_BITS)
+    ink = styles - styles % np.uint32(len(COLOURS))
+    return ((ink + np.asarray(paper, np.uint32)) << np.uint32(GLYPH_BITS)) | (codes & GLYPHS)
+
+
+class Attributes(NamedTuple):
+    """What a style asks for beside its colours."""
+
+    bold: bool = False
+    underline: bool = False
+    reverse: bool = False
+
+
+class Look:
+    """How styles are shown at one depth in one theme.
+
+    An ink that would lose half its contrast on a paper takes its value of the other theme, if that
+    is better: on a hot cell of a dark theme, which is bright, a robot is as dark as on white. Where
+    neither is legible it takes that of text, so that at least its shape is seen.
+    """
+
+    def __init__(self, depth: Depth, theme: Theme = "dark") -> None:
+        self.depth = depth
+        self.theme = theme
+        ink, paper = np.divmod(np.arange(STYLES, dtype=np.int32), np.int32(len(COLOURS)))
+        # (STYLES,) the order of painting: the style that shows what matters most comes first.
+        self.rank: NDArray[np.int32] = (len(COLOURS) - np.maximum(ink, paper)) * STYLES
+        self.rank += np.arange(STYLES, dtype=np.int32)
+        self._sgr: dict[int, str] = {}
+        self._rich: dict[int, Style] = {}
+
+    def sgr(self, style: int) -> str:
+        """The sequence that sets this style, whatever was set before."""
+        sgr = self._sgr.get(style)
+        if sgr is None:
+            sgr = self._sgr[style] = self._made_sgr(style)
+        return sgr
+
+    def rich(self, style: int) -> Style:
+        """The same style for Rich and Textual."""
+        made = self._rich.get(style)
+        if made is None:
+            made = self._rich[style] = self._made_rich(style)
+        return made
+
+    def css(self, style: int) -> tuple[str, str, bool]:
+        """Ink, paper and weight for a page or a drawing."""
+        attributes = self.attributes(style)
+        if self.depth == Depth.NONE:
+            ink, paper = _own(COLOURS[TEXT], self.theme).true, _own(COLOURS[0], self.theme).true
+        else:
+            ink, paper = (rgb(value, self.depth) for value in self.pair(style))
+        if attributes.reverse:
+            ink, paper = paper, ink
+        return f"#{ink:06x}", f"#{paper:06x}", attributes.bold
+
+    def pair(self, style: int) -> tuple[int, int]:
+        """The values of ink and paper at this depth."""
+        ink, paper = divmod(style, len(COLOURS))
+        index = 3 - self.depth  # of the depth in `Shades`
+        below = _own(COLOURS[paper], self.theme)[index]
+        own = _own(COLOURS[ink], self.theme)[index]
+        if ink in GROUNDS or paper not in PAPERS:
+            return own, below
+        floor = _own(COLOURS[FLOOR], self.theme)[index]
+        if contrast(own, below, self.depth) >= max(contrast(own, floor, self.depth) / 2, LEGIBLE):
+            return own, below
+        for colour in (COLOURS[ink], COLOURS[TEXT]):
+            both = colour.dark[index], colour.light[index]
+            best = max(both, key=lambda value: contrast(value, below, self.depth))
+            if contrast(best, below, self.depth) >= LEGIBLE:
+                break
+        return best, below
+
+    def attributes(self, style: int) -> Attributes:
+        """Weight, and without colours what stands for them.
+
+        A dark digit on a robot's colour is reversed; so are the selection, the cursor and faults.
+        """
+        ink, paper = divmod(style, len(COLOURS))
+        bold = COLOURS[ink].bold
+        if self.depth != Depth.NONE:
+            return Attributes(bold)
+        cut_out = ink in GROUNDS and paper not in GROUNDS
+        return Attributes(
+            bold=bold or ink == LOADED or paper == MARKED,
+            underline=ink == WAITS or paper in (SELECTED, MARKED),
+            reverse=cut_out or ink == FAULT or paper in (SELECTED, CURSOR),
+        )
+
+    def _made_sgr(self, style: int) -> str:
+        attributes = self.attributes(style)
+        numbers = [0] + [n for n, is_on in zip((1, 4, 7), attributes, strict=True) if is_on]
+        if self.depth != Depth.NONE:
+            ink, paper = self.pair(style)
+            numbers += _parameters(ink, self.depth, 38) + _parameters(paper, self.depth, 48)
+        return f"\x1b[{';'.join(map(str, numbers))}m"
+
+    def _made_rich(self, style: int) -> Style:
+        from rich.color import Color
+        from rich.style import Style
+
+        bold, underline, reverse = self.attributes(style)
+        colours: list[Color | None] = [None, None]
+        if self.depth == Depth.TRUE:
+            colours = [Color.from_rgb(*_bytes(value)) for value in self.pair(style)]
+        elif self.depth != Depth.NONE:
+            colours = [Color.from_ansi(value) for value in self.pair(style)]
+        ink, paper = colours
+        return Style(color=ink, bgcolor=paper, bold=bold, underline=underline, reverse=reverse)
+
+
+def _own(colour: Colour, theme: Theme) -> Shades:
+    return colour.dark if theme == "dark" else colour.light
+
+
+def _parameters(value: int, depth: Depth, place: int) -> list[int]:
+    """The numbers that set a colour; place 38 is the ink, 48 the paper."""
+    if depth == Depth.TRUE:
+        return [place, 2, *_bytes(value)]
+    if depth == Depth.INDEXED:
+        return [place, 5, value]
+    return [place - 8 + value if value < 8 else place + 52 + value - 8]
+
+
+def _bytes(value: int) -> tuple[int, int, int]:
+    return value >> 16, value >> 8 & 255, value & 255
+
+
+@cache
+def rgb(value: int, depth: Depth) -> int:
+    """0xRRGGBB of a colour at this depth."""
+    if depth == Depth.TRUE:
+        return value
+    if value < 16:
+        return XTERM[value]
+    if value > 231:
+        return 0x010101 * (8 + 10 * (value - 232))
+    levels = (0, 95, 135, 175, 215, 255)
+    red, rest = divmod(value - 16, 36)
+    return levels[red] << 16 | levels[rest // 6] << 8 | levels[rest % 6]
+
+
+@cache
+def contrast(one: int, other: int, depth: Depth) -> float:
+    """1 to 21, as the Web Content Accessibility Guidelines (2.2) define it."""
+    low, high = sorted(_luminance(rgb(value, depth)) for value in (one, other))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(value: int) -> float:
+    channels = (channel / 255 for channel in _bytes(value))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

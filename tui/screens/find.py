@@ -1,0 +1,122 @@
+"""Find: robots, loads, cells, or all robots for which a condition holds; matches while one types."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.widgets import Input, Static
+
+from automaton.errors import InputError
+from automaton.world.cells import KINDS
+from automaton.world.state import NIL
+from tui.screens.dialog import Dialog
+from tui.search import Found, find
+from tui.view import View
+from tui.widgets.lines import Line, cell_link, dim, line
+from tui.widgets.robot_columns import doing
+from tui.widgets.rows import Rows
+
+EXAMPLES: Final = (
+    "17, robot 17, load 7, order 7, 12,4, turntable, "
+    "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, x < 5 and not parked"
+)
+
+
+class MatchList(Rows, can_focus=False):
+    """What was found; the one under the cursor will be gone to."""
+
+    DEFAULT_CSS = "MatchList { height: 8; }"
+
+    class Chosen(Message):
+        """A match was clicked."""
+
+    def __init__(self, view: View) -> None:
+        super().__init__()
+        self.view = view
+        self.found = Found("")
+
+    @property
+    def shows_cursor(self) -> bool:
+        return True
+
+    def tell(self, found: Found) -> None:
+        """List these matches."""
+        self.found, self.cursor = found, 0
+        self.scroll_to(y=0, animate=False)
+        self.update_rows(len(found.robots or found.cells))
+        self.refresh()
+
+    def row(self, index: int) -> Line:
+        view = self.view
+        if not self.found.robots:
+            cell = self.found.cells[index]
+            name = KINDS[int(view.plan.kind.reshape(-1)[cell])].name
+            return line(cell_link(view.plan, cell).text, dim(f"  {name}"))
+        robot, fleet = self.found.robots[index], view.snapshot.robots
+        cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
+        load = f", load {fleet.load[robot]}" if fleet.load[robot] != NIL else ""
+        return line(
+            f"robot {robot}  ", dim(f"{doing(fleet, robot)} at {view.plan.xy(int(cell))}{load}")
+        )
+
+    def chosen(self, index: int) -> None:
+        self.post_message(self.Chosen())
+
+
+class FindScreen(Dialog[Found]):
+    """Enter takes the match under the cursor; the others can be stepped through later."""
+
+    HEADING = "Find"
+    ACCEPT = "Go there"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", "Previous match", show=False),
+        Binding("down", "move(1)", "Next match", show=False),
+    ]
+
+    def __init__(self, view: View, text: str = "") -> None:
+        super().__init__()
+        self._view, self._text = view, text
+
+    def inside(self) -> ComposeResult:
+        yield Input(self._text, placeholder="robot 17", compact=True)
+        yield Static(EXAMPLES, classes="hint", markup=False)
+        yield Static("", id="many", markup=False)
+        yield MatchList(self._view)
+
+    def on_mount(self) -> None:
+        self._look(self._text)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        self._look(event.value)
+
+    def _look(self, text: str) -> None:
+        """Show what matches by now."""
+        found, wrong = Found(text), ""
+        if text.strip():
+            try:
+                found = find(text, self._view)
+            except InputError as error:
+                wrong = str(error)
+        self.query_one(MatchList).tell(found)
+        told = found.many if found else "nothing matches now" if text.strip() else ""
+        self.query_one("#many", Static).update("" if wrong else told)
+        self.complain(wrong)
+
+    def on_input_submitted(self) -> None:
+        self.accept()
+
+    def on_match_list_chosen(self) -> None:
+        self.accept()
+
+    def accept(self) -> None:
+        """Close with the matches, if there are any."""
+        matches = self.query_one(MatchList)
+        if matches.found:
+            self.dismiss(matches.found._replace(first=matches.cursor))
+
+    def action_move(self, rows: int) -> None:
+        """Choose another match."""
+        self.query_one(MatchList).action_move(rows)

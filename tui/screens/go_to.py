@@ -1,0 +1,88 @@
+"""Go to a tick: by number, relative to the present, as a share of the run, or in its unit of time."""
+
+from __future__ import annotations
+
+import re
+
+from textual.app import ComposeResult
+from textual.widgets import Input, Static
+
+from automaton.errors import InputError
+from automaton.units import Unit, unit
+from tui.screens.dialog import Dialog
+from tui.view import View
+
+AMOUNT = re.compile(r"([+-]?)\s*(\d[\d,]{0,17}(?:\.\d+)?)\s*(%|[^\W\d]\w*)?")
+
+
+def tick_of(text: str, now: int, head: int, end: int | None, of: Unit) -> int:
+    """The tick that a text means; `head` is the last one so far. Raises InputError."""
+    found = AMOUNT.fullmatch(text.strip())
+    if found is None:
+        raise InputError(f"'{text.strip()}' is no tick; write {examples(of)}")
+    sign, amount, name = found[1], float(found[2].replace(",", "")), found[3] or "ticks"
+    ticks = round(_ticks(amount, name, head if end is None else end, of))
+    if sign:
+        moved = now + (ticks if sign == "+" else -ticks)
+        return max(0, moved if end is None else min(moved, end))
+    if end is not None and ticks > end:
+        raise InputError(f"tick {ticks:,} is after the end of the run, tick {end:,}")
+    return ticks
+
+
+def _ticks(amount: float, name: str, last: int, of: Unit) -> float:
+    if name == "%":
+        if amount > 100:
+            raise InputError(f"{amount:g} % lies after the end; a run goes from 0 % to 100 %")
+        return last * amount / 100
+    if name in ("tick", "ticks"):
+        return amount
+    if name in (of.name, of.plural):
+        return amount / of.size
+    known = "ticks" if of.name == "tick" else f"ticks or {of.plural}"
+    raise InputError(f"there is no unit '{name}' here; time is counted in {known}")
+
+
+def examples(of: Unit) -> str:
+    """What can be written."""
+    timed = "" if of.name == "tick" else f", {30 * of.size:g} {of.plural}"
+    return f"1200, +100, -50, 50 %{timed}"
+
+
+class GoToScreen(Dialog[int]):
+    """The result is a tick of the run."""
+
+    HEADING = "Go to tick"
+    ACCEPT = "Go there"
+
+    def __init__(self, view: View) -> None:
+        super().__init__()
+        self._view = view
+        self._unit = unit(view.run.resolved.scenario.units.tick)
+
+    def inside(self) -> ComposeResult:
+        shot = self._view.shot
+        last = f"ends at {shot.end:,}" if shot.end is not None else f"has come to {shot.head:,}"
+        yield Input(placeholder=examples(self._unit), compact=True)
+        yield Static(
+            f"now {shot.tick:,}; the run {last}; write {examples(self._unit)}",
+            classes="hint",
+            markup=False,
+        )
+
+    def on_input_changed(self) -> None:
+        self.complain("")
+
+    def on_input_submitted(self) -> None:
+        self.accept()
+
+    def accept(self) -> None:
+        """Close with the tick."""
+        shot = self._view.shot
+        text = self.query_one(Input).value
+        try:
+            tick = tick_of(text, shot.tick, shot.head, shot.end, self._unit)
+        except InputError as error:
+            self.complain(str(error))
+            return
+        self.dismiss(tick)

@@ -1,0 +1,81 @@
+"""Robots and cells by what a user types: 17, load 7, 12,4, shelf, or a condition on robots."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.history.breakpoints import robots_where
+from automaton.units import count
+from automaton.world.cells import KIND_BY_NAME, WALL
+from automaton.world.state import NIL
+from tui.view import View
+
+
+class Found(NamedTuple):
+    """Robots, or else cells, to step through from the one at index `first` on."""
+
+    text: str
+    robots: tuple[int, ...] = ()
+    cells: tuple[int, ...] = ()
+    first: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.robots or self.cells)
+
+    @property
+    def many(self) -> str:
+        """How many of what."""
+        return count(len(self.robots), "robot") if self.robots else count(len(self.cells), "cell")
+
+
+def find(text: str, view: View) -> Found:
+    """What matches the text now. Raises InputError with what can be written."""
+    words = " ".join(text.lower().split())
+    if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
+        return Found(words, robots=(_robot(int(number[1]), view),))
+    if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
+        return _order(words, int(number[1]), view)
+    if pair := re.fullmatch(r"\(?(-?\d{1,9}) ?, ?(-?\d{1,9})\)?", words):
+        return Found(words, cells=(_cell(int(pair[1]), int(pair[2]), view),))
+    kind = KIND_BY_NAME.get(words, KIND_BY_NAME.get(words.removesuffix("s")))
+    if words == "shelves":
+        kind = KIND_BY_NAME["shelf"]
+    if kind is not None and kind.code != WALL:
+        cells = np.flatnonzero(view.plan.kind.reshape(-1) == kind.code)
+        return Found(words, cells=tuple(cells.tolist()))
+    robots = robots_where(" ".join(text.split()), view.snapshot, view.plan)
+    return Found(words, robots=tuple(robots.tolist()))
+
+
+def _robot(number: int, view: View) -> int:
+    n = len(view.snapshot.robots)
+    if number >= n:
+        raise InputError(f"there is no robot {number}; robots are numbered from 0 to {n - 1}")
+    return number
+
+
+def _order(words: str, number: int, view: View) -> Found:
+    """Who carries the load or is to fetch it; else where it lies."""
+    orders, slots = view.snapshot.orders, view.snapshot.slots
+    if number >= len(orders.state):
+        raise InputError(
+            f"there is no order {number}; orders are numbered from 0 to {len(orders.state) - 1}"
+        )
+    if orders.by[number] != NIL:
+        return Found(words, robots=(int(orders.by[number]),))
+    place = orders.place[number] if orders.place[number] != NIL else orders.target[number]
+    return Found(words, cells=() if place == NIL else (int(slots.cell[place]),))
+
+
+def _cell(x: int, y: int, view: View) -> int:
+    plan = view.plan
+    if not plan.holds(x, y) and plan.cell(x, y) not in plan.bays[:, 0]:
+        raise InputError(
+            f"there is no cell ({x}, {y}); the floor goes from (0, 0) "
+            f"to ({plan.width - 1}, {plan.height - 1})"
+        )
+    return plan.cell(x, y)

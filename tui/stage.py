@@ -1,0 +1,350 @@
+"""What the viewer's actions work on: the runs, what is chosen, and the path of a frame.
+
+Player -> Shot -> Scene -> codes -> MapView        whenever something has changed
+               -> View -> panels, lines            at most some times a second
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from textual.app import App
+from textual.notifications import SeverityLevel
+
+from automaton.units import unit
+from automaton.world.state import NIL
+from automaton.world.waiting import DEADLOCK, DELIVERED_ORDERS
+from tui.divergence import Divergence
+from tui.opening import Opening
+from tui.options import Options
+from tui.pace import FrameClock, Pace
+from tui.pictures import Choice, Pictures
+from tui.presenter import Presenter
+from tui.render import styles
+from tui.render.describe import describe
+from tui.render.glyphs import Codes
+from tui.render.styles import Look
+from tui.widgets.line import Line, Word, word
+from tui.widgets.map_view import MapView
+from tui.widgets.status import (
+    choice_words,
+    fleet_words,
+    head_words,
+    link_words,
+    mode_word,
+    time_words,
+)
+from tui.widgets.timeline import Mark, Past, Timeline
+
+if TYPE_CHECKING:
+    from automaton.history.run import Run
+    from tui.player import Player, Shot
+    from tui.view import View
+
+LINES_S: Final = 0.1  # between two updates of the lines under the map
+PANELS_S: Final = 0.25
+STRAINED_S: Final = 1.0  # the same over a slow link
+ECHOES: Final = (0.004, 0.012, 0.03)  # seconds after an order at which its effect may be there
+NOTICE_S: Final = 5.0
+FAILURE_S: Final = 20.0
+NOTICE_INKS: Final = {
+    "information": styles.TEXT,
+    "warning": styles.LOADED,
+    "error": styles.FAULT,
+}
+HINT: Final = "? help   space play   click a robot or a cell   ctrl+p all commands"
+
+
+class Notice(NamedTuple):
+    """A sentence in the line above the status line, for a while."""
+
+    words: Word
+    until: float
+
+
+class Stage(App[None]):
+    """The state of the viewer. Actions are in mixins, widgets in `Viewer`."""
+
+    def __init__(self, opening: Opening, options: Options) -> None:
+        super().__init__()
+        self.opening = opening
+        self.options = options
+        self.player: Player | None = None
+        self.shot: Shot | None = None
+        self.choice = Choice()
+        self.speed = options.speed
+        self.live = opening.live  # or branched off a recording
+        self.titles = list(opening.titles)
+        self.goal = options.at  # a tick on the way to which the run may end
+        self.notice: Notice | None = None
+        self.error = ""  # why there is nothing to be played
+        self.hovered = NIL  # the cell under the mouse
+        self.hovered_side = 0
+        self.link_shown = False
+        self.marks: list[Mark] = []  # breakpoints met, branches
+        self.divergence: Divergence | None = None
+        self.recordings: list[Path] = [] if opening.path is None else [opening.path]
+        self.glyphs = options.glyphs(os.environ)
+        self.look = Look(options.depth(os.environ), options.theme)
+        self.pictures = Pictures(opening, self.glyphs)
+        self.presenter = Presenter(self, options.renderer)
+        self.frames = FrameClock(self.presenter, self.draw, Pace(options.fps, options.max_kbit))
+        self.maps = [self._made(MapView, f"map-{n}") for n in range(len(opening.resolved))]
+        self.heads = [self._made(Line, f"head-{n}") for n in range(len(self.maps))]
+        self.title_line = self._made(Line, "title")
+        self.status = self._made(Line, "status")
+        self.info = self._made(Line, "info")
+        self.timeline = self._made(Timeline, "timeline")
+        self.column: Any = None  # the panels, once they are imported
+        self._unit = unit(opening.resolved[0].scenario.units.tick)
+        self._stale = self._untold = True
+        self._told_at = self._panels_at = -math.inf
+        self._panels_know: object = None
+
+    def _made(self, kind: type[Any], id: str) -> Any:
+        return kind(self.presenter, self.look, self.glyphs, id=id)
+
+    # What actions call.
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The runs, once they are there. Of a run read plan, header, resolved and chronicle only."""
+        return () if self.shot is None else self.shot.runs
+
+    def changed(self) -> None:
+        """Something else is chosen: draw it."""
+        self._stale = self._untold = True
+        self.frames.wake()
+
+    def ordered(self) -> None:
+        """The player was told something: its answer is to be seen as soon as it is there."""
+        self._untold = True
+        loop = asyncio.get_running_loop()
+        for echo in ECHOES:
+            loop.call_later(echo, self.frames.wake)
+
+    def say_soon(self) -> None:
+        """Only the lines under the map have something new to say."""
+        self._untold = True
+        self.frames.wake()
+
+    def notify(
+        self,
+        message: str,
+        *,
+        title: str = "",
+        severity: SeverityLevel = "information",
+        timeout: float | None = None,
+        markup: bool = False,
+    ) -> None:
+        """A short one goes to the line above the status line; a long one over the map."""
+        seconds = NOTICE_S if timeout is None else timeout
+        if not self._fits_line(message):
+            super().notify(message, title=title, severity=severity, timeout=seconds, markup=markup)
+            return
+        until = asyncio.get_running_loop().time() + seconds
+        self.notice = Notice(word(message, NOTICE_INKS[severity]), until)
+        self.say_soon()
+        self.set_timer(seconds + LINES_S, self.say_soon)
+
+    def _fits_line(self, message: str) -> bool:
+        fits = message.isascii() and len(message) <= self.info.size.width
+        return fits and len(self.screen_stack) == 1 and bool(self.info.is_on_screen)
+
+    def tell_failure(self) -> None:
+        """The whole sentence, with the strategy's file and line."""
+        if self.shot is not None:
+            super().notify(self.shot.failed, severity="error", timeout=FAILURE_S, markup=False)
+
+    def ready(self) -> bool:
+        """Whether there is a run; if not yet, says so."""
+        if self.player is None:
+            self.notify(self.error or "the world is not built yet")
+        return self.player is not None
+
+    def view(self) -> View:
+        """What panels and dialogs get; there has to be a shot."""
+        from tui.view import View
+
+        assert self.shot is not None
+        choice = self.choice
+        side = choice.side
+        robot = choice.robot if choice.robot < len(self.shot.snapshots[side].robots) else NIL
+        return View(self.shot, self.shot.runs, robot, choice.cell, choice.layer, side)
+
+    def choose(self, robot: int = NIL, cell: int = NIL) -> None:
+        """Select a robot, a cell, or neither."""
+        if robot != self.choice.robot:
+            self.choice.following = self.choice.following and robot != NIL
+            if self.player is not None:
+                self.player.select(robot)
+                self.ordered()
+        self.choice.robot, self.choice.cell = robot, cell
+        self.changed()
+
+    def show_cell(self, cell: int) -> None:
+        """Bring a cell on the screen if it is not on it."""
+        if cell != NIL and self.pictures.camera.place_of(cell) is None:
+            self.pictures.fitted = False
+            self.pictures.camera.centre_on(cell)
+        self.changed()
+
+    # The path of a frame.
+
+    def draw(self) -> bool:
+        """Present what has changed; False if nothing had, and then nothing was written."""
+        before = self.shot
+        if self.player is not None:
+            self.shot = self.player.latest()
+        if self.shot is not before:
+            self._untold = True
+            self._take_notice(before)
+        drawn = False
+        if self.shot is not before or self._stale:
+            drawn = self._draw_maps()
+        told = self._tell()
+        return drawn or told
+
+    def _take_notice(self, before: Shot | None) -> None:
+        """Follow the selected robot, and go where a breakpoint stopped the run."""
+        shot = self.shot
+        assert shot is not None
+        self.pictures.follow(shot, self.choice)
+        if shot.failed and (before is None or not before.failed):
+            self.tell_failure()
+        self._miss_goal(shot)
+        if shot.stops > (0 if before is None else before.stops):
+            self.marks.append(Mark(shot.tick, "stop"))
+            if shot.culprits:
+                self.choose(shot.culprits[0])
+                self.show_robot()
+
+    def _miss_goal(self, shot: Shot) -> None:
+        """A tick was asked for that there is not."""
+        if self.goal is None or shot.tick < min(self.goal, shot.head):
+            return
+        if shot.end is not None and shot.tick == shot.end < self.goal and not shot.failed:
+            self.notify(f"the run ends at tick {shot.end:,}; there is no tick {self.goal:,}")
+        if shot.tick >= self.goal or shot.tick == shot.end:
+            self.goal = None
+
+    def show_robot(self) -> None:
+        """Bring the selected robot on the screen."""
+        from tui.pictures import robot_cell
+
+        if self.shot is not None:
+            self.show_cell(robot_cell(self.shot, self.choice))
+
+    def _draw_maps(self) -> bool:
+        drawn = self._stale = False
+        for side, view in enumerate(self.maps):
+            rows, columns = view.size.height, view.size.width
+            if not rows or not columns or not view.is_on_screen:
+                continue
+            codes = self.codes_of(side)
+            if view.shown is None or not np.array_equal(codes, view.shown):
+                view.present(codes)
+                drawn = True
+        return drawn
+
+    def codes_of(self, side: int) -> Codes:
+        """The picture of a run at the tick of the shot, also while its map is hidden."""
+        size, camera = self.maps[side].size, self.pictures.camera
+        scene = self.pictures.scene(self.shot, self.choice, side)
+        rows, columns = size.height or camera.rows, size.width or camera.columns
+        return self.pictures.picture(scene, self.choice, rows, columns)
+
+    def _tell(self) -> bool:
+        """Lines and panels, if there is news and it is time for it."""
+        now = asyncio.get_running_loop().time()
+        pause = PANELS_S if self.frames.pace.strained else LINES_S
+        said = False
+        if self._untold and now - self._told_at >= pause:
+            self._told_at, self._untold = now, False
+            said = self._say()
+        self._tell_panels(now)
+        return said
+
+    def _say(self) -> bool:
+        shot = self.shot
+        changed: bool = self.info.say(self._message(), self._link())
+        if shot is None:
+            state = "cannot run" if self.error else "the world is being built ..."
+            changed |= self.status.say([word(state, styles.DIM)])
+            return changed
+        words = time_words(shot, self.speed, self._unit, self.glyphs)
+        words += fleet_words(shot.snapshots[self.choice.side])
+        words += choice_words(self.choice.robot, self.choice.following, self.choice.layer)
+        changed |= self.status.say(words, [self.mode(shot)])
+        changed |= self.timeline.tell(self.past(shot))
+        return changed
+
+    def say_titles(self) -> None:
+        """What the runs are called."""
+        for name, (own, common), head in zip("AB", self.opening.heads, self.heads, strict=False):
+            # Nothing at the right keeps a gap: the other head may follow at once.
+            head.say(head_words(f"{name} {own}", common, head.size.width - Line.GAP), [word("")])
+        self.title_line.say([word("automaton"), word(self.titles[0])])
+
+    def mode(self, shot: Shot) -> Word:
+        """Live, in the past of a live run, or recorded; and how the run ended."""
+        side = self.choice.side
+        if self.live:
+            return mode_word(shot, side, "live REC" if self.recordings else "live")
+        name = "compare" if self.opening.comparing else "replay"
+        whole = self.opening.recordings[side].complete
+        return mode_word(shot, side, name, recorded=True, whole=whole)
+
+    def past(self, shot: Shot) -> Past:
+        """What the timeline shows."""
+        chronicle = self.runs[self.choice.side].chronicle
+        curve, events = chronicle.curve, chronicle.events
+        deadlocks = events[events[:, 1] == DEADLOCK, 0].tolist()
+        marks = [Mark(tick, "deadlock") for tick in deadlocks] + self.marks
+        if self.divergence is not None and self.divergence.tick is not None:
+            marks.append(Mark(self.divergence.tick, "difference"))
+        return Past(shot.tick, shot.head, shot.end, curve[:, DELIVERED_ORDERS], tuple(marks))
+
+    def _message(self) -> list[Word]:
+        """The most important of what there is to say."""
+        shot = self.shot
+        if self.notice is not None and asyncio.get_running_loop().time() < self.notice.until:
+            return [self.notice.words]
+        self.notice = None
+        error = self.error or (shot.error if shot is not None else "")
+        if error:
+            return [word(error, styles.FAULT, "play_pause")]
+        if shot is not None and shot.stopped:
+            return [word(f"stopped: {shot.stopped}", styles.CURSOR, "breakpoints")]
+        cell = self.hovered if self.hovered != NIL else self.choice.cell
+        if cell != NIL:
+            side = self.hovered_side if self.hovered != NIL else self.choice.side
+            return [word(describe(self.pictures.scene(shot, self.choice, side), cell))]
+        if shot is not None and shot.failed:
+            return [word(shot.failed, styles.FAULT, "play_pause")]
+        if self.divergence is not None:
+            return [word(self.divergence.text, styles.MARKED, "next_difference")]
+        return [word(HINT, styles.DIM)]
+
+    def _link(self) -> list[Word]:
+        return link_words(self.frames.figures()) if self.link_shown else []
+
+    def _tell_panels(self, now: float) -> None:
+        pause = STRAINED_S if self.frames.pace.strained else PANELS_S
+        if self.column is None or self.shot is None or now - self._panels_at < pause:
+            return
+        choice = self.choice
+        known = (self.shot, choice.robot, choice.cell, choice.layer, choice.side, self.look)
+        camera = (self.pictures.camera.zoom, self.pictures.glyphs)
+        if self._panels_know == (known, camera) or not self.column.is_on_screen:
+            return
+        self._panels_at, self._panels_know = now, (known, camera)
+        scene = self.pictures.scene(self.shot, choice, choice.side)
+        self.column.show_floor(scene, self.pictures.camera.zoom)
+        self.column.show(self.view())

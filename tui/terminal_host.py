@@ -1,0 +1,285 @@
+"""A terminal without a screen: runs a program on a pty, answers its questions, models a slow link.
+
+    program -> pty -> buffer of the link -> bytes a second -> half a round trip -> `history`
+       ^                                                                            |
+       +---------- half a round trip <- keys, mouse, answers to ESC[6n <------------+
+
+Tests replay the history in a terminal emulator; the benchmark measures it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import math
+import os
+import select
+import signal
+import struct
+import subprocess
+import termios
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+PIECE = 512  # bytes that travel over a slow link as one
+QUESTIONS = {
+    b"\x1b[6n": b"\x1b[1;1R",  # where is the cursor?
+    b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
+}
+OVERLAP = max(map(len, QUESTIONS)) - 1  # a question may be cut in two by the link
+
+
+@dataclass(frozen=True)
+class Link:
+    """What lies between the program and the terminal: nothing, or SSH over a slow line."""
+
+    bytes_per_second: float = math.inf
+    round_trip: float = 0.0  # seconds
+    buffer: int = 1 << 20  # bytes that the near end takes at once
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """Bytes that reached the terminal."""
+
+    at: float
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Resized:
+    """The terminal's window got another size."""
+
+    at: float
+    rows: int
+    columns: int
+
+
+class TerminalHost:
+    """One program in one terminal window; a context manager that leaves no process behind."""
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        *,
+        rows: int = 60,
+        columns: int = 200,
+        environ: Mapping[str, str] | None = None,
+        link: Link | None = None,
+        synchronized: bool = True,
+        answers: bool = True,
+    ) -> None:
+        self.rows, self.columns = rows, columns
+        self.history: list[Arrived | Resized] = []
+        self.max_backlog = 0  # most bytes that ever waited in front of the link
+        self._link = link or Link()
+        self._answers = QUESTIONS if answers else {}
+        if not synchronized:
+            self._answers = {q: a for q, a in self._answers.items() if b"2026" not in q}
+        self._waiting: deque[bytes] = deque()
+        self._backlog = 0
+        self._free_at = 0.0
+        self._down: deque[tuple[float, bytes]] = deque()
+        self._up: deque[tuple[float, bytes]] = deque()
+        self._tail = b""
+        self._hung_up = self._closing = False
+        self._news = threading.Condition()
+        self._wake_in, self._wake_out = os.pipe()
+        self._terminal, program_end = os.openpty()
+        self._tell_size()
+        os.set_blocking(self._terminal, False)
+        self.process = subprocess.Popen(
+            command,
+            stdin=program_end,
+            stdout=program_end,
+            stderr=program_end,
+            env=environ,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+        )
+        os.close(program_end)
+        self._thread = threading.Thread(target=self._carry, name="terminal", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> TerminalHost:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # What a person does -------------------------------------------------------------------------
+
+    def send(self, keys: str) -> None:
+        """Type; escape sequences are the caller's."""
+        with self._news:
+            self._up.append((time.monotonic() + self._link.round_trip / 2, keys.encode()))
+        os.write(self._wake_out, b".")
+
+    def mouse(self, code: int, row: int, column: int, *, released: bool = False) -> None:
+        """An SGR mouse report; row and column count from 0, codes are those of xterm."""
+        self.send(f"\x1b[<{code};{column + 1};{row + 1}{'m' if released else 'M'}")
+
+    def click(self, row: int, column: int, button: int = 0) -> None:
+        """Press and release."""
+        self.mouse(button, row, column)
+        self.mouse(button, row, column, released=True)
+
+    def hover(self, row: int, column: int) -> None:
+        """Move with no button down."""
+        self.mouse(35, row, column)
+
+    def wheel(self, row: int, column: int, code: int = 64) -> None:
+        """Turn the wheel by a notch: 64 is up, 65 down; 16 more with ctrl."""
+        self.mouse(code, row, column)
+
+    def resize(self, rows: int, columns: int) -> None:
+        """Give the window another size; the kernel tells the program by SIGWINCH."""
+        with self._news:
+            self.rows, self.columns = rows, columns
+            self.history.append(Resized(time.monotonic(), rows, columns))
+            self._tell_size()
+
+    def hang_up(self) -> None:
+        """Lose the connection: the program gets SIGHUP and end of file."""
+        self._hung_up = True
+        os.write(self._wake_out, b".")
+        self._thread.join()
+
+    # What a person sees -------------------------------------------------------------------------
+
+    def output(self) -> bytes:
+        """All that has arrived so far."""
+        with self._news:
+            return b"".join(event.data for event in self.history if isinstance(event, Arrived))
+
+    def wait_for(self, condition: Callable[[], bool], what: str, at_most: float = 60.0) -> None:
+        """Return when the condition holds; it is looked at whenever something arrives."""
+        end = time.monotonic() + at_most
+        while not condition():
+            over = not self._thread.is_alive() and not condition()
+            if over or time.monotonic() > end:
+                why = "the program has ended" if over else f"not within {at_most:g} s"
+                raise TimeoutError(f"{what}: {why}; the last bytes are {self.output()[-400:]!r}")
+            with self._news:
+                self._news.wait(0.02)
+
+    def wait_for_quiet(self, seconds: float, at_most: float = 60.0) -> None:
+        """Return when nothing has arrived for so long."""
+        start = time.monotonic()
+
+        def quiet() -> bool:
+            last = self.history[-1].at if self.history else start
+            return time.monotonic() - max(last, start) > seconds
+
+        self.wait_for(quiet, f"{seconds} s without a byte", at_most)
+
+    def wait_for_end(self, at_most: float = 60.0) -> int:
+        """The program's exit code, once it has ended and its last bytes have arrived."""
+        code = self.process.wait(at_most)
+        self._thread.join(at_most)
+        return code
+
+    def close(self) -> None:
+        """End the program, by force if it does not end by itself."""
+        self._closing = True
+        with contextlib.suppress(OSError):
+            os.write(self._wake_out, b".")
+        self._thread.join()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            try:
+                self.process.wait(2.0)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        for end in (self._terminal, self._wake_in, self._wake_out):
+            with contextlib.suppress(OSError):
+                os.close(end)
+
+    # The link -----------------------------------------------------------------------------------
+
+    def _carry(self) -> None:
+        """The thread: carries bytes both ways until the program has ended or somebody hangs up."""
+        ended = False
+        while not self._closing and not self._hung_up:
+            now = time.monotonic()
+            self._transmit(now)
+            self._deliver(now)
+            self._type(now)
+            if ended and not self._waiting and not self._down:
+                return
+            room = not ended and self._backlog < self._link.buffer
+            watched = [self._wake_in, *([self._terminal] if room else [])]
+            readable, _, _ = select.select(watched, [], [], self._pause(time.monotonic()))
+            if self._wake_in in readable:
+                os.read(self._wake_in, 4096)
+            if self._terminal in readable:
+                ended = not self._take()
+        if self._hung_up:
+            os.close(self._terminal)
+
+    def _pause(self, now: float) -> float:
+        due = [queue[0][0] for queue in (self._down, self._up) if queue]
+        if self._waiting:
+            due.append(self._free_at)
+        return max(0.0, min(due, default=now + 1.0) - now)
+
+    def _take(self) -> bool:
+        """Read what the program wrote; False at its end."""
+        try:
+            data = os.read(self._terminal, 65536)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        step = PIECE if self._link.bytes_per_second < math.inf else len(data)
+        self._waiting.extend(data[i : i + step] for i in range(0, len(data), step))
+        self._backlog += len(data)
+        self.max_backlog = max(self.max_backlog, self._backlog)
+        return bool(data)
+
+    def _transmit(self, now: float) -> None:
+        while self._waiting and self._free_at <= now:
+            piece = self._waiting.popleft()
+            self._backlog -= len(piece)
+            # Busy until this piece is through; a link that was idle starts now.
+            start = self._free_at if now - self._free_at < 0.05 else now
+            self._free_at = start + len(piece) / self._link.bytes_per_second
+            self._down.append((self._free_at + self._link.round_trip / 2, piece))
+
+    def _deliver(self, now: float) -> None:
+        while self._down and self._down[0][0] <= now:
+            piece = self._down.popleft()[1]
+            with self._news:
+                self.history.append(Arrived(now, piece))
+                self._answer(piece, now)
+                self._news.notify_all()
+
+    def _answer(self, piece: bytes, now: float) -> None:
+        seen, self._tail = self._tail + piece, (self._tail + piece)[-OVERLAP:]
+        for question, answer in self._answers.items():
+            # Counted where it ends in the new piece, so that none is answered twice.
+            start = max(0, len(seen) - len(piece) - len(question) + 1)
+            for _ in range(seen.count(question, start)):
+                self._up.append((now + self._link.round_trip / 2, answer))
+
+    def _type(self, now: float) -> None:
+        with self._news:
+            while self._up and self._up[0][0] <= now:
+                keys = self._up.popleft()[1]
+                with contextlib.suppress(OSError):
+                    os.write(self._terminal, keys)
+
+    def _tell_size(self) -> None:
+        size = struct.pack("HHHH", self.rows, self.columns, 0, 0)
+        with contextlib.suppress(OSError):
+            fcntl.ioctl(self._terminal, termios.TIOCSWINSZ, size)

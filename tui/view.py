@@ -1,0 +1,65 @@
+"""What every panel is given to show, and what panels ask of the app."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from textual.message import Message
+
+from automaton.history.run import Run
+from automaton.history.snapshot import Snapshot
+from automaton.world.plan import FloorPlan
+from automaton.world.state import NIL
+from tui.player import Shot
+
+
+@dataclass(frozen=True)
+class View:
+    """A shot with what the user has chosen. Of a run only plan, header and chronicle may be read."""
+
+    shot: Shot
+    runs: Sequence[Run]
+    robot: int = NIL  # the selected robot, or NIL
+    cell: int = NIL  # the selected cell, or NIL
+    layer: str = ""  # of automaton.history.snapshot.LAYERS
+    side: int = 0  # which of two compared runs the panels tell of
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The state to tell of."""
+        return self.shot.snapshots[self.side]
+
+    @property
+    def run(self) -> Run:
+        """The run to tell of."""
+        return self.runs[self.side]
+
+    @property
+    def plan(self) -> FloorPlan:
+        """Its floor."""
+        return self.run.plan
+
+
+class RobotChosen(Message):
+    """Select a robot, and show where it is."""
+
+    def __init__(self, robot: int) -> None:
+        self.robot = robot
+        super().__init__()
+
+
+class CellChosen(Message):
+    """Select a cell, and show where it is."""
+
+    def __init__(self, cell: int) -> None:
+        self.cell = cell
+        super().__init__()
+
+
+class TickChosen(Message):
+    """Show a tick."""
+
+    def __init__(self, tick: int) -> None:
+        self.tick = tick
+        super().__init__()

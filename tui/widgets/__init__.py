@@ -1,0 +1,1 @@
+"""What the screens of the terminal program are made of."""

@@ -1,0 +1,155 @@
+"""What the inspector says about a cell, with what it holds, and about an order."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.units import count
+from automaton.world.cells import BAY, DESTINATION, DIRECTIONS, KINDS, SHELF, UNLIMITED
+from automaton.world.plan import DRIVABLE
+from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING
+from tui.view import View
+from tui.widgets.lines import (
+    Line,
+    Span,
+    cell_link,
+    dim,
+    fact,
+    line,
+    order_link,
+    robot_link,
+    title,
+)
+
+Parts = list[str | Span]
+MOST: Final = 12  # robots or loads that are named one by one
+STATES: Final = {WAITING: "waits to be picked up", CARRIED: "under way", DELIVERED: "delivered"}
+COUNTED: Final = {  # what the layers count
+    "visits": "visits",
+    "waiting": "ticks lost here",
+    "congestion": "ticks lost here of late",
+}
+
+
+def cell_lines(view: View, cell: int, width: int) -> list[Line]:
+    """Everything about one cell."""
+    kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
+    x, y = view.plan.xy(cell)
+    lines = [line(title(f"cell ({x}, {y}) "), kind.name), line(dim(kind.meaning))]
+    facts = [*_ground(view, cell), *_traffic(view, cell), *_stored(view, cell)]
+    for name, parts in facts:
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines
+
+
+def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
+    plan = view.plan
+    kind = int(plan.kind.reshape(-1)[cell])
+    if kind == BAY:
+        homes = plan.bays[plan.bays[:, 0] == cell, 1]
+        return [("opens on", [cell_link(plan, int(home)) for home in homes])]
+    if not DRIVABLE[kind]:
+        return []
+    exits, capacity = int(plan.exits.reshape(-1)[cell]), int(plan.capacity.reshape(-1)[cell])
+    ways = [name for bit, name in enumerate(DIRECTIONS) if exits >> bit & 1]
+    room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
+    return [
+        ("exits", [", ".join(ways) if ways else "none"]),
+        ("room for", [room + (", one each way" if capacity == 2 else "")]),
+    ]
+
+
+def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """Who is there, who comes and who would like to; what the layer counts."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    at = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
+    counted: Parts = []
+    if snapshot.heat is not None and view.layer in COUNTED:
+        counted = [f"{int(snapshot.heat[cell]):,} {COUNTED[view.layer]}"]
+    elif snapshot.flow is not None:
+        moves = [
+            f"{name} {int(n):,}" for name, n in zip(DIRECTIONS, snapshot.flow[cell], strict=True)
+        ]
+        counted = ["moves " + ", ".join(moves)]
+    return [
+        ("here", _robots(np.flatnonzero(at == cell).tolist())),
+        ("coming", _robots(np.flatnonzero(fleet.claim == cell).tolist())),
+        ("wanted by", _robots(np.flatnonzero(fleet.wanted == cell).tolist())),
+        (view.layer or "layer", counted),
+    ]
+
+
+def _robots(robots: list[int]) -> Parts:
+    return _several([robot_link(robot) for robot in robots])
+
+
+def _several(links: list[Span]) -> Parts:
+    """Links as a list; beyond MOST only how many."""
+    parts: Parts = []
+    for link in links[:MOST]:
+        parts += [link, ", "]
+    if len(links) > MOST:
+        return [*parts[:-1], f" and {len(links) - MOST:,} more"]
+    return parts[:-1]
+
+
+def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """What a shelf or a destination holds."""
+    slots, orders = view.snapshot.slots, view.snapshot.orders
+    kind = int(view.plan.kind.reshape(-1)[cell])
+    found = np.flatnonzero(slots.cell == cell)
+    if kind not in (SHELF, DESTINATION) or not len(found):
+        return []
+    slot = int(found[0])
+    keeper: Parts = [] if slots.by[slot] == NIL else [robot_link(int(slots.by[slot]))]
+    if slots.endless[slot]:
+        arrived = np.flatnonzero((orders.target == slot) & (orders.state == DELIVERED))
+        expected = int(np.count_nonzero((orders.target == slot) & (orders.state != DELIVERED)))
+        newest = arrived[np.argsort(-orders.delivered[arrived], kind="stable")].tolist()
+        return [
+            ("received", [count(len(newest), "load")]),
+            ("expected", [count(expected, "load")]),
+            ("the last", _several([order_link(order, "load") for order in newest])),
+            ("kept for", keeper),
+        ]
+    load = int(slots.content[slot])
+    held: Parts = ["nothing"] if load == NIL else [order_link(load, "load")]
+    fetched = NIL if load == NIL else int(orders.by[load])
+    return [
+        ("holds", held),
+        ("for", [] if load == NIL else _place(view, int(orders.target[load]))),
+        ("fetched by", [] if fetched == NIL else [robot_link(fetched)]),
+        ("kept for", keeper),
+    ]
+
+
+def _place(view: View, slot: int) -> Parts:
+    return [] if slot == NIL else [cell_link(view.plan, int(view.snapshot.slots.cell[slot]))]
+
+
+def order_lines(view: View, order: int, width: int) -> list[Line]:
+    """Everything about one order and its load."""
+    orders = view.snapshot.orders
+    state, by = int(orders.state[order]), int(orders.by[order])
+    lines = [line(title(f"order {order} "), STATES[state])]
+    done = state == DELIVERED
+    for name, parts in (
+        ("from", _place(view, int(orders.source[order]))),
+        ("to", _place(view, int(orders.target[order]))),
+        ("lies at", [] if done else _place(view, int(orders.place[order]))),
+        (
+            "carried by" if state == CARRIED else "taken by",
+            [] if by == NIL else [robot_link(by)],
+        ),
+        ("picked up", [count(int(orders.legs[order]), "time")]),
+        ("released", _tick(int(orders.released[order]))),
+        ("delivered", _tick(int(orders.delivered[order])) if done else []),
+    ):
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines
+
+
+def _tick(tick: int) -> Parts:
+    return [Span(f"tick {tick:,}", "link", ("tick", tick))]

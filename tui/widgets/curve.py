@@ -1,0 +1,102 @@
+"""A figure over time, drawn in braille: two points of time and four levels in each character.
+
+24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
+ 0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.units import number
+from automaton.world.state import Array
+from automaton.world.waiting import DELIVERED_ORDERS, WAITING_ROBOTS
+
+Values = NDArray[np.float64]
+LABELS: Final = 7  # columns for labels, the blank behind them included
+SAMPLES: Final = 64  # of the rows between two points, at most so many are looked at
+NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
+# Bits of a braille pattern, from the lowest dot up, of the left and the right column.
+RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
+STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
+STEPS: Final = " .:|"  # the filling of a character in ASCII
+
+
+def edges(ticks: int, points: int) -> NDArray[np.int64]:
+    """(points + 1,) ticks at which the points of a curve begin and end."""
+    return np.linspace(0, ticks, points + 1).astype(np.int64)
+
+
+def throughput(curve: Array, points: int) -> Values:
+    """(points,) deliveries per 1,000 ticks, each over the last NOW_TICKS or longer."""
+    bounds = edges(len(curve), points)
+    begin = np.maximum(0, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS))
+    span = np.maximum(1, bounds[1:] - begin)
+    rate: Values = 1000.0 * (_delivered(curve, bounds[1:]) - _delivered(curve, begin)) / span
+    return rate
+
+
+def _delivered(curve: Array, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Orders delivered up to each of these ticks."""
+    if not len(curve):
+        return np.zeros(len(ticks), np.int64)
+    rows = curve[np.maximum(ticks - 1, 0), DELIVERED_ORDERS]
+    return np.where(ticks > 0, rows, 0).astype(np.int64)
+
+
+def waiting(curve: Array, points: int) -> Values:
+    """(points,) mean number of robots that wait."""
+    if not len(curve):
+        return np.zeros(points)
+    bounds = edges(len(curve), points)
+    width = np.maximum(1, np.diff(bounds))
+    steps = np.arange(SAMPLES) / SAMPLES
+    rows = (bounds[:-1, None] + (width[:, None] * steps)).astype(np.int64)
+    sampled = curve[np.minimum(rows, len(curve) - 1), WAITING_ROBOTS]
+    mean: Values = sampled.mean(axis=1)
+    return mean
+
+
+def now_throughput(curve: Array) -> float:
+    """Deliveries per 1,000 ticks over the last NOW_TICKS."""
+    last = len(curve)
+    window = min(NOW_TICKS, last)
+    before, now = _delivered(curve, np.array([last - window, last]))
+    return 1000.0 * float(now - before) / max(1, window)
+
+
+def points_for(width: int, dots: bool) -> int:
+    """How many points a curve of so many columns has."""
+    return max(1, (width - LABELS) * (2 if dots else 1))
+
+
+def drawn(values: Values, rows: int, dots: bool) -> list[str]:
+    """Rows of characters, labels included; the greatest value fills all rows."""
+    top = nice(float(values.max(initial=0.0)))
+    levels = 4 if dots else len(STEPS) - 1
+    heights = np.round(values / top * rows * levels).astype(np.int64)
+    heights = np.maximum(heights, (values > 0).astype(np.int64))
+    bodies = [_row(heights - (rows - 1 - row) * levels, dots) for row in range(rows)]
+    labels = [number(top), *[""] * (rows - 2), "0"]
+    return [f"{label:>{LABELS - 1}} {body}" for label, body in zip(labels, bodies, strict=True)]
+
+
+def _row(heights: NDArray[np.int64], dots: bool) -> str:
+    """One row of characters from what reaches into it."""
+    if not dots:
+        return "".join(STEPS[level] for level in np.clip(heights, 0, len(STEPS) - 1))
+    filled = np.concatenate((np.zeros((2, 1), np.int64), RISING), axis=1)
+    levels = np.clip(heights, 0, 4).reshape(-1, 2)
+    patterns = filled[0, levels[:, 0]] | filled[1, levels[:, 1]]
+    return "".join(chr(0x2800 + pattern) for pattern in patterns.tolist())
+
+
+def nice(value: float) -> float:
+    """The next of STEPS_OF_TEN times a power of ten."""
+    if value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in STEPS_OF_TEN if value <= step * power * 1.000001))

@@ -1,0 +1,72 @@
+"""The inspector: everything about the robot, the cell or the order that was chosen last."""
+
+from __future__ import annotations
+
+from textual.message import Message
+
+from automaton.world.state import NIL
+from tui.view import View
+from tui.widgets.cell_facts import cell_lines, order_lines
+from tui.widgets.lines import Line, Link, dim, line, robot_link, title, wrapped
+from tui.widgets.robot_facts import robot_lines
+from tui.widgets.text_panel import TextPanel
+
+GUIDE = (
+    "Click a robot, a shelf or any other cell of the map.",
+    "/ finds robots, loads and cells; ( and ) go to the previous and the next robot.",
+    "i looks at the cell under the cursor, or in the middle of the map.",
+    "What is underlined leads on: click it, or go to it with up and down and press enter.",
+)
+
+
+class OrderChosen(Message):
+    """Tell about an order."""
+
+    def __init__(self, order: int) -> None:
+        self.order = order
+        super().__init__()
+
+
+class Inspector(TextPanel):
+    """A robot goes before a cell; an order that was asked for, before both until they change."""
+
+    order = NIL
+    _chosen = (NIL, NIL)
+
+    def written(self, view: View, width: int) -> list[Line]:
+        if (view.robot, view.cell) != self._chosen:
+            self._chosen, self.order = (view.robot, view.cell), NIL
+        if self.order != NIL:
+            return [*order_lines(view, self.order, width), (), *_way_back(view)]
+        if view.robot != NIL:
+            return robot_lines(view, view.robot, width)
+        if view.cell != NIL:
+            return cell_lines(view, view.cell, width)
+        told = [made for text in GUIDE for made in wrapped(line(dim(text)), width)]
+        return [line(title("nothing is selected")), *told]
+
+    def about(self, view: View) -> tuple[object, ...]:
+        return (*super().about(view), self.order)
+
+    def tell_order(self, order: int) -> None:
+        """Show an order, until another robot or cell is chosen."""
+        self.order = order
+        if self.view is not None:
+            self.show(self.view)
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """An order is shown here; a robot or cell that is chosen already comes back."""
+        kind, number = link
+        if kind == "order":
+            self.tell_order(number)
+            self.post_message(OrderChosen(number))
+            return
+        if kind in ("robot", "cell"):
+            self.tell_order(NIL)
+        super().follow(link, column)
+
+
+def _way_back(view: View) -> list[Line]:
+    if view.robot == NIL:
+        return []
+    return [line("back to ", robot_link(view.robot))]

@@ -1,0 +1,124 @@
+"""The columns of the table of robots: what they sort by and what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.history.snapshot import Fleet
+from automaton.units import percent
+from automaton.world.state import ACTION_NAMES, NIL, Array
+from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from tui.view import View
+
+DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
+PARKED: Final = "parked"
+SHORT: Final = {"illegal answer": "illegal", "none": ""}
+
+
+class Column(NamedTuple):
+    """One column; `keys` and `text` are by robot."""
+
+    title: str
+    width: int  # without the sign of the order
+    keys: Callable[[View], Array]  # (n,) what the table is sorted by
+    text: Callable[[View, int], str]
+    greatest_first: bool  # at the first click
+    right: bool = True
+
+
+def waits(fleet: Fleet) -> Array:
+    """(n,) bool: has something to do and does not get on."""
+    waiting: Array = (fleet.cause != NOT_WAITING) & (fleet.cause != NO_ORDER)
+    return waiting
+
+
+def doing(fleet: Fleet, robot: int) -> str:
+    """What a robot does, in a word."""
+    if fleet.parked[robot]:
+        return PARKED
+    if fleet.cause[robot] not in (NOT_WAITING, NO_ORDER):
+        return "waits"
+    return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
+
+
+def _doing_keys(view: View) -> Array:
+    """In the order of DOING: idle, at work, waiting; the parked ones last."""
+    fleet = view.snapshot.robots
+    keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
+    keys[waits(fleet)] = ACTION_NAMES.index("wait")
+    keys[fleet.parked != 0] = len(DOING)
+    return keys
+
+
+def _waited(view: View) -> Array:
+    fleet = view.snapshot.robots
+    ticks: Array = np.where(waits(fleet), view.snapshot.tick - fleet.since, 0)
+    return ticks
+
+
+def _cause(view: View, robot: int) -> str:
+    name = CAUSES[int(view.snapshot.robots.cause[robot])].name
+    return SHORT.get(name, name)
+
+
+def _cell(view: View, robot: int) -> str:
+    cell = int(view.snapshot.robots.cell[robot])
+    return "in bay" if cell == NIL else ",".join(map(str, view.plan.xy(cell)))
+
+
+def _or_blank(value: int, absent: int) -> str:
+    return "" if value == absent else f"{value:,}"
+
+
+COLUMNS: Final = (
+    Column("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
+    Column("doing", 6, _doing_keys, lambda v, r: doing(v.snapshot.robots, r), False, right=False),
+    Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
+    Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
+    Column(
+        "load",
+        5,
+        lambda v: v.snapshot.robots.load,
+        lambda v, r: _or_blank(int(v.snapshot.robots.load[r]), NIL),
+        True,
+    ),
+    Column(
+        "order",
+        5,
+        lambda v: v.snapshot.robots.order,
+        lambda v, r: _or_blank(int(v.snapshot.robots.order[r]), NIL),
+        True,
+    ),
+    Column("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
+    Column(
+        "active",
+        6,
+        lambda v: v.shot.figures[v.side].active,
+        lambda v, r: percent(float(v.shot.figures[v.side].active[r]), 0),
+        True,
+    ),
+    Column(
+        "operations",
+        10,
+        lambda v: v.shot.figures[v.side].operations,
+        lambda v, r: f"{int(v.shot.figures[v.side].operations[r]):,}",
+        True,
+    ),
+)
+
+
+def _waited_of(view: View, robot: int) -> int:
+    fleet = view.snapshot.robots
+    if fleet.cause[robot] in (NOT_WAITING, NO_ORDER):
+        return 0
+    return view.snapshot.tick - int(fleet.since[robot])
+
+
+def ordered(view: View, column: int, greatest_first: bool) -> Array:
+    """(n,) robots in the order of a column; ties by number."""
+    keys = COLUMNS[column].keys(view).astype(np.float64)  # unsigned ones have no negatives
+    order: Array = np.argsort(-keys if greatest_first else keys, kind="stable")
+    return order

@@ -1,0 +1,190 @@
+"""What the inspector says about a robot."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.history.chronicle import Event
+from automaton.history.explanation import doing
+from automaton.units import count, percent
+from automaton.world.cells import DIRECTIONS, KINDS
+from automaton.world.state import (
+    GOAL_CHARGE,
+    GOAL_DROP,
+    GOAL_NONE,
+    GOAL_PARK,
+    GOAL_PICK,
+    NIL,
+    Array,
+)
+from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from tui.view import View
+from tui.widgets.event_rows import event_line
+from tui.widgets.lines import (
+    Line,
+    Span,
+    cell_link,
+    fact,
+    line,
+    order_link,
+    robot_link,
+    title,
+    wrapped,
+)
+
+HEADINGS: Final = {  # what a robot's heading means, by kinematics
+    "rail": ("east-west", "north-south"),
+    "differential": DIRECTIONS,
+    "omni": ("none: it never turns",),
+}
+LAST_EVENTS: Final = 5
+
+
+def robot_lines(view: View, robot: int, width: int) -> list[Line]:
+    """Everything about one robot."""
+    fleet, plan = view.snapshot.robots, view.plan
+    state = Span(f" {_state(view, robot)}", _look(view, robot))
+    lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
+    for name, parts in (
+        ("waits for", _waits_for(view, robot)),
+        ("cell", _place(view, robot)),
+        ("heading", [_heading(view, robot)]),
+        ("load", _load(view, robot)),
+        ("order", _order(view, robot)),
+        ("goal", _goal(view, robot)),
+        ("route", _route(view, robot)),
+        ("priority", [str(int(fleet.priority[robot]))]),
+        ("zone", [] if fleet.zone[robot] == NIL else [str(int(fleet.zone[robot]))]),
+        ("home", [cell_link(plan, int(fleet.home[robot]))]),
+        ("bay", [] if fleet.bay[robot] == NIL else [cell_link(plan, int(fleet.bay[robot]))]),
+        ("so far", _so_far(view, robot)),
+    ):
+        lines += fact(name, *parts, width=width) if parts else []
+    return [*lines, (), *_last_events(view, robot)]
+
+
+def _state(view: View, robot: int) -> str:
+    """What it does."""
+    fleet = view.snapshot.robots
+    if fleet.cause[robot] == NOT_WAITING:
+        return doing(view.snapshot, robot)
+    ticks = view.snapshot.tick - int(fleet.since[robot])
+    name = CAUSES[int(fleet.cause[robot])].name
+    circle = ", in a circle" if fleet.ring[robot] else ""
+    return f"{count(ticks, 'tick')}: {name}{circle}"
+
+
+def _look(view: View, robot: int) -> str:
+    fleet = view.snapshot.robots
+    if fleet.ring[robot]:
+        return "fault"
+    return "plain" if fleet.cause[robot] in (NOT_WAITING, NO_ORDER) else "warn"
+
+
+def _waits_for(view: View, robot: int) -> list[str | Span]:
+    fleet = view.snapshot.robots
+    parts: list[str | Span] = []
+    if fleet.wanted[robot] != NIL:
+        parts.append(cell_link(view.plan, int(fleet.wanted[robot])))
+    if fleet.blocker[robot] != NIL:
+        parts += [" held by ", robot_link(int(fleet.blocker[robot]))]
+    return parts
+
+
+def _place(view: View, robot: int) -> list[str | Span]:
+    fleet, plan = view.snapshot.robots, view.plan
+    cell = int(fleet.cell[robot])
+    if cell == NIL:
+        return ["in its bay"]
+    parts: list[str | Span] = [cell_link(plan, cell), f" {KINDS[_kind(view, cell)].name}"]
+    if fleet.claim[robot] != NIL:
+        parts += [", on its way to ", cell_link(plan, int(fleet.claim[robot]))]
+    return parts
+
+
+def _kind(view: View, cell: int) -> int:
+    return int(view.plan.kind.reshape(-1)[cell])
+
+
+def _heading(view: View, robot: int) -> str:
+    names = HEADINGS[view.run.resolved.scenario.fleet.kinematics]
+    return names[int(view.snapshot.robots.heading[robot])]
+
+
+def _load(view: View, robot: int) -> list[str | Span]:
+    load = int(view.snapshot.robots.load[robot])
+    if load == NIL:
+        return ["none"]
+    target = int(view.snapshot.orders.target[load])
+    if target == NIL:
+        return [order_link(load, "load")]
+    return [order_link(load, "load"), " for ", _slot(view, target)]
+
+
+def _slot(view: View, slot: int) -> Span:
+    return cell_link(view.plan, int(view.snapshot.slots.cell[slot]))
+
+
+def _order(view: View, robot: int) -> list[str | Span]:
+    order = int(view.snapshot.robots.order[robot])
+    return ["none"] if order == NIL else [order_link(order)]
+
+
+def _goal(view: View, robot: int) -> list[str | Span]:
+    """What it drives for, and where."""
+    fleet, orders = view.snapshot.robots, view.snapshot.orders
+    goal, order, slot = (int(field[robot]) for field in (fleet.goal, fleet.order, fleet.slot))
+    if goal == GOAL_NONE:
+        return ["none"]
+    if goal == GOAL_PARK:
+        return ["to park"]
+    if goal == GOAL_CHARGE:
+        return ["to charge"]
+    if goal == GOAL_PICK:
+        slot = NIL if order == NIL else int(orders.place[order])
+    parts: list[str | Span] = ["to set down" if goal == GOAL_DROP else "to pick up"]
+    return parts if slot == NIL else [*parts, " at ", _slot(view, slot)]
+
+
+def _route(view: View, robot: int) -> list[str | Span]:
+    fleet = view.snapshot.robots
+    steps, stand = int(fleet.route_length[robot]), int(fleet.stand[robot])
+    if stand == NIL:
+        return []
+    parts: list[str | Span] = [f"{count(steps, 'cell')} to ", cell_link(view.plan, stand)]
+    if fleet.withdrawing[robot] > 0:
+        parts.append(f", withdrawing {count(int(fleet.withdrawing[robot]), 'step')}")
+    return parts
+
+
+def _so_far(view: View, robot: int) -> list[str | Span]:
+    """Its work since the start, as of the last reading of the figures."""
+    figures = view.shot.figures[view.side]
+    return [
+        f"{count(int(figures.operations[robot]), 'operation')}, "
+        f"active {percent(float(figures.active[robot]), 0)}"
+    ]
+
+
+def _last_events(view: View, robot: int) -> list[Line]:
+    chronicle = view.run.chronicle
+    events = chronicle.events[: chronicle.index_at(view.snapshot.tick)]
+    indices = last_of(events, robot, LAST_EVENTS)
+    if not len(indices):
+        return [line(title("no events yet"))]
+    rows = (Event(*(int(value) for value in events[index])) for index in reversed(indices))
+    return [line(title("last events")), *(event_line(event, who=False) for event in rows)]
+
+
+def last_of(events: Array, robot: int, most: int) -> Array:
+    """Indices of the last events of a robot; looks back no farther than it must."""
+    reach = 1024
+    while True:
+        first = max(0, len(events) - reach)
+        found = first + np.flatnonzero(events[first:, 2] == robot)
+        if len(found) >= most or first == 0:
+            last: Array = found[-most:]
+            return last
+        reach *= 4

@@ -1,0 +1,35 @@
+"""The few signs of the panels beside letters, in Unicode and in ASCII.
+
+None is "ambiguous" in Unicode's table of East Asian widths: some terminals draw those two columns wide.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+
+class Signs(NamedTuple):
+    """What panels draw with."""
+
+    rising: str  # the order of a column
+    falling: str
+    before: str  # there is more on the left
+    beyond: str
+    here: str  # the present, the current choice
+    on: str
+    off: str
+    better: str  # the better of two figures
+    full: str  # of a bar
+    half: str
+    dots: bool  # whether there are braille patterns
+
+
+UNICODE: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", True)
+ASCII: Final = Signs("^", "v", "<", ">", ">", "x", ".", "*", "#", "", False)
+
+
+def bar(share: float, width: int, signs: Signs) -> str:
+    """A bar of at most `width` columns; something that is not nothing shows."""
+    steps = 2 if signs.half else 1
+    long = min(width * steps, max(round(share * width * steps), int(share > 0)))
+    return (signs.full * (long // steps) + signs.half * (long % steps)).ljust(width)

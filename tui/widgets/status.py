@@ -1,0 +1,127 @@
+"""What the two lines under the map say: how time goes, how the fleet does, what is chosen.
+
+> x4 40/s  tick 1,234 of 2,616  617 s  4 work  1 waits  23/50 delivered  visits  robot 3  recorded
+(12, 4) shelf with load 7                                       link 48 KB/s  rtt 52 ms  fps 30
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automaton.units import Unit, number
+from automaton.world.state import DELIVERED, NIL
+from automaton.world.waiting import NO_ORDER, NOT_WAITING
+from tui.render import styles
+from tui.render.glyphs import ASCII, GlyphSet
+from tui.widgets.line import Word, word
+
+if TYPE_CHECKING:
+    from automaton.history.snapshot import Snapshot
+    from tui.pace import Figures
+    from tui.player import Shot
+
+NEAR = 0.9  # of the speed that was asked for counts as reached
+
+
+def time_words(shot: Shot, factor: float, tick: Unit, glyphs: GlyphSet) -> list[Word]:
+    """Whether it plays, how fast, and which tick is shown."""
+    arrows = glyphs.robot if glyphs is ASCII else glyphs.loaded
+    signs = {1: arrows[0], -1: arrows[2]}
+    plays = (signs[shot.playing],) if shot.playing else word("||").glyphs
+    last = shot.head if shot.end is None else shot.end
+    rest = "" if shot.tick == shot.head else f"of {last:,}"
+    return [
+        Word(plays, styles.DONE if shot.playing else styles.LOADED, "play_pause"),
+        word(_speed(shot, factor), styles.TEXT, "faster"),
+        word(f"tick {shot.tick:,}", styles.SELECTED, "go_to"),
+        *([word(rest, styles.DIM, "go_end", 3)] if rest else []),
+        *_time(shot.tick, tick),
+    ]
+
+
+def mode_word(shot: Shot, side: int, name: str, recorded: bool = False, whole: bool = True) -> Word:
+    """Where in which kind of run we are; how it ended goes from no screen, however narrow."""
+    if shot.failed:
+        return word("failed", styles.FAULT, "play_pause")
+    if shot.tick == shot.end:
+        return word(end_of(shot, side, recorded, whole), styles.DONE if whole else styles.WAITS)
+    if recorded:
+        return word(name, styles.DIM, "", 5) if whole else word("cut short", styles.WAITS)
+    if shot.tick < shot.head:
+        return word("past", styles.LOADED, "go_end", 5)
+    return word(name, styles.DONE, "", 5)
+
+
+def end_of(shot: Shot, side: int, recorded: bool, whole: bool) -> str:
+    """How the run ended that is at its end."""
+    if shot.snapshots[side].finished:
+        return "finished"
+    if not whole:
+        return "cut short"
+    return "ended" if recorded else "limit reached"
+
+
+def _speed(shot: Shot, factor: float) -> str:
+    """Asked and, if it is less, achieved."""
+    achieved = f"{shot.achieved:,.0f}/s"
+    if math.isinf(factor):
+        return f"max {achieved}" if shot.achieved else "max"
+    asked = f"x{factor:g} {shot.asked:g}/s"
+    late = shot.playing and 0 < shot.achieved < NEAR * shot.asked
+    return f"{asked} ({achieved})" if late else asked
+
+
+def _time(ticks: int, tick: Unit) -> list[Word]:
+    """The time in the scenario's unit, unless a tick is that unit."""
+    if tick.size == 1:
+        return []
+    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.DIM, rank=6)]
+
+
+def fleet_words(snapshot: Snapshot) -> list[Word]:
+    """How many robots work and wait, and how many orders are done."""
+    robots = snapshot.robots
+    waiting = (robots.cause != NOT_WAITING) & (robots.cause != NO_ORDER)
+    working = ~waiting & (robots.parked == 0)
+    ring = int(np.count_nonzero(robots.ring))
+    done = int(np.count_nonzero(snapshot.orders.state == DELIVERED))
+    waits = int(np.count_nonzero(waiting))
+    said = [
+        word(f"{np.count_nonzero(working):,} work", styles.ROBOT, "robots", 2),
+        word(f"{waits:,} wait", styles.WAITS if waits else styles.DIM, "robots", 1),
+        word(f"{done:,}/{len(snapshot.orders.state):,} delivered", styles.DONE, "events", 1),
+    ]
+    if ring:
+        said.insert(2, word(f"{ring:,} in a circle", styles.FAULT, "why", 4))
+    return said
+
+
+def head_words(own: str, common: str, width: int) -> list[Word]:
+    """Over one of two maps: what is its own, and if there is room what both have."""
+    words = own if len(own) <= width else f"{own[: max(0, width - 3)]}..."
+    return [word(words), *([word(common, styles.DIM, rank=1)] if common else [])]
+
+
+def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
+    """What is selected, and what is laid over the map."""
+    said = []
+    if robot != NIL:
+        text = f"{'follows ' if following else ''}robot {robot}"
+        said.append(word(text, styles.CURSOR if following else styles.TEXT, "follow", rank))
+    if layer:
+        said.append(word(layer, styles.LOADED, "next_layer", rank + 1))
+    return said
+
+
+def link_words(figures: Figures) -> list[Word]:
+    """What the connection to the terminal carries."""
+    trip = "-" if math.isnan(figures.round_trip) else f"{1000 * figures.round_trip:.0f} ms"
+    trip = trip if figures.answers else "no answer"
+    return [
+        word(f"{figures.kilobytes:.1f} KB/s", styles.DIM),
+        word(f"rtt {trip}", styles.DIM),
+        word(f"fps {figures.fps:.0f} of {figures.allowed}", styles.DIM),
+    ]

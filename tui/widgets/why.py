@@ -1,0 +1,118 @@
+"""Why is this robot waiting? The chain of causes with their rules, and where its time went."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.history.explanation import Explanation, explain
+from automaton.units import count, percent
+from automaton.world.state import NIL
+from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from tui.view import View
+from tui.widgets.lines import Line, Link, Span, dim, line, linked, robot_link, term, title, wrapped
+from tui.widgets.signs import bar
+from tui.widgets.text_panel import TextPanel
+
+MOST: Final = 40  # robots in the list to pick from
+NAME: Final = 15  # columns for the name of a cause
+PERCENT: Final = 6
+FIRST: Final = 12  # links of a chain that are told from its beginning
+LAST: Final = 4
+
+
+class Why(TextPanel):
+    """The selected robot, or the robots that have waited longest."""
+
+    def written(self, view: View, width: int) -> list[Line]:
+        if view.robot == NIL:
+            return longest_waits(view, width)
+        found = explain(view.snapshot, view.plan, view.robot)
+        lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
+        if found.cycle != NIL:
+            lines += _circle(view, found, width)
+        return [*lines, (), *self._lost(view, width)]
+
+    def _lost(self, view: View, width: int) -> list[Line]:
+        """The robot's time by cause, the greatest first."""
+        lost = view.snapshot.robots.lost[view.robot].copy()
+        lost[NOT_WAITING] = 0
+        total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
+        if not total:
+            return [line(title("no time lost so far"))]
+        head = f"time lost: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
+        lines = wrapped(line(title(head)), width)
+        digits = len(f"{total:,}") + 1
+        room = max(0, width - NAME - digits - PERCENT)
+        for code in np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist():
+            share = int(lost[code]) / ticks
+            link = ("cause", code)
+            look = "warn" if CAUSES[code].blocked else "plain"
+            drawn = Span(bar(share, room, self.signs), look)
+            ticks_lost, part = f"{int(lost[code]):>{digits},}", f"{percent(share, 0):>{PERCENT}}"
+            lines.append(line(*term(CAUSES[code].name, link, NAME), drawn, ticks_lost, part))
+            lines += self.explanation(link, CAUSES[code].meaning, width)
+        return lines
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """A cause is explained."""
+        if link[0] == "cause":
+            self.explain(link)
+        else:
+            super().follow(link, column)
+
+
+def _told(links: int) -> list[int]:
+    """Which links of a chain are told; NIL stands for those of a long one that are left out."""
+    if links <= FIRST + LAST + 1:
+        return list(range(links))
+    return [*range(FIRST), NIL, *range(links - LAST, links)]
+
+
+def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
+    """One robot of the chain: how long, why, and by which rule."""
+    if at == NIL:
+        return [line(dim(f"... {len(found.chain) - FIRST - LAST:,} more robots ..."))]
+    link = found.chain[at]
+    in_circle = found.cycle != NIL and at >= found.cycle
+    if not link.cause:  # the last one does not wait
+        words = linked(link.text if at else f"{link.text}: it does not wait", view.plan)
+        return wrapped(line(dim("but " if at else ""), *words), width, indent=2)
+    mark = "because " if at else ""
+    look = "fault" if in_circle else "warn"
+    waited = Span(f" has waited {count(link.ticks, 'tick')}: {link.cause}", look)
+    because = link.text.partition(": ")[2]
+    return [
+        *wrapped(line(dim(mark), robot_link(link.robot), waited), width, indent=2),
+        *wrapped(linked(because, view.plan), width, indent=2, first=2),
+        *wrapped(
+            line(dim(f"rule: {link.rule.removeprefix('rule of ')}")), width, indent=4, first=2
+        ),
+    ]
+
+
+def _circle(view: View, found: Explanation, width: int) -> list[Line]:
+    return [(), *wrapped(linked(found.lines[-1], view.plan, "fault"), width, indent=2)]
+
+
+def longest_waits(view: View, width: int) -> list[Line]:
+    """Robots that wait now, by how long they have."""
+    fleet, now = view.snapshot.robots, view.snapshot.tick
+    waiting = np.flatnonzero((fleet.cause != NOT_WAITING) & (fleet.cause != NO_ORDER))
+    if not len(waiting):
+        return [
+            line(title("no robot waits now")),
+            *wrapped(line(dim("Select a robot to see where its time went.")), width),
+        ]
+    ordered = waiting[np.argsort(fleet.since[waiting], kind="stable")].tolist()
+    head = "wait, longest first" if len(ordered) > 1 else "waits"
+    lines = [line(title(f"{count(len(ordered), 'robot')} {head}"))]
+    for robot in ordered[:MOST]:
+        ticks = now - int(fleet.since[robot])
+        look = "fault" if fleet.ring[robot] else "plain"
+        cause = CAUSES[int(fleet.cause[robot])].name
+        name = robot_link(robot)
+        gap = " " * max(1, 11 - len(name.text))
+        lines.append(line(name, gap, f"{ticks:>6,}  ", Span(cause, look)))
+    return lines

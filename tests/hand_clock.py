@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from automaton.history.run import LiveRun, RecordedRun, Run
+from automaton.history.live import LiveRun
+from automaton.history.run import RecordedRun, Run
 from automaton.recording.frames import read_recording
 from automaton.scenario.resolve import resolve
-from tui.player import IDLE_S, Player, Shot
+from tui.player import IDLE_S, Player
+from tui.shot import Shot
 
 FLEET = ("fleet.robots=4",)
 

@@ -14,7 +14,7 @@ from textual.message import Message
 from textual.pilot import Pilot
 from textual.widget import Widget
 
-from automaton.history.run import LiveRun
+from automaton.history.live import LiveRun
 from automaton.scenario.resolve import resolve
 from automaton.world.state import NIL
 from tui.player import Player

@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from viewing import PATIENCE_S, Watched, compared, mini, viewing
+from action_checks import CHECKS, check, press, said
+from viewing import Watched, compared, mini, viewing
 
 from automaton.world.state import NIL
 from tui.app import Viewer
 from tui.bindings import ACTIONS, COMPARING
 from tui.screens.help import HelpScreen
-
-Check = Callable[[Watched], Awaitable[None]]
-CHECKS: dict[str, Check] = {}
-KEYS = {action.id: action.keys.split(",")[0] for action in ACTIONS}
-
-
-def check(action: Check) -> Check:
-    """What its key must bring about: `action` is named after it."""
-    CHECKS[action.__name__] = action
-    return action
-
-
-async def press(user: Watched, action: str) -> None:
-    await user.press(KEYS[action])
 
 
 def moves(name: str, start: int, end: int) -> None:
@@ -126,7 +113,8 @@ def pans(name: str, rows: int, columns: int) -> None:
         camera = user.app.pictures.camera
         while camera.zoom is not camera.ladder[0]:
             camera.zoom_in()
-        camera.resize(3, 20)
+        user.app.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
+        camera.resize(3, 20)  # so that there is something beside what is seen
         camera.centre_on(camera.plan.cell(6, 3))
         user.app.choice.robot, user.app.choice.following = 0, True
         top, left = camera.top, camera.left
@@ -142,32 +130,45 @@ for way, step in {"left": (0, -1), "right": (0, 1), "up": (-1, 0), "down": (1, 0
     pans(f"page_{way}", *step)
 
 
-async def zooms(user: Watched, name: str, start: int, end: int) -> None:
-    camera = user.app.pictures.camera
-    camera.zoom = camera.ladder[start]
-    await press(user, name)
-    assert camera.ladder.index(camera.zoom) == end
+def zooms(name: str, start: int, end: int) -> None:
+    """An action that goes from one step of the ladder to another."""
+
+    async def action(user: Watched) -> None:
+        camera = user.app.pictures.camera
+        camera.zoom = camera.ladder[start]
+        user.app.pictures.fitted = False
+        await press(user, name)
+        assert camera.ladder.index(camera.zoom) == end
+        assert user.app.pictures.fitted == (name == "zoom_fit")
+
+    CHECKS[name] = action
 
 
-@check
-async def zoom_in(user: Watched) -> None:
-    await zooms(user, "zoom_in", 2, 1)
+zooms("zoom_in", 2, 1)
+zooms("zoom_out", 2, 3)
+zooms("zoom_cell", 4, 2)
+zooms("zoom_fit", 4, 0)
 
 
-@check
-async def zoom_out(user: Watched) -> None:
-    await zooms(user, "zoom_out", 2, 3)
+def zooms_time(name: str, before: int, after: int) -> None:
+    """An action that changes the length of what the timeline shows, about the present tick."""
+
+    async def action(user: Watched) -> None:
+        await user.at(120)
+        await user.until(lambda: user.app.timeline.past.head == 120)
+        user.app.timeline.zoom(before)
+        ticks, column = user.app.timeline.track.part.ticks, user.app.timeline.track.column_of(120)
+        await press(user, name)
+        track = user.app.timeline.track
+        assert track.part.ticks == ticks * 2**-after and abs(track.column_of(120) - column) <= 4
+        assert f"{track.part.last:,}" in said(user.app.timeline)
+
+    CHECKS[name] = action
 
 
-@check
-async def zoom_cell(user: Watched) -> None:
-    await zooms(user, "zoom_cell", 4, 2)
-
-
-@check
-async def zoom_fit(user: Watched) -> None:
-    await zooms(user, "zoom_fit", 4, 0)
-    assert user.app.pictures.fitted
+zooms_time("timeline_in", 0, 1)
+zooms_time("timeline_out", 2, -1)
+zooms_time("timeline_whole", 1, -1)
 
 
 @check
@@ -370,16 +371,10 @@ async def quit(user: Watched) -> None:
     await user.until(lambda: user.app.return_code == 0)
 
 
-def said(line: object) -> str:
-    from tui.render.still import as_text
-
-    shown = line.shown  # type: ignore[attr-defined]
-    return "" if shown is None else as_text(shown, line.glyphs)  # type: ignore[attr-defined]
-
-
-async def carry_out(name: str, folder: Path, patience: float = PATIENCE_S) -> None:
+async def carry_out(name: str, folder: Path, met: Callable[[Watched], None] = id) -> None:
     opening = compared(folder) if name in COMPARING else mini()
-    async with viewing(opening, patience=patience) as user:
+    async with viewing(opening) as user:
+        met(user)
         await CHECKS[name](user)
 
 

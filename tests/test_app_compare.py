@@ -6,6 +6,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
+from test_app_actions import said
 from viewing import compared, record, viewing
 
 from tui.opening import recorded
@@ -63,5 +64,83 @@ def test_the_text_of_a_hidden_map_is_that_of_the_tick(
             assert {line.strip() for line in seen.splitlines()} <= {
                 line.strip() for line in saved.read_text(encoding="utf-8").splitlines()
             }
+
+    asyncio.run(story())
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
+def test_a_run_that_has_ended_tells_of_its_own_end(tmp_path: Path, size: tuple[int, int]) -> None:
+    short, long = record(tmp_path / "a.rec", until=200), record(tmp_path / "b.rec", until=300)
+
+    async def story() -> None:
+        async with viewing(recorded(short, long), size) as user:
+            await user.at(150)
+            await user.shown()
+            assert not any("ended" in said(head) for head in user.app.heads)
+            await user.at(300)
+            await user.until(lambda: "tick 200" in said(user.app.status))
+            assert "of 200" not in said(user.app.status)
+            assert said(user.app.status).rstrip().endswith("ended")
+            for head, end in zip(user.app.heads, (200, 300), strict=True):
+                assert said(head).rstrip().endswith(f"  ended at tick {end}")
+            await user.press("space")
+            await user.until(lambda: "both runs have ended at tick 300" in said(user.app.info))
+            await user.at(250)
+            await user.press("o")
+            await user.until(lambda: "tick 250  of 300" in said(user.app.status))
+            assert said(user.app.status).rstrip().endswith("compare")
+            assert "ended" not in said(user.app.heads[1])
+
+    asyncio.run(story())
+
+
+def test_the_text_of_two_runs_names_the_tick_of_each(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    short, long = record(tmp_path / "a.rec", until=20), record(tmp_path / "b.rec", until=30)
+
+    async def story() -> None:
+        async with viewing(recorded(short, long)) as user:
+            await user.at(30)
+            await user.press("S")
+            await user.until(lambda: list(tmp_path.glob("*.txt")))
+
+    asyncio.run(story())
+    text = next(tmp_path.glob("*.txt")).read_text(encoding="utf-8")
+    named = [line for line in text.splitlines() if line.endswith(("tick 20", "tick 30"))]
+    assert [line[:5] for line in named] == ["a.rec", "b.rec"]
+    assert [line[-2:] for line in named] == ["20", "30"]
+
+
+def test_a_breakpoint_shows_the_run_that_met_it(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with viewing(compared(tmp_path)) as user:
+            await user.press("b")
+            await user.until(lambda: len(user.app.screen_stack) == 2)
+            await user.press(*"stuck > 20", "enter", "escape")
+            await user.until(lambda: user.app.stops)
+            await user.press("9", "space")
+            await user.until(lambda: user.app.shot.stops)
+            side, robot = user.app.shot.side, user.app.shot.culprits[0]
+            await user.until(lambda: user.app.choice.side == side)
+            assert user.app.choice.robot == robot
+            told = f"stopped: stuck > 20: run {'AB'[side]}, robot {robot}"
+            await user.until(lambda: told in said(user.app.info))
+            assert side == 1  # the one in which robots only wait
+
+    asyncio.run(story())
+
+
+def test_a_recording_that_cannot_be_compared_says_so(tmp_path: Path) -> None:
+    opening = recorded(record(tmp_path / "a.rec"), record(tmp_path / "b.rec"))
+    broken = opening.recordings[1].stored().payloads
+    del broken[len(broken) // 2]
+
+    async def story() -> None:
+        async with viewing(opening) as user:
+            told = "recording B has fewer ticks than it says: the file was altered"
+            await user.until(lambda: told in said(user.app.info))
+            assert user.app.divergence is None and user.app.broken == told
 
     asyncio.run(story())

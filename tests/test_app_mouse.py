@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
+from action_checks import said
+from textual import events
 from viewing import Watched, compared, mini, viewing
 
 from automaton.world.state import NIL
@@ -13,7 +15,7 @@ from tui.bindings import ACTIONS, COMPARING
 from tui.opening import Opening
 from tui.options import Options
 from tui.widgets.map_view import MapView
-from tui.widgets.timeline import Past, Timeline, column_of, tick_at
+from tui.widgets.timeline import Timeline
 
 
 def story(tell: Callable[[Watched], Awaitable[None]], opening: Opening | None = None) -> None:
@@ -85,7 +87,7 @@ def test_the_wheel_zooms_at_the_pointer_and_pans_with_shift() -> None:
 def test_the_timeline_goes_where_it_is_clicked() -> None:
     async def tell(user: Watched) -> None:
         line = user.app.query_one(Timeline)
-        wanted = tick_at(20, line.past, line.size.width)
+        wanted = line.track.tick_at(20)
         await user.pilot.click("#timeline", offset=(20, 0))
         await user.until(lambda: user.tick == wanted)
         line.focus()
@@ -95,12 +97,33 @@ def test_the_timeline_goes_where_it_is_clicked() -> None:
     story(tell)
 
 
-def test_places_on_the_timeline_and_ticks_belong_together() -> None:
-    for end, head in ((1000, 1000), (None, 700)):
-        past = Past(0, head, end, ())  # type: ignore[arg-type]
-        for column in range(80):
-            tick = tick_at(column, past, 80)
-            assert tick == head or column_of(tick, past, 80) == column
+def test_the_wheel_zooms_the_timeline_about_the_pointer_and_with_shift_goes_by_ticks() -> None:
+    async def tell(user: Watched) -> None:
+        line = user.app.query_one(Timeline)
+        there, ticks = line.track.tick_at(60), line.track.part.ticks
+
+        def turn(kind: type[events.MouseEvent], shift: bool = False) -> None:
+            turned = kind(line, 60, 0, 0, 0, 0, shift, False, False)
+            line.post_message(MapView.Wheeled(line, turned))
+
+        turn(events.MouseScrollUp)
+        await user.until(lambda: line.track.part.ticks == ticks // 2)
+        assert abs(line.track.column_of(there) - 60) <= 1
+        turn(events.MouseScrollDown)
+        await user.until(lambda: line.track.part.ticks == ticks)
+        before = user.tick
+        turn(events.MouseScrollUp, shift=True)
+        await user.until(lambda: user.tick == before - 1)
+        turn(events.MouseScrollUp)
+        turn(events.MouseScrollUp)
+        await user.until(lambda: before not in line.track.part)
+        user.app.action_timeline_in()  # by key: about the present
+        assert user.tick in line.track.part
+        await user.at(10)
+        await user.until(lambda: line.past.tick == 10)
+        assert 10 in line.track.part
+
+    story(tell)
 
 
 def test_words_of_the_status_line_can_be_clicked() -> None:
@@ -113,8 +136,6 @@ def test_words_of_the_status_line_can_be_clicked() -> None:
 
 def test_the_mouse_over_a_cell_says_what_is_there() -> None:
     async def tell(user: Watched) -> None:
-        from test_app_actions import said
-
         await user.pilot.hover("#map-0", offset=place_of(user, 2))
         await user.until(lambda: "robot 2" in said(user.app.info))
 

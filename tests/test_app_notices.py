@@ -146,6 +146,43 @@ def test_short_notices_are_in_the_line_and_long_ones_over_the_map() -> None:
     story(tell)
 
 
+def test_what_failed_stays_in_the_line_whatever_is_selected() -> None:
+    async def tell(user: Watched) -> None:
+        user.app.go_to_tick(400)
+        await user.until(lambda: "own mistake" in said(user.app.info))
+        user.app.choose(cell=user.app.pictures.camera.plan.cell(1, 4))
+        await user.shown()
+        assert "own mistake" in said(user.app.info)
+        for _ in range(3):
+            await user.press("space")
+            await user.shown()
+        assert len(user.app._notifications) == 1
+        status = screen_text(user.app).splitlines()[-3]
+        assert status.startswith("||  x1 10/s  tick 49") and status.rstrip().endswith("failed")
+
+    failing = resolve("tabletop-1", ("strategy.right_of_way=test_run_history:FailsLater",))
+    story(tell, live(failing, None), (140, 24))
+
+
+def test_a_capture_that_cannot_be_finished_leaves_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def half(path: Path, text: str, encoding: str) -> None:
+        path.write_bytes(text.encode(encoding)[: len(text) // 2])
+        raise OSError(28, "No space left on device")
+
+    async def tell(user: Watched) -> None:
+        monkeypatch.setattr(Path, "write_text", half)
+        told = "cannot save the picture: No space left on device"
+        for key in "sS":
+            await user.press(key)
+            await user.until(lambda: told in said(user.app.info))
+            user.app.notice = None
+
+    story(tell)
+    assert not list(folder.iterdir())
+
+
 def test_alone_a_run_says_how_two_are_compared() -> None:
     async def tell(user: Watched) -> None:
         for key in "xo":

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pseudo_terminal import TRUECOLOR, Replay, painted, wrong_cells
+from test_watch_command import without_a_frame
+from viewing import record
 
 from automaton.history.snapshot import take_snapshot
 from automaton.recording.frames import read_recording
@@ -49,6 +51,15 @@ class Session:
     def wait_for_text(self, text: str, present: bool = True) -> None:
         self.host.wait_for(lambda: (text in self.replay.text()) == present, text)
 
+    def wait_for_tick(self, least: int) -> None:
+        """While it plays: on a busy machine not every tick gets on the screen."""
+
+        def come() -> bool:
+            shown = re.search(r"tick ([\d,]+)", self.replay.text())
+            return shown is not None and int(shown[1].replace(",", "")) >= least
+
+        self.host.wait_for(come, f"tick {least} or later")
+
     def press(self, keys: str) -> None:
         self.host.send(keys)
 
@@ -81,7 +92,7 @@ def test_each_way_to_leave_restores_the_terminal_and_keeps_the_recording(tmp_pat
     for way, code in ENDS.items():
         folder = tmp_path / str(code) / str(way).strip()[-1].replace("\x03", "c")
         with watching(folder, "--speed", "64") as session:
-            session.wait_for_text("tick 2")
+            session.wait_for_tick(200)
             if isinstance(way, signal.Signals):
                 session.host.process.send_signal(way)
             else:
@@ -100,7 +111,7 @@ def test_each_way_to_leave_restores_the_terminal_and_keeps_the_recording(tmp_pat
 
 def test_a_lost_connection_leaves_a_recording_that_replays(tmp_path: Path) -> None:
     with watching(tmp_path, "--speed", "64") as session:
-        session.wait_for_text("tick 2")
+        session.wait_for_tick(200)
         session.host.hang_up()
         assert session.host.wait_for_end(10.0) == 129
     (path,) = (tmp_path / "automaton" / "recordings").iterdir()
@@ -113,7 +124,7 @@ def test_a_lost_connection_leaves_a_recording_that_replays(tmp_path: Path) -> No
 
 def test_a_killed_viewer_leaves_a_part_that_replays(tmp_path: Path) -> None:
     with watching(tmp_path, "--speed", "64") as session:
-        session.wait_for_text("tick 1,")
+        session.wait_for_tick(1000)
         session.host.process.kill()
         session.host.wait_for_end()
     (part,) = (tmp_path / "automaton" / "recordings").iterdir()
@@ -154,12 +165,14 @@ def test_a_broken_strategy_says_so_and_the_viewer_goes_on(tmp_path: Path) -> Non
     )
     settings = ("--set", "strategy.allocation=broken:late")
     with watching(tmp_path, *settings, ready="nobody home", PYTHONPATH=str(tmp_path)) as session:
+        # The status line tells whether the help is open: what is said of the strategy lies over both.
+        session.wait_for_text("tick 0")
         session.press("?")
-        session.wait_for_text("Looking closer")
+        session.wait_for_text("tick 0", present=False)
         session.press("\x1b")
-        session.wait_for_text("Looking closer", present=False)
+        session.wait_for_text("tick 0")
         session.press(",")  # the past can still be seen
-        session.press(" ")
+        session.press(" " * 5)
         session.settle()
         status = next(row for row in session.replay.text().splitlines() if "tick 0" in row)
         assert status.rstrip().endswith("failed")
@@ -169,6 +182,28 @@ def test_a_broken_strategy_says_so_and_the_viewer_goes_on(tmp_path: Path) -> Non
     assert b"Traceback" not in output
     after = output[output.rindex(b"\x1b[?1049l") :].decode()
     assert "nobody home" in after and "broken.py:4" in after
+
+
+def test_the_terminal_knows_its_size_whatever_a_shell_has_exported(tmp_path: Path) -> None:
+    with watching(tmp_path, "--paused", ready="tick 0", LINES="50", COLUMNS="100") as session:
+        for rows, columns in ((24, 80), (30, 90)):
+            session.host.resize(rows, columns)
+            session.host.wait_for(
+                lambda rows=rows: "tick 0" in session.replay.text().splitlines()[rows - 3], "status"
+            )
+
+
+def test_a_recording_in_which_ticks_are_missing_ends_with_a_sentence(tmp_path: Path) -> None:
+    whole, damaged = record(tmp_path / "a.rec"), tmp_path / "b.rec"
+    damaged.write_bytes(without_a_frame(whole.read_bytes()))
+    for paths in ((damaged,), (whole, damaged)):
+        with automaton(tmp_path, "replay", *map(str, paths), "--paused") as session:
+            session.wait_for_text("the file was altered")
+            session.press("q")
+            assert session.host.wait_for_end() == 2
+            output = session.host.output()
+        after = output[output.rindex(b"\x1b[?1049l") :].decode()
+        assert "Traceback" not in output.decode() and after.count("the file was altered") == 1
 
 
 def test_paused_it_sends_nothing(tmp_path: Path) -> None:
@@ -272,7 +307,7 @@ def test_the_screen_shows_the_intended_map_whatever_lay_over_it(
 def test_no_cell_is_wrong_after_playing_there(tmp_path: Path) -> None:
     look = Look(Depth.TRUE, "dark")
     with watching(tmp_path, "--speed", "32") as session:
-        session.wait_for_text("tick 3")
+        session.wait_for_tick(300)
         session.press("g")
         session.wait_for_text("Go to")
         session.press("500\r")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.bench import PARTS, layers, loop, routes, tabletop
+from automaton.bench import PARTS, layers, loop, observing, routes, tabletop
 from automaton.bench.floors import open_floor, scene
 from automaton.bench.measurement import Measurement, rounded, take
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
@@ -31,6 +31,8 @@ USUAL = [
     "step 100,000 on 1000x1000, mixed, a tenth of moves 2-3 ticks",
     "table-top run",
     "routes driven without decisions",
+    "observing, all on the way",
+    "observing, a tenth waits",
     "layer asked every tick, compiled",
     "layer asked every tick, Python",
     "loop, idle fleet",
@@ -154,6 +156,14 @@ def test_routes_are_driven_in_every_tick_and_nobody_is_asked() -> None:
     assert len(np.unique(simulation.world.robots.cell)) == robots
 
 
+def test_observing_is_measured_on_a_fleet_that_is_observed_and_one_that_is_not() -> None:
+    alone, observed = (observing.fleet(60, 20, watched) for watched in (False, True))
+    for simulation in (alone, observed):
+        assert observing.seconds_of_driving(simulation, 40, seed=1) > 0
+    assert observed.watch.lost.sum() > 60 and observed.watch.flow.sum() > 100
+    assert not alone.watch.lost.any() and alone.digest == observed.digest
+
+
 def test_a_robot_in_the_way_of_the_routes_is_noticed() -> None:
     simulation = routes.circling_fleet(60, 10)
     simulation.world.robots.busy[0] = 5
@@ -176,6 +186,8 @@ def test_the_layer_is_asked_every_tick_and_moves_nobody(strategy: str) -> None:
 def test_every_sampler_returns_a_figure() -> None:
     assert prepare(CROWDED._replace(robots=20_000, side=200))() > 0
     assert routes.prepare(60, 10, 30)() > 0
+    assert isinstance(observing.prepare(60, 10, 30)(), float)
+    assert isinstance(observing.prepare(60, 10, 30, at_random=True)(), float)
     assert tabletop.prepare([1])() > 0
     assert loop.prepare_loop(1000)() > 0
     assert loop.prepare_digest(10)() > 0

@@ -10,7 +10,7 @@ from staged_runs import Staged
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
-from automaton.history.run import LiveRun
+from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.resolve import resolve
 from automaton.world.state import ACTION_NAMES, NIL

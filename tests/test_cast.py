@@ -297,7 +297,7 @@ STILL = ("--picture", "still.svg")
         (("run.rec", *MADE, "--speed", "0"), "'0' is not a speed: allowed are 0.01 to 10000"),
         (("run.rec", *MADE, "--speed", "1/0"), "'1/0' is not a speed"),
         (("run.rec", *MADE, "--speed", "nan"), "'nan' is not a speed"),
-        (("run.rec", *MADE, "--fps", "0"), "'0' is no frame rate"),
+        (("run.rec", *MADE, "--fps", "0"), "'0' is not a frame rate"),
         (("run.rec", "--out", "run.rec"), "this is a recording; --out names another file"),
         (("film.cast",), "film.cast: cannot write it: this is a recording"),
         (("run.rec", "--out", "."), "cannot write it: this is a folder"),

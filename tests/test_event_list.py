@@ -11,10 +11,10 @@ import pytest
 from panel_stage import NARROW, WIDE, Stage, busy, click, of_robot, on_stage, said, text
 from textual.pilot import Pilot
 
-from automaton.history.chronicle import Chronicle
-from automaton.world.waiting import DELIVERED_AT, TOOK, WITHDREW
+from automaton.history.chronicle import Chronicle, Event
+from automaton.world.waiting import DELIVERED_AT, EVENT_NAMES, TOOK, WITHDREW
 from tui.view import View
-from tui.widgets.event_rows import KINDS, Wanted
+from tui.widgets.event_rows import KINDS, Wanted, event_words
 from tui.widgets.events import Events, Filter
 
 
@@ -23,6 +23,13 @@ def earlier(tick: int) -> View:
     view = busy()
     snapshot = replace(view.snapshot, tick=tick)
     return replace(view, shot=replace(view.shot, snapshots=(snapshot,)))
+
+
+@pytest.mark.parametrize("code", range(1, len(EVENT_NAMES)))
+def test_every_event_has_words(code: int) -> None:
+    words = event_words(Event(5, code, 3, 2, 1))
+    assert words and "1 steps" not in words and "1 ticks" not in words
+    assert any(code in codes for codes in KINDS.values())
 
 
 def found(events: Events, view: View) -> Any:
@@ -39,8 +46,8 @@ def test_the_newest_events_up_to_the_present_are_in_sight(width: int) -> None:
         await pilot.pause()
         many = len(busy().run.chronicle.events)
         assert f"{many} events" in text(events.list)
-        assert f"tick # {many} events" in text(events.list)
-        assert said(events.list)[-1] == "▸  594    4 picks up load 13"
+        assert f"tick robot {many} events" in text(events.list)
+        assert said(events.list)[-1] == "▸  594     4 picks up load 13"
 
     on_stage(events, story, width, 30)
 

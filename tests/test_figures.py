@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from panel_stage import (
@@ -17,6 +19,7 @@ from panel_stage import (
 )
 from textual.pilot import Pilot
 
+from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
 from tui.widgets import curve
 from tui.widgets.figures import Figures
@@ -32,8 +35,8 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         f"throughput {metrics['throughput']:.1f} /1000 ticks",
         "last 500 34.0 /1000 ticks",
         f"blocked {100 * metrics['blocked']:.1f} %",
-        "robots 5 work, 0 wait, 0 parked" if width == WIDE else "robots 5 work 0 wait 0 parked",
-        "time lost of all robot ticks worker ahead",
+        "robots 5 work, 0 wait" + (", 0 parked" if width == WIDE else " 0 parked"),
+        "time lost of all robot ticks W worker ahead",
         "tick 600",
     ):
         assert words in said_then
@@ -62,6 +65,22 @@ def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
     assert "delivered orders" in shown(Figures(), view, NARROW)
 
 
+def test_figures_of_different_ticks_are_not_judged() -> None:
+    view = moment(1500, "tabletop-1", "fleet.robots=5", against="strategy.allocation=independent")
+    first, second = view.shot.figures
+    assert "+" in shown(Figures(), view, 64) and "◂" in shown(Figures(), view, 64)
+    early = replace(view, shot=replace(view.shot, figures=(replace(first, tick=900), second)))
+    for width in (NARROW, WIDE):
+        told = shown(Figures(), early, width)
+        assert "900 1,500" in told and "not compared: one run has ended" in told
+        assert "◂" not in told and "better" not in told and "B - A" not in told
+        assert f"{first.metrics['delivered']} {second.metrics['delivered']} " in told
+    whole = tuple(replace(shown, finished=True) for shown in view.shot.snapshots)
+    early_end = replace(whole[0], tick=900)
+    ended = replace(early, shot=replace(early.shot, snapshots=(early_end, whole[1])))
+    assert "◂" in shown(Figures(), ended, WIDE) and "900 1,500" in shown(Figures(), ended, WIDE)
+
+
 def test_a_click_on_a_curve_leads_to_its_tick() -> None:
     figures = Figures()
 
@@ -86,10 +105,22 @@ def test_a_curve_fills_its_rows_up_to_the_label() -> None:
 def test_throughput_counts_the_deliveries_of_each_stretch() -> None:
     rows = np.zeros((4000, 3), np.int32)
     rows[:, 2] = np.arange(4000) // 100  # a delivery every 100 ticks
-    assert np.allclose(curve.throughput(rows, 4)[1:], 10)
+    known = Curve(rows, 1, 4000)
+    assert np.allclose(curve.throughput(known, 4)[1:], 10)
     rows[2000:, 0] = 6
-    assert curve.waiting(rows, 4).tolist() == [0, 0, 6, 6]
-    assert curve.now_throughput(rows) == 10
+    assert curve.waiting(known, 4).tolist() == [0, 0, 6, 6]
+    assert curve.now_throughput(known) == 10
+
+
+@pytest.mark.parametrize("every", [2, 16, 512])
+def test_of_a_thinned_curve_the_rates_stay_right(every: int) -> None:
+    ticks = 40_000
+    rows = np.zeros((ticks // every, 3), np.int32)
+    rows[:, 2] = np.arange(1, len(rows) + 1) * every // 10  # a delivery every 10 ticks
+    known = Curve(rows, every, ticks)
+    assert np.allclose(curve.throughput(known, 40), 100, atol=2)
+    assert abs(curve.now_throughput(known) - 100) < 2
+    assert abs(curve.now_throughput(known.until(20_000)) - 100) < 2
 
 
 def test_no_unit_is_cut_where_there_is_little_room() -> None:
@@ -103,10 +134,11 @@ def test_no_unit_is_cut_where_there_is_little_room() -> None:
         lines.extend(said(figures))
 
     on_stage(Figures(), story, 24, 80)
-    assert "last 500   34.0 /kt" in lines and "orders/1000 ticks" in lines
+    assert "last 500    34.0 /kt" in lines and "orders/1000 ticks" in lines
     lines.clear()
     on_stage(Figures(), story, 32, 80)
-    assert "robots 5 work 0 wait 0 parked" in lines
+    at = lines.index("robots       5 work, 0 wait")
+    assert lines[at + 1] == "0 parked"
 
 
 def test_a_click_explains_a_cause_and_a_share() -> None:

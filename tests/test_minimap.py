@@ -7,6 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from staged_scenes import open_floor, signs, stage
 
+from automaton.scenario.resolve import resolve
+from tui.opening import live
+from tui.pictures import Choice, Pictures
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.glyphs import UNICODE
@@ -56,6 +59,35 @@ def test_robots_are_seen_in_the_overview_and_layers_are_not():
     codes = minimap.picture(scene, camera, UNICODE)
     assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.ROBOT
     assert np.array_equal(codes, minimap.picture(scene.with_(layer="visits"), camera, UNICODE))
+
+
+def test_an_overview_is_made_once_for_a_size_of_the_map():
+    pictures = Pictures(live(resolve("tabletop-1"), None), UNICODE)
+    pictures.resize(12, 40)
+    pictures.camera.one_to_one()
+    pictures.camera.zoom_in()
+    pictures.camera.zoom_in()
+    first = pictures.corner(Choice())
+    assert first is not None
+    pictures.camera.pan(3, 3)
+    assert pictures.corner(Choice()) is first  # it would look at every cell of the floor again
+    pictures.resize(6, 40)
+    pictures.camera.zoom_in()
+    smaller = pictures.corner(Choice())
+    assert smaller is not None and smaller.minimap.camera.rows < first.minimap.camera.rows
+
+
+def test_the_frame_goes_with_the_camera_and_takes_the_characters_that_are_asked_for():
+    camera = Camera(open_floor(24, 16), 8, 12)
+    camera.one_to_one()
+    minimap, scene = Minimap(camera, 4, 12), stage(camera.plan)
+    seen = []
+    for columns in (-99, 12, -12):
+        camera.pan(columns, 0)
+        seen.append(minimap.picture(scene, camera, UNICODE).copy())
+    assert not np.array_equal(seen[0], seen[1]) and np.array_equal(seen[0], seen[2])
+    fresh = Minimap(camera, 4, 12).picture(scene, camera, UNICODE)
+    assert np.array_equal(seen[2], fresh)
 
 
 @given(st.integers(1, 400), st.integers(1, 400), st.integers(1, 20), st.integers(1, 40))

@@ -19,8 +19,11 @@ from staged_scenes import (
 )
 
 from tui.render import styles
-from tui.render.glyphs import ASCII, UNICODE
+from tui.render.compose import compose
+from tui.render.glyphs import ASCII, SHADED, UNICODE, GlyphSet
 from tui.render.scene import Scene
+
+FAR = [zoom for zoom in ALL if zoom not in NEAR]
 
 
 def changed_cells(before: Scene, after: Scene, zoom: str) -> set[tuple[int, int]]:
@@ -145,14 +148,47 @@ def test_robots_stay_visible_on_a_layer(zoom: str):
     assert styles.ROBOT in (ink(code), paper(code))
 
 
-@pytest.mark.parametrize("zoom", NEAR)
+@pytest.mark.parametrize("zoom", ALL)
 def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
     plan = open_floor(6, 6)
     heat = np.full(plan.kind.size, 500, np.int32)
-    here, ahead = plan.cell(2, 2), plan.cell(3, 2)
+    here, ahead = plan.cell(2, 2), plan.cell(4, 2)
     scene = stage(plan, {"cell": here}, heat=heat, layer="waiting")
     scene = scene.with_(route=np.array([ahead], np.int32))
     for cell, colour in ((here, styles.ROBOT), (ahead, styles.ROUTE)):
         code = at(scene, zoom, cell)
         assert (ink(code), paper(code)) == (colour, styles.HEAT_8)
-    assert paper(at(scene.with_(selected=0), zoom, here)) == styles.SELECTED
+    codes, camera = composed(scene.with_(selected=0), zoom)
+    row, column = camera.place_of(here)
+    chosen = codes[row, column : column + camera.zoom.width]
+    assert {paper(code) for code in chosen} == {styles.SELECTED}
+    assert not {UNICODE.characters[code & 0xFFFF] for code in chosen} & set(".:-=+*#@")
+
+
+@pytest.mark.parametrize("zoom", FAR)
+def test_a_robot_on_a_layer_takes_its_own_part_of_a_character(zoom: str):
+    plan = open_floor(8, 8)
+    heat = np.full(plan.kind.size, 500, np.int32)
+    scene = stage(plan, {"cell": plan.cell(4, 4)}, heat=heat, layer="visits")
+    upper = at(scene, zoom, plan.cell(4, 4))
+    scene.snapshot.robots.cell[0] = plan.cell(4, 5)
+    lower = at(scene, zoom, plan.cell(4, 5))
+    assert upper >> 16 == lower >> 16 and upper != lower
+
+
+@pytest.mark.parametrize("zoom", FAR)
+@pytest.mark.parametrize("glyphs", [SHADED, ASCII], ids=["no colours", "ascii"])
+def test_without_colours_the_level_of_heat_is_a_shade_also_from_afar(zoom: str, glyphs: GlyphSet):
+    plan = open_floor(8, 8)
+    scene = stage(plan, {"cell": plan.cell(0, 0)}, heat=np.zeros(plan.kind.size, np.int32))
+    scene = scene.with_(layer="waiting")
+    camera = camera_at(plan, zoom)
+    shades = []
+    for waited in (1, 100, 1000):
+        heat = np.zeros(plan.kind.size, np.int32)
+        heat[plan.cell(6, 6)], heat[plan.cell(0, 6)] = waited, 1000
+        scene.snapshot.heat[:] = heat
+        codes = compose(scene.with_(), camera, glyphs)
+        shades.append(int(codes[camera.place_of(plan.cell(6, 6))]))
+    assert len({shade & 0xFFFF for shade in shades}) == 3
+    assert all(ink(shade) == paper(shade) for shade in shades)  # with colours those alone are seen

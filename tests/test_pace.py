@@ -37,9 +37,12 @@ def test_a_fast_link_gets_what_was_asked_for() -> None:
     assert play(Pace(60), 4.0, delay=0.002) in (240, 241)
 
 
-def test_two_small_frames_may_be_under_way_and_one_large_one() -> None:
-    for size, allowed in ((1000, 2), (10_000, 1)):
+def test_two_small_frames_may_be_under_way_and_of_large_ones_only_on_a_short_way() -> None:
+    for size, way, allowed in ((1000, 0.03, 2), (10_000, 0.03, 1), (10_000, 0.003, 2)):
         pace = Pace(30)
+        pace.sent(0.0, size)
+        assert pace.ready(0.0, 0) == (size == 1000), "nothing is known of the way yet"
+        pace.answered(way)
         for _ in range(allowed):
             assert pace.ready(1.0, 0)
             pace.sent(1.0, size)
@@ -143,7 +146,10 @@ class Screen:
 
     @contextmanager
     def frame(self) -> Iterator[Frame]:
-        yield Frame(size=1000)
+        frame = Frame(size=1000)
+        yield frame
+        if not frame.acknowledged:
+            return
         self.times.append(round(self.loop.now, 6))
         self.loop.call_later(self.delay, self.answer)
 
@@ -157,19 +163,32 @@ def run_clock(
     draw: Callable[[MadeUpTime], None] = lambda _: None,
     delay: float = 0.0,
     wakes: tuple[float, ...] = (),
+    expects: tuple[float, ...] = (),
+    news: tuple[float, ...] | None = None,
     fps: int = 10,
 ) -> list[float]:
-    """The times at which frames go out."""
+    """The times at which frames go out; with `news` only when there are some."""
     loop = MadeUpTime()
     screen = Screen(loop)
     screen.delay = delay
+    fresh: list[int] = []
+
+    def drawn() -> bool:
+        draw(loop)
+        some = news is None or bool(fresh)
+        fresh.clear()
+        return some
 
     async def run() -> None:
-        clock = FrameClock(screen, lambda: draw(loop) is None, Pace(fps))  # type: ignore[arg-type]
+        clock = FrameClock(screen, drawn, Pace(fps))  # type: ignore[arg-type]
         screen.answer = clock.answered
         clock.start()
         for wake in wakes:
             loop.call_at(wake, clock.wake)
+        for order in expects:
+            loop.call_at(order, clock.expect)
+        for new in news or ():
+            loop.call_at(new, lambda: (fresh.append(0), clock.heard()))
         await asyncio.sleep(seconds)
         clock.stop()
 
@@ -209,3 +228,27 @@ def test_a_frame_that_had_to_wait_goes_out_with_the_answer() -> None:
     assert run_clock(0.6, delay=0.12, fps=30)[:4] == pytest.approx(
         [0.0, 0.033333, 0.12, 0.153333], abs=0.002
     )
+
+
+def test_the_clock_falls_into_step_with_the_news() -> None:
+    news = tuple(0.05 + tick / 10 for tick in range(10))
+    assert run_clock(1.0, news=news) == pytest.approx([round(at, 6) for at in news], abs=0.002)
+
+
+def test_news_that_come_at_their_time_now_and_then_are_all_shown() -> None:
+    """A tick for each frame, early and late by turns: none is skipped for it."""
+    news = tuple(0.05 + tick / 60 + 0.004 * (tick % 3) for tick in range(60))
+    assert len(run_clock(1.2, news=news, fps=60)) == 60
+
+
+def test_news_by_the_thousand_get_the_frames_that_were_asked_for() -> None:
+    news = tuple(tick / 1000 for tick in range(1000))
+    assert 10 <= len(run_clock(0.999, news=news)) <= 12
+
+
+def test_the_effect_of_an_order_is_shown_at_once() -> None:
+    news = (0.01, 0.13, 0.135, 0.3)
+    usual = run_clock(0.45, news=news)
+    assert usual == pytest.approx([0.01, 0.13, 0.23, 0.33], abs=0.002)
+    eager = run_clock(0.45, news=news, expects=(0.12,))
+    assert eager == pytest.approx([0.01, 0.13, 0.1467, 0.3], abs=0.002)

@@ -24,6 +24,7 @@ from tui.render.glyphs import ASCII, UNICODE
 from tui.render.scene import Floor, Scene
 from tui.render.styles import Look
 from tui.view import View
+from tui.widgets.figures import Figures
 from tui.widgets.inspector import Inspector
 from tui.widgets.legend import Legend
 from tui.widgets.lines import line, linked, robot_link, wrapped
@@ -201,3 +202,49 @@ def test_a_bar_shows_what_is_not_nothing() -> None:
     assert bar(0, 4, SIGNS) == "    "
     assert bar(0.5, 4, SIGNS) == "⣿⣿  "
     assert bar(1.0, 4, SIGNS) == "⣿⣿⣿⣿"
+
+
+def test_above_another_panel_the_figures_end_with_a_whole_part() -> None:
+    alone, two = busy(), moment(300, "tabletop-1", against="strategy.right_of_way=wait")
+    figures = Figures()
+    for view, width, begins in (
+        (alone, NARROW, "title"),
+        (alone, WIDE, "title"),
+        (two, 34, "plain"),
+    ):
+        lines = figures.written(view, width)
+        for most in range(9, 30):
+            rows = figures.rows_within(most)
+            assert most - 12 < rows <= most
+            assert lines[rows][0].look == begins and lines[rows][0].text[0] != " "
+
+
+def test_what_the_figures_show_above_another_panel_is_whole() -> None:
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        column = stage.widget
+        assert isinstance(column, PanelColumn)
+        column.show(busy())
+        await pilot.pause()
+        figures = column.figures
+        assert figures.size.height == figures.rows_within(15) < 15
+        column.set_class(True, "full")
+        await pilot.pause()
+        column.show(busy())
+        await pilot.pause()
+        assert figures.size.height == 30
+
+    on_stage(PanelColumn(LOOK, UNICODE), story, NARROW, 30)
+
+
+@pytest.mark.parametrize("width", [34, 41, 48])  # of the side beside 100, 120 and 140 columns
+def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        column = stage.widget
+        assert isinstance(column, PanelColumn)
+        column.styles.width = width
+        await pilot.pause()
+        words = said(column.tabs)[0]
+        assert len(words) < column.tabs.width and all(name in words for name, _ in TABS.values())
+        assert words.endswith("K") == (width > 40)
+
+    on_stage(PanelColumn(LOOK, UNICODE), story, width, 24)

@@ -12,10 +12,13 @@ from typing import Any
 import pytest
 from hand_clock import FLEET, Clock, clock, hand, live, recorded
 
-from automaton.history.run import LiveRun, Run
-from automaton.history.snapshot import LAYERS
+from automaton.history.live import LiveRun
+from automaton.history.run import Run
 from automaton.recording.verification import verify
-from tui.player import IDLE_S, REWIND, SPEEDS, TICKS_PER_S, Player, Shot
+from tui.options import SPEEDS
+from tui.player import IDLE_S, REWIND, TICKS_PER_S, Player
+from tui.render.scene import LAYERS
+from tui.shot import Shot
 
 __all__ = ["clock"]
 FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)

@@ -10,6 +10,7 @@ from hand_clock import FLEET, Clock, clock, hand, live, recorded
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
+from automaton.history.run import Run
 from tui.player import SHOT_S
 
 __all__ = ["clock"]
@@ -65,38 +66,84 @@ def test_when_one_of_two_fails_both_stay_together(clock: Clock) -> None:
 # Breakpoints
 
 
+def begins(run: Run, text: str) -> dict[int, list[int]]:
+    """Ticks at which a breakpoint begins to hold, and for which robots."""
+    point, found, before = breakpoint_of(text), {}, set[int]()
+    while run.tick != run.end:
+        run.show(run.tick + 1, 99)
+        now = set(point.test(run.shown, run.plan).tolist())
+        if now - before:
+            found[run.tick] = sorted(now - before)
+        before = now
+    return found
+
+
 @pytest.mark.parametrize(
     "text", ["delivered", "delivered 7", "stuck > 12", "circular wait", "loaded and y > 2"]
 )
 def test_it_stops_at_each_tick_where_a_condition_begins_to_hold(text: str, clock: Clock) -> None:
-    point, run = breakpoint_of(text), live(*FLEET)
-    begins, before = [], set()
-    while run.show(run.tick + 1, 99) and run.end is None:
-        now = set(point.test(run.shown, run.plan).tolist())
-        if now - before:
-            begins.append((run.tick, tuple(sorted(now - before))))
-        before = now
-    assert begins
+    stops = list(begins(live(*FLEET), text).items())[:6]
+    assert stops
     player = hand(clock)
-    player.set_breakpoints([point])
+    player.set_breakpoints([breakpoint_of(text)])
     player.set_speed(math.inf)
-    for tick, culprits in begins[:6]:
+    for tick, culprits in stops:
         player.play()
         shot = player.settle()
-        assert (shot.tick, shot.culprits) == (tick, culprits)
+        assert (shot.tick, list(shot.culprits)) == (tick, culprits)
         assert shot.stopped.startswith(f"{text}: robot {culprits[0]}") and not shot.playing
     player.step(1)
     assert player.settle().stopped == ""
 
 
-def test_no_breakpoint_stops_a_seek_or_the_way_back(clock: Clock) -> None:
+def test_every_way_forward_stops_at_a_breakpoint_but_no_jump_and_not_the_way_back(
+    clock: Clock,
+) -> None:
     player = hand(clock)
-    player.set_breakpoints([breakpoint_of("x >= 0")])
-    player.seek(60)
-    assert player.settle().tick == 60
-    player.set_speed(64)
+    player.set_speed(math.inf)
+    player.set_breakpoints([breakpoint_of("delivered")])
+    player.play()
+    first = player.settle().tick
+    assert first > 1
+    ways = (player.play, lambda: player.seek(first + 50, heeding=True), lambda: player.step(100))
+    for way in ways:
+        player.seek(first - 5)
+        assert player.settle().stopped == ""
+        way()
+        shot = player.settle()
+        assert shot.tick == first and shot.stopped.startswith("delivered: robot ")
+    player.step(1)
+    assert (player.settle().tick, player.latest().stopped) == (first + 1, "")
+    player.step(-1)
+    assert (player.settle().tick, player.latest().stopped) == (first, "")
+    player.seek(0)
+    player.seek(first + 50)
+    assert (player.settle().tick, player.latest().stopped) == (first + 50, "")
     player.play(-1)
     assert player.settle().tick == 0
+
+
+def test_of_two_runs_each_is_stopped_at_its_own_breakpoints(clock: Clock, tmp_path: Path) -> None:
+    runs = [recorded(tmp_path, 400), recorded(tmp_path, 399, "strategy.right_of_way=wait")]
+    mine, its = (begins(run, "stuck > 15") for run in runs)
+    player = hand(clock, *runs)
+    player.set_breakpoints([breakpoint_of("stuck > 15")])
+    player.set_speed(math.inf)
+    player.seek(0)
+    met = []
+    for tick in sorted({*mine, *its}):
+        player.play()
+        shot = player.settle()
+        sides = [side for side, found in enumerate((mine, its)) if tick in found]
+        assert (shot.tick, shot.side) == (tick, sides[0])
+        assert list(shot.culprits) == (mine, its)[sides[0]][tick]
+        named = [f"run {'AB'[side]}, robot {(mine, its)[side][tick][0]}" for side in sides]
+        told = [one.removesuffix(" and others") for one in shot.stopped.split("; ")]
+        assert told == [f"stuck > 15: {name}" for name in named]
+        met.append(sides)
+    assert [0, 1] in met and [1] in met  # both at once, and one alone
+    player.play()
+    assert player.settle().tick == 400
 
 
 def test_an_unreadable_recording_is_a_sentence(clock: Clock, tmp_path: Path) -> None:

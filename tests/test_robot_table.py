@@ -10,7 +10,7 @@ from panel_stage import NARROW, Stage, click, deadlocked, of_robot, on_stage, sa
 from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
-from tui.player import Figures
+from tui.shot import Figures
 from tui.view import View
 from tui.widgets.robot_columns import COLUMNS, ordered
 from tui.widgets.robots import Robots

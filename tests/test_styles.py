@@ -158,6 +158,16 @@ def test_without_colour_no_colour_is_sent_and_attributes_tell_what_needs_attenti
 
 
 @pytest.mark.parametrize("depth", Depth)
+def test_a_robot_that_waits_is_told_by_more_than_its_colour(depth: Depth) -> None:
+    look = Look(depth)
+    for paper in (FLOOR, styles.HEAT_5, styles.ZONE_2):
+        waits, drives = (look.attributes(style(ink, paper)) for ink in (styles.WAITS, styles.ROBOT))
+        assert waits.underline and not drives.underline
+    if depth != Depth.NONE:  # words in that colour are not underlined: they lead nowhere
+        assert not look.attributes(style(styles.WAITS, styles.VOID)).underline
+
+
+@pytest.mark.parametrize("depth", Depth)
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_rich_sends_the_same_colours(depth: Depth, theme: styles.Theme) -> None:
     from rich.color import ColorSystem

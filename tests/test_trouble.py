@@ -11,7 +11,8 @@ from hand_clock import FLEET, Clock, clock, hand, live
 
 from automaton.errors import InputError
 from automaton.history.keyframes import OBJECT_BYTES, Keyframes
-from automaton.history.run import LiveRun
+from automaton.history.live import LiveRun
+from automaton.recording.frames import StoredFrames
 from automaton.strategy.layer import Strategy
 from tui import player as player_module
 from tui.player import Player
@@ -89,7 +90,7 @@ def test_a_branch_is_given_up_when_the_viewer_is_left() -> None:
 def test_a_branch_that_does_not_fit_leaves_no_file(tmp_path: Path) -> None:
     run = live(*FLEET)
     run.show(100, 99)
-    run.frames.payloads.clear()  # so that its past cannot be computed again
+    run.frames = StoredFrames([])  # so that its past cannot be computed again
     with pytest.raises(InputError):
         run.branch((), tmp_path / "branch.rec")
     assert list(tmp_path.iterdir()) == []

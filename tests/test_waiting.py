@@ -12,7 +12,16 @@ from staged_runs import Staged
 from automaton.scenario.schema import Durations
 from automaton.strategy.layer import Strategy
 from automaton.world.state import GOAL_PICK, NIL, PAUSE, RETREAT, STEP
-from automaton.world.waiting import CAUSES, CYCLE, DEADLOCK, DEADLOCK_TICKS, MEMORY_TICKS
+from automaton.world.waiting import (
+    CAUSES,
+    CYCLE,
+    DEADLOCK,
+    DEADLOCK_TICKS,
+    LOST_EVER,
+    LOST_LATELY,
+    MEMORY_TICKS,
+    congestion_of,
+)
 
 
 class Answers(Strategy):
@@ -230,10 +239,13 @@ def test_after_idleness_a_wait_begins_anew() -> None:
 def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
     floor = Staged("AB", {"A": "E"}).tick(MEMORY_TICKS - 1)
     cell = floor.plan.cell(0, 0)
-    assert floor.run.watch.recent[cell] == floor.run.watch.waits[cell] == MEMORY_TICKS - 1
+    delay = floor.run.watch.delay[cell]
+    assert delay[LOST_LATELY] == delay[LOST_EVER] == MEMORY_TICKS - 1
     floor.tick()
-    assert floor.run.watch.recent[cell] == (MEMORY_TICKS - 1) // 2 + 1
-    assert floor.run.watch.waits[cell] == MEMORY_TICKS
+    assert delay[LOST_LATELY] == (MEMORY_TICKS - 1) // 2 + 1
+    assert delay[LOST_EVER] == MEMORY_TICKS
+    faded = congestion_of(floor.run.watch.delay, floor.run.tick + 2 * MEMORY_TICKS)
+    assert faded[cell] == delay[LOST_LATELY] // 4
 
 
 # Circles

@@ -11,7 +11,8 @@ import pytest
 from viewing import branch, record
 
 from automaton.commands import main
-from automaton.recording.frames import read_recording
+from automaton.errors import InputError
+from automaton.recording.frames import FRAME, PREAMBLE, TICKS, read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION
 from tui.divergence import first_difference
@@ -116,7 +117,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
     for arguments, sentence in (
         (["watch", "tabletop-mini", "--speed", "fast"], "'fast' is not a speed"),
         (["watch", "tabletop-mini", "--at", "-1"], "--at"),
-        (["watch", "tabletop-mini", "--fps", "0"], "'0' is no frame rate"),
+        (["watch", "tabletop-mini", "--fps", "0"], "'0' is not a frame rate: allowed are 1 to 120"),
         (["watch", "tabletop-mini", "--record", str(text)], "is no recording, so it is not"),
         (["watch", "tabletop-mini", "--record", "/nowhere/x.rec"], "there is no such folder"),
         (["replay", str(text)], "this is not a recording of automaton"),
@@ -125,6 +126,44 @@ def test_bad_input_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
         assert main(arguments) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
+
+
+def test_a_folder_that_takes_no_recording_is_told_before_anything_is_drawn(
+    state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(**_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tui.recordings.tempfile.TemporaryFile", refused)
+    assert main(["watch", "tabletop-mini"]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.count("\n") == 1
+    assert "cannot keep recordings here: Permission denied; --no-record does without" in told.err
+    assert str(state) in told.err
+
+
+def without_a_frame(data: bytes) -> bytes:
+    """A recording from whose middle a frame of ticks was cut out."""
+    begins, at = [], PREAMBLE.size
+    while at < len(data):
+        kind, length, _, _ = FRAME.unpack_from(data, at)
+        begins += [(at, at + FRAME.size + length)] if kind == TICKS else []
+        at += FRAME.size + length
+    begin, end = begins[len(begins) // 2]
+    return data[:begin] + data[end:]
+
+
+def test_a_damaged_recording_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, damaged = record(tmp_path / "a.rec"), tmp_path / "b.rec"
+    damaged.write_bytes(without_a_frame(whole.read_bytes()))
+    for paths in ((damaged,), (whole, damaged)):
+        assert main(["replay", *map(str, paths)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "the file was altered" in error
+    with pytest.raises(InputError, match="recording B has fewer ticks than it says"):
+        first_difference(read_recording(whole), read_recording(damaged))
 
 
 def test_only_the_newest_recordings_are_kept(tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
 from automaton.world.waiting import CAUSES
+from tui.widgets.lost import LETTERS, drawn, key, split
+from tui.widgets.signs import ASCII, UNICODE, Signs
 from tui.widgets.why import Why
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
@@ -86,9 +88,29 @@ def test_lost_time_is_split_by_cause_the_greatest_first() -> None:
     view = of_robot(deadlocked(), 1)
     lost = view.snapshot.robots.lost[1]
     said_then = shown(Why(), view).partition("time lost: ")[2]
-    assert said_then.startswith(f"{100 * lost[1:].sum() / 300:.0f} % of 300 ticks head-on")
+    assert said_then.startswith(f"{100 * lost[1:].sum() / 300:.0f} % of 300 ticks HHHH")
     for code in np.flatnonzero(lost).tolist():
-        assert CAUSES[code].name in said_then and f" {lost[code]} " in said_then
+        assert f" {LETTERS[code]} {CAUSES[code].name} " in said_then
+        assert f" {lost[code]} " in said_then
+
+
+def test_every_cause_has_a_letter_and_those_that_count_as_blocked_have_capitals() -> None:
+    assert len(set(LETTERS)) == len(LETTERS) == len(CAUSES)
+    for letter, cause in list(zip(LETTERS, CAUSES, strict=True))[1:]:
+        assert letter.isupper() == cause.blocked
+
+
+def test_the_whole_time_is_one_bar_in_which_no_cause_is_lost() -> None:
+    bar = split([(2, 0.5), (1, 0.25), (9, 0.001)], 20)
+    assert "".join(span.text for span in bar) == "HHHHHHHHHHQQQQQw...."
+
+
+@pytest.mark.parametrize("signs", [UNICODE, ASCII], ids=["unicode", "ascii"])
+def test_bars_of_blocked_and_of_other_time_differ_without_colours(signs: Signs) -> None:
+    queue, drawn_wait = (drawn(cause, 0.5, 8, signs).text for cause in (1, 9))
+    assert len(queue) == len(drawn_wait) == 8 and queue != drawn_wait
+    told = "".join(span.text for span in key([1, 9], signs))
+    assert queue[0] in told and drawn_wait[0] in told
 
 
 def test_without_a_robot_the_longest_waits_can_be_picked() -> None:

@@ -33,16 +33,18 @@ def screen_text(app: Viewer) -> str:
 class Watched:
     """A viewer, and somebody who uses it."""
 
-    def __init__(self, app: Viewer, pilot: Pilot[Any], patience: float = PATIENCE_S) -> None:
+    def __init__(self, app: Viewer, pilot: Pilot[Any]) -> None:
         self.app = app
         self.pilot = pilot
-        self.patience = patience
+        self.patience = PATIENCE_S
 
     async def until(self, condition: Callable[[], Any], what: str = "") -> None:
         """Wait until it holds, but not for ever."""
-        end = time.monotonic() + self.patience
+        begun = time.monotonic()
         while not condition():
-            assert time.monotonic() < end, what or "what was waited for did not come"
+            assert time.monotonic() - begun < self.patience, (
+                what or "what was waited for did not come"
+            )
             await asyncio.sleep(0.005)
 
     async def press(self, *keys: str) -> None:
@@ -107,12 +109,18 @@ def compared(folder: Path) -> Opening:
     return recorded(record(folder / "a.rec"), record(folder / "b.rec", waits))
 
 
+def laid_out(app: Viewer) -> bool:
+    """Whether the maps have their final size, and the camera knows it."""
+    rows = min(view.size.height for view in app.maps)
+    shown = all(view.shown is not None for view in app.maps)
+    return shown and 1 < rows == app.pictures.camera.rows
+
+
 @asynccontextmanager
 async def viewing(
     opening: Opening | None = None,
     size: tuple[int, int] = (120, 36),
     options: Options | None = None,
-    patience: float = PATIENCE_S,
     toasts: bool = False,
 ) -> AsyncIterator[Watched]:
     """A viewer whose run and panels are there."""
@@ -121,8 +129,7 @@ async def viewing(
         async with app.run_test(size=size, notifications=toasts) as pilot:
             user = Watched(app, pilot)
             await user.until(lambda: app.shot is not None and app.column is not None, app.error)
-            await user.until(lambda: app.column.is_mounted and app.maps[0].shown is not None)
-            user.patience = patience
+            await user.until(lambda: app.column.is_mounted and laid_out(app))
             yield user
     finally:
         app.close_runs()

@@ -5,15 +5,17 @@ from __future__ import annotations
 import asyncio
 import importlib
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from textual import events
 from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding
 from textual.containers import Container, Horizontal, Vertical
+from textual.filter import LineFilter
 from textual.screen import Screen
-from textual.widgets import Footer
+from textual.scrollbar import ScrollBar, ScrollBarRender
+from textual.widget import Widget
 
 from automaton.errors import InputError
 from automaton.world.state import NIL
@@ -21,17 +23,20 @@ from tui.actions.capture import CaptureActions
 from tui.actions.choose import ChooseActions
 from tui.actions.layers import LayerActions
 from tui.actions.map import MapActions
-from tui.bindings import ACTIONS, COMPARING, bindings
+from tui.ascii_only import AsciiOnly, WholeCells
+from tui.bindings import ACTIONS, COMPARING, bindings, key_text
 from tui.divergence import first_difference
 from tui.opening import Opening
 from tui.options import Options
 from tui.pace import quiet_collector
+from tui.render.glyphs import ASCII
 from tui.render.styles import Look
 from tui.screens.help import HelpScreen
 from tui.themes import themes
+from tui.widgets.keys import Keys
 from tui.widgets.map_view import MapView
 from tui.widgets.timeline import Timeline
-from tui.widgets.too_small import TooSmall
+from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
     from tui.player import Player
@@ -49,14 +54,13 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
     CSS_PATH = "viewer.tcss"
     ENABLE_COMMAND_PALETTE = True
     # What does not fit into a line is said over the map: status and time line stay readable.
-    CSS = "ToastRack { dock: top; align: right top; }"
+    CSS = """
+    ToastRack { dock: top; align: right top; }
+    Toast { width: 76; max-width: 100%; margin: 0; padding: 0 1; }
+    """
     # Textual declares these without ClassVar.
-    HORIZONTAL_BREAKPOINTS: ClassVar = [  # type: ignore[misc]
-        (0, "-narrow"),
-        (100, "-normal"),
-        (160, "-wide"),
-    ]
-    VERTICAL_BREAKPOINTS: ClassVar = [(0, "-low"), (30, "-high")]  # type: ignore[misc]
+    HORIZONTAL_BREAKPOINTS: ClassVar = ACROSS  # type: ignore[misc]
+    VERTICAL_BREAKPOINTS: ClassVar = DOWN  # type: ignore[misc]
     BINDINGS: ClassVar = [
         *bindings(),
         Binding("ctrl+c", "interrupt", show=False, priority=True, system=True),
@@ -67,9 +71,16 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
         for theme in themes():
             self.register_theme(theme)
         self.theme = f"automaton-{options.theme}"
+        self._spelling = [AsciiOnly()] if self.glyphs is ASCII else []
+        ScrollBar.renderer = WholeCells if self.glyphs is ASCII else ScrollBarRender
+        self._focused: Widget | None = None
         self.loop: asyncio.AbstractEventLoop | None = None
         self._ending = threading.Lock()
         self._ended = False
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """With --ascii nothing else gets to the terminal."""
+        return [*super().get_line_filters(), *self._spelling]
 
     def compose(self) -> ComposeResult:
         yield TooSmall()
@@ -85,7 +96,7 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
             yield self.info
             yield self.status
             yield self.timeline
-            yield Footer(show_command_palette=False, compact=True)
+            yield Keys(show_command_palette=False, compact=True)
 
     def on_mount(self) -> None:
         self.screen.set_class(self.opening.comparing, "-comparing")
@@ -112,6 +123,7 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
 
             importlib.import_module(PANELS_MODULE)
             player = self._playing_runs(Player(self.opening.begin()))
+            player.published = self.frames.heard
         except InputError as wrong:
             error = str(wrong)
         except Exception as wrong:
@@ -124,8 +136,17 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
             self.player = player
         self.call_later(self._opened, error)
         if self.opening.comparing:
+            self._compare()
+
+    def _compare(self) -> None:
+        """Find where two runs part; in the opening's thread."""
+        from tui.player import sentence
+
+        try:
             self.divergence = first_difference(*self.opening.recordings)
-            self.call_later(self.changed)
+        except Exception as wrong:
+            self.broken = sentence(wrong)
+        self.call_later(self.changed)
 
     def _playing_runs(self, player: Player) -> Player:
         player.set_speed(self.options.speed)
@@ -157,10 +178,22 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
     # What Textual tells.
 
     def on_resize(self, event: events.Resize) -> None:
-        small = self.query_one(TooSmall).measure(event.size.width, event.size.height)
-        self.screen_stack[0].set_class(small, "-too-small")
+        self.query_one(TooSmall).measure(*event.size)
+        classes = size_classes(*event.size)
+        self._keep_focus(classes["-tight"] or classes["-flat"])
+        for screen in self.screen_stack:  # Textual tells the one in front only
+            screen.update_classes(classes)
         self.presenter.terminal_resized()
         self.changed()
+
+    def _keep_focus(self, too_small: bool) -> None:
+        """What gives way to the message loses the focus; it gets it back."""
+        if too_small:
+            self._focused = self.screen.focused or self._focused
+        elif self.screen.focused is None:
+            last: Widget = self._focused or self.maps[0]
+            last = last if last.is_attached else self.maps[0]
+            self.call_after_refresh(lambda: last.focus() if last.screen is self.screen else None)
 
     def on_cursor_position(self) -> None:
         self.frames.answered()
@@ -173,10 +206,20 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """What cannot be done now is not in the palette."""
+        keys = self._keys()
         for action in ACTIONS:
             if action.id not in COMPARING or self.opening.comparing:
-                meaning = action.meaning or action.label
-                yield SystemCommand(action.label, meaning, getattr(self, f"action_{action.id}"))
+                named = " or ".join(key_text(key) for key in keys.get(action.id, ()))
+                told = f"{named}   {action.meaning}".strip()
+                yield SystemCommand(action.label, told, getattr(self, f"action_{action.id}"))
+
+    def _keys(self) -> dict[str, list[str]]:
+        """The keys that are bound to actions now, by id."""
+        keys: dict[str, list[str]] = {}
+        for key, binding in self._bindings:
+            if binding.id is not None:
+                keys.setdefault(binding.id, []).append(key)
+        return keys
 
     # The mouse.
 
@@ -192,7 +235,10 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
 
     def _split(self) -> None:
         """Put two maps where they are larger: beside or below each other."""
-        room = self.query_one("#maps")
+        rooms = self.query("#maps")
+        if not rooms:  # the viewer is being left
+            return
+        room = rooms.first()
         split = self.pictures.split(room.size.height, room.size.width)
         if split and (room.styles.layout is None or room.styles.layout.name != split):
             room.styles.layout = split
@@ -231,10 +277,11 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
             cell = self._cell_at(event.view, event.row, event.column)
             self.hovered = NIL if cell is None else cell
             self.hovered_side = self.maps.index(event.view)
+            self.pointing = True
             self.say_soon()
 
     def on_timeline_scrubbed(self, event: Timeline.Scrubbed) -> None:
-        self.go_to_tick(event.tick)
+        self.go_to_tick(event.tick, heeding=True)
 
     def on_timeline_moved(self, event: Timeline.Moved) -> None:
         if self.ready() and self.player is not None:
@@ -263,24 +310,23 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
     # What panels ask for.
 
     def on_robot_chosen(self, event: RobotChosen) -> None:
+        self.leave_full_panels()
         self.choose(event.robot)
         self.show_robot()
 
     def on_cell_chosen(self, event: CellChosen) -> None:
+        self.leave_full_panels()
         self.choose(cell=event.cell)
         self.show_cell(event.cell)
 
     def on_tick_chosen(self, event: TickChosen) -> None:
+        self.leave_full_panels()
         self.go_to_tick(event.tick)
 
     # Actions of the viewer itself.
 
     def action_help(self) -> None:
-        keys: dict[str, list[str]] = {}
-        for key, binding in self._bindings:
-            if binding.id is not None:
-                keys.setdefault(binding.id, []).append(key)
-        self.push_screen(HelpScreen(keys))
+        self.push_screen(HelpScreen(self._keys()))
 
     def action_theme(self) -> None:
         light = self.look.theme == "dark"

@@ -48,6 +48,9 @@ TOPICS: Final = (
             Action("go_to", "g", "Go to", "to a tick"),
             Action("next_event", "n", "Next", "to the next event, or of what was found"),
             Action("previous_event", "N", "Previous", "to the one before"),
+            Action("timeline_in", "Z", "Timeline nearer", "a shorter part in the timeline"),
+            Action("timeline_out", "X", "Timeline farther", "a longer part in the timeline"),
+            Action("timeline_whole", "A", "Timeline whole", "the whole run in the timeline"),
         ),
     ),
     Topic(
@@ -78,7 +81,7 @@ TOPICS: Final = (
             Action("previous_robot", "left_parenthesis", "Previous robot"),
             Action("clear", "escape", "Clear", "nothing selected, found or followed"),
             Action("why", "w", "Why", "why the robot waits", True),
-            Action("breakpoints", "b", "Stops", "conditions that stop the run", True),
+            Action("breakpoints", "b", "Stops", "conditions that stop the run on its way on", True),
             Action("branch", "B", "Branch", "go on with other settings from here"),
             Action("inspect", "i", "Inspect", "the robot, or the cell under the mouse"),
             Action("events", "e", "Events", "events: what happened", True),

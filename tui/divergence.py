@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.errors import InputError
 from automaton.recording.frames import Content, Recording, StoredFrames
 
 
@@ -19,7 +20,10 @@ class Divergence(NamedTuple):
 
 
 def first_difference(one: Recording, other: Recording) -> Divergence:
-    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell."""
+    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell.
+
+    Raises InputError for a recording in which ticks are missing.
+    """
     if not _same_start(one.header, other.header):
         return Divergence(0, "the runs differ from the start: another fleet, floor or order list")
     # Frames of their own: the player decodes the others in its thread.
@@ -59,6 +63,11 @@ def _common_stretches(
         left, right = one.ticks_with(tick), other.ticks_with(tick)
         if left is None or right is None:
             return
+        for name, frame in zip("AB", (left, right), strict=True):
+            if frame["first"] > tick:
+                raise InputError(
+                    f"recording {name} has fewer ticks than it says: the file was altered"
+                )
         end = min(frame["first"] + len(frame["did"]) - 1 for frame in (left, right))
         yield tick, end, left, right
         tick = end + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import MutableMapping
 
 from tui.opening import Opening
 from tui.options import Options
@@ -14,11 +15,13 @@ BAD_INPUT = 2  # a strategy that fails counts as such
 
 def show(opening: Opening, options: Options) -> int:
     """Show it until the user leaves; returns the exit code."""
-    if options.plain or os.environ.get("TERM") == "dumb" or not _has_terminal():
+    if options.plain or os.environ.get("TERM") == "dumb" or not (_in_browser() or _has_terminal()):
         from tui.plain import tell
 
         return tell(opening)
     os.environ.update(options.for_textual(os.environ))
+    if not _in_browser():
+        forget_size(os.environ)
     from tui.app import Viewer
     from tui.signals import handled
 
@@ -28,7 +31,7 @@ def show(opening: Opening, options: Options) -> int:
             viewer.run()
     finally:
         viewer.close_runs()
-    failed, error = viewer.error, ""
+    failed, error = viewer.error or viewer.broken, ""
     if viewer.shot is not None:
         failed, error = failed or viewer.shot.failed, viewer.shot.error
     if failed or error:
@@ -39,7 +42,10 @@ def show(opening: Opening, options: Options) -> int:
     runs = [*opening.files, *kept]
     if kept and len(runs) > 1:
         _say(f"to compare: {comparing_command(*runs[-2:])}")
-    return viewer.return_code or (BAD_INPUT if failed else 0)
+    bad = failed or (
+        error and not viewer.live
+    )  # a live run whose disk is full was shown all the same
+    return viewer.return_code or (BAD_INPUT if bad else 0)
 
 
 def _say(sentence: str) -> None:
@@ -50,7 +56,17 @@ def _say(sentence: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
+def forget_size(environ: MutableMapping[str, str]) -> None:
+    """Ask the terminal itself: what a shell has exported does not change when it is resized."""
+    for name in ("LINES", "COLUMNS"):
+        environ.pop(name, None)
+
+
+def _in_browser() -> bool:
+    """It has no terminal, but a driver of its own, which is told the size."""
+    return bool(os.environ.get("TEXTUAL_DRIVER"))
+
+
 def _has_terminal() -> bool:
-    """A browser's session has none, but a driver of its own."""
     streams = (sys.stdin, sys.stdout, sys.stderr)  # Textual draws on stderr
-    return bool(os.environ.get("TEXTUAL_DRIVER")) or all(stream.isatty() for stream in streams)
+    return all(stream.isatty() for stream in streams)

@@ -52,7 +52,7 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
     seed = resolved.scenario.seed
 
     def begin() -> list[Run]:
-        from automaton.history.run import LiveRun
+        from automaton.history.live import LiveRun
 
         return [LiveRun(resolved, seed, path)]
 

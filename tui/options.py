@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from tui.render.depth import Depth, depth_of, glyphs_of
-from tui.render.glyphs import GlyphSet
+from tui.render.glyphs import SHADED, UNICODE, GlyphSet
 from tui.render.styles import Theme
 
 if TYPE_CHECKING:  # Textual reads its variables when it is imported
     from tui.presenter import Renderer
 
+SPEEDS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)  # faster, slower
 COLOR_SYSTEMS = {
     Depth.NONE: "standard",
     Depth.SIXTEEN: "standard",
@@ -49,7 +51,9 @@ class Options:
 
     def glyphs(self, environ: Mapping[str, str]) -> GlyphSet:
         """The characters to use."""
-        return glyphs_of(environ, "ascii" if self.ascii else "auto")
+        glyphs = glyphs_of(environ, "ascii" if self.ascii else "auto")
+        bare = glyphs is UNICODE and self.depth(environ) == Depth.NONE
+        return SHADED if bare else glyphs
 
     def for_textual(self, environ: Mapping[str, str]) -> dict[str, str]:
         """Variables that Textual reads when it is imported, so that its colours are the map's.

@@ -8,6 +8,7 @@ frame + ESC[6n  ->  link  ->  terminal
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import math
 from collections import deque
@@ -19,10 +20,15 @@ from tui.presenter import Presenter
 SLOWER = (30, 15, 10)  # frames a second to which a slow link is taken down, step by step
 BLURRED = 0.5  # seconds between frames while the terminal's window is not the active one
 OBSTRUCTED = 0.1  # seconds between frames while the compositor has to repaint whole rows
-WOKEN = 1 / 60  # seconds between frames that keys and the mouse ask for
+WOKEN = 1 / 60  # seconds between frames that keys and the mouse ask for,
+SHARE = (
+    0.6  # and at most this share of the usual time between two: one that was late is made up for
+)
+EXPECTED = 0.05  # seconds within which the effect of an order is shown at once
 PATIENCE = 2.0  # seconds without an answer after which frames under way count as lost
 LONG_WAY = 0.150  # seconds there and back from which one frame under way is enough
-LARGE = 8192  # bytes of a frame from which one frame under way is enough
+SHORT_WAY = 0.02  # seconds there and back up to which a large frame is through at once
+LARGE = 8192  # bytes of a frame from which one frame under way is enough on a longer way
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
 WINDOW = 2.0  # seconds over which the link is judged
 
@@ -118,7 +124,8 @@ class Pace:
     def _window(self) -> float:
         if not self._answers:
             return math.inf
-        return 1 if self._round_trip > LONG_WAY or self._last_size > LARGE else 2
+        large = self._last_size > LARGE and not self._round_trip <= SHORT_WAY  # NaN: not known yet
+        return 1 if self._round_trip > LONG_WAY or large else 2
 
     def _give_up(self, now: float) -> None:
         """A terminal that never answered is not asked to; one that did has only stalled."""
@@ -144,7 +151,8 @@ class FrameClock:
     """One task with absolute deadlines (a Textual timer skips ticks when it is late).
 
     `draw` presents what has changed since it was last called and says whether anything had;
-    if nothing had, not a byte is written.
+    if nothing had, not a byte is written, and news get a frame as soon as they are heard. So the
+    clock falls into step with a player that makes a tick for each frame.
     """
 
     def __init__(self, presenter: Presenter, draw: Callable[[], bool], pace: Pace) -> None:
@@ -153,12 +161,16 @@ class FrameClock:
         self.pace = pace
         self._alarm = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._last = -math.inf
         self._waits = False
+        self._idle = False  # there was nothing to draw
+        self._expecting = -math.inf  # until when news are shown at once
 
     def start(self) -> None:
         """Begin; from the event loop."""
-        self._task = asyncio.get_running_loop().create_task(self._run(), name="frames")
+        self._loop = asyncio.get_running_loop()
+        self._task = self._loop.create_task(self._run(), name="frames")
         self._task.add_done_callback(self._ended)
 
     def stop(self) -> None:
@@ -169,6 +181,17 @@ class FrameClock:
     def wake(self) -> None:
         """A frame as soon as possible: a key was pressed, a robot has moved after a long rest."""
         self._alarm.set()
+
+    def expect(self) -> None:
+        """An order was given: what is heard next is to be shown at once."""
+        self._expecting = asyncio.get_running_loop().time() + EXPECTED
+
+    def heard(self) -> None:
+        """There may be something new to draw; from any thread."""
+        if self._loop is not None and (self._idle or self._loop.time() < self._expecting):
+            self._idle = False
+            with contextlib.suppress(RuntimeError):  # the program has just ended
+                self._loop.call_soon_threadsafe(self._alarm.set)
 
     def answered(self) -> None:
         """To be called for each `events.CursorPosition`."""
@@ -203,7 +226,7 @@ class FrameClock:
         await self._alarm.wait()
         timer.cancel()
         woken = loop.time() < deadline
-        pause = self._last + WOKEN - loop.time()
+        pause = self._last + min(WOKEN, SHARE * self.pace.interval()) - loop.time()
         if woken and pause > 0:
             await asyncio.sleep(min(pause, deadline - loop.time()))
         self._alarm.clear()
@@ -213,6 +236,7 @@ class FrameClock:
         with self._presenter.frame() as frame:
             if self._draw():
                 frame.acknowledged = True
+        self._idle = not frame.acknowledged
         if frame.acknowledged:
             self._last = now
             self.pace.sent(now, frame.size)

@@ -19,7 +19,7 @@ from tui.render.scene import NOTHING, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
-    from tui.player import Shot
+    from tui.shot import Shot
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
 MINIMAP_ROWS: Final = 12
@@ -64,6 +64,7 @@ class Pictures:
         robots = max(one.scenario.fleet.robots for one in opening.resolved)
         self.camera = Camera(opening.resolved[0].plan, 1, 1, robots)
         self.fitted = True  # the whole floor is to be seen, whatever the size
+        self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
 
     def resize(self, rows: int, columns: int) -> None:
         """The maps have another size."""
@@ -124,13 +125,9 @@ class Pictures:
         camera = self.camera
         if not choice.minimap or not camera.exceeds():
             return None
-        rows = min(camera.rows // MINIMAP_SHARE, MINIMAP_ROWS)
-        columns = min(camera.columns // MINIMAP_SHARE, MINIMAP_COLUMNS)
-        minimap = Minimap(camera, rows, columns)
-        height, width = minimap.camera.size()
-        minimap.camera.resize(min(height, rows), min(width, columns))
-        own = minimap.camera
-        return Corner(camera.rows - own.rows, camera.columns - own.columns, minimap)
+        if self._corner is None or self._corner[0] != (camera.rows, camera.columns):
+            self._corner = (camera.rows, camera.columns), _corner(camera)
+        return self._corner[1]
 
     def follow(self, shot: Shot, choice: Choice) -> bool:
         """Keep the selected robot away from the edges; whether the view has moved."""
@@ -148,6 +145,17 @@ class Pictures:
         before = self.camera.key
         self.camera.centre_on(cell)
         return self.camera.key != before
+
+
+def _corner(camera: Camera) -> Corner:
+    """A minimap in the lower right corner of what this camera shows; it looks at every cell."""
+    rows = min(camera.rows // MINIMAP_SHARE, MINIMAP_ROWS)
+    columns = min(camera.columns // MINIMAP_SHARE, MINIMAP_COLUMNS)
+    minimap = Minimap(camera, rows, columns)
+    height, width = minimap.camera.size()
+    minimap.camera.resize(min(height, rows), min(width, columns))
+    own = minimap.camera
+    return Corner(camera.rows - own.rows, camera.columns - own.columns, minimap)
 
 
 def robot_cell(shot: Shot, choice: Choice) -> int:

@@ -14,9 +14,9 @@ from automaton.recording.header import changed, resolved_of
 from automaton.run_report import print_report
 from automaton.scenario.resolve import Resolved
 from automaton.world.state import DELIVERED
-from automaton.world.waiting import NO_ORDER, NOT_WAITING
 from tui.divergence import first_difference
 from tui.opening import Opening
+from tui.tally import tally_of
 from tui.titles import branches_of
 
 SLICE_S: Final = 0.5
@@ -75,14 +75,10 @@ def _go_to(run: Run, tick: int) -> None:
 
 
 def _figures(run: Run) -> str:
-    orders = run.front.world.orders
-    done = int((orders.state == DELIVERED).sum())
+    now = tally_of(run.front)
     parked = int(run.front.world.robots.parked.sum())
-    cause = run.front.watch.cause
-    waits = (cause != NOT_WAITING) & (cause != NO_ORDER)
-    work = int((~waits & (run.front.world.robots.parked == 0)).sum())
-    robots = f"{work:,} work, {int(waits.sum()):,} wait, {parked:,} parked"
-    return f"tick {run.tick:,}: {done:,} of {len(orders.state):,} orders delivered, {robots}"
+    robots = f"{now.working:,} work, {now.waiting:,} wait, {parked:,} parked"
+    return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
 
 
 def _held(run: Run) -> Resolved:

@@ -12,60 +12,25 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
-
-import numpy as np
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import Breakpoint
 from automaton.history.run import SLICE_S, Run
-from automaton.history.snapshot import Snapshot, take_snapshot
-from automaton.metrics import OPERATIONS, executed_ticks, metrics_of
-from automaton.world.state import NIL, Array
+from automaton.history.snapshot import take_snapshot
+from automaton.world.state import NIL
+from tui.shot import Figures, Shot, figures_of
+from tui.stops import Hit, begun, held_by, reason
 
 TICKS_PER_S: Final = 10.0  # at speed x1
-SPEEDS: Final = (0.25, 0.5, 1, 2, 4, 8, 16, 32, 64, math.inf)
 REWIND: Final = 64.0  # the fastest way back
-SHOT_S: Final = 1 / 60  # between two shots while ticks fly by
+SHOT_S: Final = 0.012  # between two shots while ticks fly by: less than between two pictures
 FIGURES_S: Final = 0.3  # between two readings of the metrics
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
 RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
 PATIENCE_S: Final = 3.0  # with a strategy that is to be left
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Metrics of a run at a tick."""
-
-    tick: int
-    metrics: dict[str, float | int]  # of the fleet, by the names of automaton.metrics.GLOSSARY
-    operations: Array  # (n,) int64, by identity: operations begun
-    active: Array  # (n,) float64: share of ticks in which it did something
-
-
-@dataclass(frozen=True)
-class Shot:
-    """What there is to be seen, and how it goes on."""
-
-    seq: int
-    tick: int
-    runs: tuple[Run, ...]  # of which plan, header, resolved and chronicle may be read
-    snapshots: tuple[Snapshot, ...]
-    figures: tuple[Figures, ...]
-    playing: int  # -1 backwards, 0 paused, 1
-    asked: float  # ticks per second; math.inf = as fast as it goes
-    achieved: float
-    head: int  # the last tick that is known
-    known: int  # the last tick up to which events are known
-    end: int | None  # the last tick that there will be, if that is known
-    live: bool
-    stops: int  # how often breakpoints have stopped it
-    stopped: str  # why a breakpoint stopped it, or ""
-    culprits: tuple[int, ...]  # robots that a breakpoint was about
-    error: str  # why it cannot go on, or ""
-    failed: str = ""  # why a strategy could not go on, for as long as its run is there
 
 
 class Player:
@@ -78,18 +43,20 @@ class Player:
         self._alive = True
         self._direction, self._speed = 0, 1.0
         self._tick = 0
-        self._goal: int | None = None  # a tick to be shown, however long it takes
+        self._goal: int | None = None  # a tick to be shown, however long it takes,
+        self._heeding = False  # and whether breakpoints stop on the way
         self._anchor = (0.0, 0)  # time and tick at which the clock was set
         self._rate = (0.0, 0, 0.0)  # time and tick of the last measurement; ticks per second
         self._selected, self._layer = NIL, ""
         self._breakpoints: list[Breakpoint] = []
         self._stops, self._stopped, self._error = 0, "", ""
-        self._culprits: tuple[int, ...] = ()
+        self._hit: Hit | None = None  # the breakpoint that stopped it
         self._figures: tuple[Figures, ...] = ()
         self._figures_at = -math.inf
         self._stale = True
         for run in self.runs:
             run.give_up = self._given_up
+        self.published: Callable[[], None] = lambda: None  # called in the thread for each new shot
         self._shot = self._take_shot(0)
         self._thread = threading.Thread(target=self._carry_along, name="player", daemon=True)
         if start:
@@ -129,12 +96,12 @@ class Player:
         self._order(lambda: self._set_clock(self._direction, factor))
 
     def step(self, ticks: int) -> None:
-        """Pause, and show so many ticks later or earlier."""
-        self._order(lambda: self._aim((self._tick if self._goal is None else self._goal) + ticks))
+        """Pause, and show so many ticks later, unless a breakpoint comes before, or earlier."""
+        self._order(lambda: self._aim(self._aimed + ticks, heeding=True))
 
-    def seek(self, tick: int) -> None:
-        """Pause, and show a tick."""
-        self._order(lambda: self._aim(tick))
+    def seek(self, tick: int, heeding: bool = False) -> None:
+        """Pause, and show a tick; `heeding` breakpoints on the way forward stops at the first."""
+        self._order(lambda: self._aim(tick, heeding))
 
     def select(self, robot: int) -> None:
         """The robot whose route the snapshots give, or NIL."""
@@ -201,7 +168,7 @@ class Player:
 
     def _fail(self, error: Exception) -> None:
         """Stand still and say why; the screen goes on."""
-        self._error = _sentence(error)
+        self._error = sentence(error)
         self._stand()
         self._tick = min(run.tick for run in self.runs)
         with suppress(Exception):  # the same again: one sentence is enough
@@ -212,6 +179,7 @@ class Player:
             self._shot = replace(
                 self._shot, seq=self._shot.seq + 1, error=self._error, playing=0, achieved=0.0
             )
+        self.published()
 
     def _rest(self, busy: bool) -> None:
         """Wait for an order, or until the clock asks for the next tick."""
@@ -235,7 +203,7 @@ class Player:
 
     def _set_clock(self, direction: int, speed: float) -> None:
         if direction and not self._direction:
-            self._stopped, self._culprits, self._error = "", (), ""
+            self._forget()
         if (direction, speed) != (self._direction, self._speed):  # what was measured is of another
             self._rate = (time.monotonic(), self._tick, 0.0)
         self._direction, self._speed = direction, speed
@@ -243,12 +211,21 @@ class Player:
             self._goal = None
         self._anchor = (time.monotonic(), self._tick)
 
-    def _aim(self, tick: int) -> None:
+    @property
+    def _aimed(self) -> int:
+        """The tick that will be shown."""
+        return self._tick if self._goal is None else self._goal
+
+    def _aim(self, tick: int, heeding: bool = False) -> None:
         self._set_clock(0, self._speed)
-        self._stopped, self._culprits, self._error = "", (), ""
+        self._forget()
         ends = [run.end for run in self.runs]
         last = math.inf if None in ends else max(end for end in ends if end is not None)
-        self._goal = int(max(0, min(tick, last)))
+        self._goal, self._heeding = int(max(0, min(tick, last))), heeding
+
+    def _forget(self) -> None:
+        """Why it stood still is no matter any more."""
+        self._hit, self._stopped, self._error = None, "", ""
 
     def _choose(self, robot: int, layer: str) -> None:
         self._selected, self._layer = robot, layer
@@ -257,7 +234,7 @@ class Player:
         try:
             fresh = work(self.runs[0])
         except Exception as error:
-            done(_sentence(error))
+            done(sentence(error))
             return
         before, self.runs[0] = self.runs[0], fresh
         fresh.give_up = self._given_up
@@ -270,21 +247,33 @@ class Player:
     def _advance(self) -> None:
         """Bring all runs nearer to the tick that the clock or an order asks for."""
         goal = self._goal if self._goal is not None else self._due()
-        watched = self._goal is None and self._direction > 0 and self._breakpoints
+        heeding = self._heeding if self._goal is not None else self._direction > 0
         before = self._tick
-        if watched:
+        if heeding and self._breakpoints and goal > before:
             self._creep(goal)
         else:
             self._tick = self._show(goal)
         if self._tick != before:
             self._stale = True
         if self._tick == self._goal or (self._goal is not None and self._tick == before):
+            self._tell_lost_past()
             self._goal = None
         elif self._goal is None and self._at_an_end():
             self._set_clock(0, self._speed)
             self._stale = True
         elif math.isinf(self._pace) or self._tick != goal:
             self._anchor = (time.monotonic(), self._tick)
+
+    def _tell_lost_past(self) -> None:
+        """A tick was asked for that a long run without a recording does not keep."""
+        if self._goal is not None and self._goal < self._first <= self._tick:
+            self._error = f"what happened before tick {self._first:,} is not kept any more"
+            self._stale = True
+
+    @property
+    def _first(self) -> int:
+        """The first tick that can be shown."""
+        return max(run.first for run in self.runs)
 
     @property
     def _asked(self) -> float:
@@ -317,33 +306,26 @@ class Player:
         return common
 
     def _creep(self, tick: int) -> None:
-        """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold."""
+        """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold in a run."""
         until = time.monotonic() + SHOT_S
-        held = [self._holding(point) for point in self._breakpoints]
+        held = held_by(self._breakpoints, self.runs)
         while self._tick < tick and time.monotonic() < until and not self._at_an_end():
             self._tick = self._show(self._tick + 1)
-            now = [self._holding(point) for point in self._breakpoints]
-            for point, before, after in zip(self._breakpoints, held, now, strict=True):
-                fresh = np.setdiff1d(after, before)
-                if len(fresh):
-                    self._stop_at(point, fresh)
-                    return
+            now = held_by(self._breakpoints, self.runs)
+            hits = begun(self._breakpoints, held, now)
+            if hits:
+                self._stop_at(hits)
+                return
             held = now
 
-    def _holding(self, point: Breakpoint) -> Array:
-        run = self.runs[0]
-        return point.test(run.shown, run.plan)
-
-    def _stop_at(self, point: Breakpoint, robots: Array) -> None:
-        self._set_clock(0, self._speed)
+    def _stop_at(self, hits: Sequence[Hit]) -> None:
+        self._stand()
         self._stops += 1
-        self._culprits = tuple(int(robot) for robot in robots)
-        who = f"robot {self._culprits[0]}" + (" and others" if len(robots) > 1 else "")
-        self._stopped = f"{point.text}: {who}"
+        self._hit, self._stopped = hits[0], reason(hits, len(self.runs))
 
     def _at_an_end(self) -> bool:
         if self._direction < 0:
-            return self._tick == 0
+            return self._tick <= self._first
         return all(run.end is not None and self._tick >= run.end for run in self.runs)
 
     def _look_ahead(self) -> bool:
@@ -365,14 +347,14 @@ class Player:
             self._stale = True
         if self._stale and (now - self._published >= SHOT_S or not self._direction):
             self._shot = self._take_shot(self._shot.seq + 1)
+            self.published()
 
     def _take_shot(self, seq: int) -> Shot:
         self._stale = False
         self._published = now = time.monotonic()
         if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
             self._figures_at = now
-            self._figures = tuple(_figures(run) for run in self.runs)
-        ends = [run.end for run in self.runs]
+            self._figures = tuple(figures_of(run) for run in self.runs)
         failed = next((run.failed for run in self.runs if run.failed), "")
         trouble = next((run.trouble for run in self.runs if run.trouble), "")
         return Shot(
@@ -388,26 +370,19 @@ class Player:
             achieved=self._rate[2] if self._direction else 0.0,
             head=max(run.head for run in self.runs),
             known=min(run.chronicle.known for run in self.runs),
-            end=None if None in ends else max(end for end in ends if end is not None),
+            ends=tuple(run.end for run in self.runs),
             live=self.runs[0].live,
             stops=self._stops,
             stopped=self._stopped,
-            culprits=self._culprits,
+            culprits=() if self._hit is None else self._hit.robots,
+            side=0 if self._hit is None else self._hit.side,
             error=self._error or trouble,
             failed=failed,
         )
 
 
-def _sentence(error: Exception) -> str:
+def sentence(error: Exception) -> str:
+    """What went wrong, for the user."""
     if isinstance(error, InputError):
         return str(error)
     return f"internal error, {type(error).__name__}: {error}"
-
-
-def _figures(run: Run) -> Figures:
-    shown = run.shown
-    world = shown.world
-    by_identity = world.robots.at_index
-    active = executed_ticks(world)[by_identity, 1:].sum((1, 2)) / max(1, shown.tick)
-    operations = world.tally.times[by_identity][:, OPERATIONS].sum((1, 2))
-    return Figures(shown.tick, metrics_of(shown), operations, active)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,6 +30,7 @@ def new_recording(name: str, environ: Mapping[str, str]) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _tidy(folder)
+        tempfile.TemporaryFile(dir=folder).close()  # rights alone do not tell whether it works
     except OSError as error:
         raise InputError(
             f"cannot keep recordings here: {error.strerror}; --no-record does without", str(folder)

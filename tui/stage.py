@@ -19,7 +19,6 @@ from textual.notifications import SeverityLevel
 
 from automaton.units import unit
 from automaton.world.state import NIL
-from automaton.world.waiting import DEADLOCK, DELIVERED_ORDERS
 from tui.divergence import Divergence
 from tui.opening import Opening
 from tui.options import Options
@@ -34,6 +33,7 @@ from tui.widgets.line import Line, Word, word
 from tui.widgets.map_view import MapView
 from tui.widgets.status import (
     choice_words,
+    end_words,
     fleet_words,
     head_words,
     link_words,
@@ -44,13 +44,13 @@ from tui.widgets.timeline import Mark, Past, Timeline
 
 if TYPE_CHECKING:
     from automaton.history.run import Run
-    from tui.player import Player, Shot
+    from tui.player import Player
+    from tui.shot import Shot
     from tui.view import View
 
 LINES_S: Final = 0.1  # between two updates of the lines under the map
 PANELS_S: Final = 0.25
 STRAINED_S: Final = 1.0  # the same over a slow link
-ECHOES: Final = (0.004, 0.012, 0.03)  # seconds after an order at which its effect may be there
 NOTICE_S: Final = 5.0
 FAILURE_S: Final = 20.0
 NOTICE_INKS: Final = {
@@ -58,7 +58,12 @@ NOTICE_INKS: Final = {
     "warning": styles.LOADED,
     "error": styles.FAULT,
 }
-HINT: Final = "? help   space play   click a robot or a cell   ctrl+p all commands"
+HINTS: Final = (  # what there is to be done, what a click on it does, and its rank
+    ("? help", "help", 0),
+    ("space play", "play_pause", 1),
+    ("click a robot or a cell", "", 2),
+    ("ctrl+p all commands", "command_palette", 3),
+)
 
 
 class Notice(NamedTuple):
@@ -84,8 +89,10 @@ class Stage(App[None]):
         self.goal = options.at  # a tick on the way to which the run may end
         self.notice: Notice | None = None
         self.error = ""  # why there is nothing to be played
+        self.broken = ""  # why two runs cannot be compared
         self.hovered = NIL  # the cell under the mouse
         self.hovered_side = 0
+        self.pointing = False  # the mouse has been moved since something was chosen
         self.link_shown = False
         self.marks: list[Mark] = []  # breakpoints met, branches
         self.divergence: Divergence | None = None
@@ -125,9 +132,7 @@ class Stage(App[None]):
     def ordered(self) -> None:
         """The player was told something: its answer is to be seen as soon as it is there."""
         self._untold = True
-        loop = asyncio.get_running_loop()
-        for echo in ECHOES:
-            loop.call_later(echo, self.frames.wake)
+        self.frames.expect()
 
     def say_soon(self) -> None:
         """Only the lines under the map have something new to say."""
@@ -146,6 +151,7 @@ class Stage(App[None]):
         """A short one goes to the line above the status line; a long one over the map."""
         seconds = NOTICE_S if timeout is None else timeout
         if not self._fits_line(message):
+            self.clear_notifications()  # one at a time: many would cover the status line
             super().notify(message, title=title, severity=severity, timeout=seconds, markup=markup)
             return
         until = asyncio.get_running_loop().time() + seconds
@@ -160,6 +166,7 @@ class Stage(App[None]):
     def tell_failure(self) -> None:
         """The whole sentence, with the strategy's file and line."""
         if self.shot is not None:
+            self.clear_notifications()
             super().notify(self.shot.failed, severity="error", timeout=FAILURE_S, markup=False)
 
     def ready(self) -> bool:
@@ -186,6 +193,7 @@ class Stage(App[None]):
                 self.player.select(robot)
                 self.ordered()
         self.choice.robot, self.choice.cell = robot, cell
+        self.pointing = False
         self.changed()
 
     def show_cell(self, cell: int) -> None:
@@ -221,6 +229,8 @@ class Stage(App[None]):
         self._miss_goal(shot)
         if shot.stops > (0 if before is None else before.stops):
             self.marks.append(Mark(shot.tick, "stop"))
+            self.goal = None  # it is not on the way there any more
+            self.choice.side = shot.side
             if shot.culprits:
                 self.choose(shot.culprits[0])
                 self.show_robot()
@@ -278,19 +288,23 @@ class Stage(App[None]):
             state = "cannot run" if self.error else "the world is being built ..."
             changed |= self.status.say([word(state, styles.DIM)])
             return changed
-        words = time_words(shot, self.speed, self._unit, self.glyphs)
-        words += fleet_words(shot.snapshots[self.choice.side])
+        side = self.choice.side
+        words = time_words(shot, side, self.speed, self._unit, self.glyphs)
+        words += fleet_words(shot.snapshots[side])
         words += choice_words(self.choice.robot, self.choice.following, self.choice.layer)
         changed |= self.status.say(words, [self.mode(shot)])
         changed |= self.timeline.tell(self.past(shot))
+        changed |= self.say_titles()
         return changed
 
-    def say_titles(self) -> None:
-        """What the runs are called."""
-        for name, (own, common), head in zip("AB", self.opening.heads, self.heads, strict=False):
-            # Nothing at the right keeps a gap: the other head may follow at once.
-            head.say(head_words(f"{name} {own}", common, head.size.width - Line.GAP), [word("")])
-        self.title_line.say([word("automaton"), word(self.titles[0])])
+    def say_titles(self) -> bool:
+        """What the runs are called, and which of two has ended; whether anything changed."""
+        changed: bool = self.title_line.say([word("automaton"), word(self.titles[0])])
+        for side, (own, common) in enumerate(self.opening.heads):
+            head, end = self.heads[side], end_words(self.shot, side)
+            room = head.size.width - sum(len(one.glyphs) + Line.GAP for one in end)
+            changed |= head.say(head_words(f"{'AB'[side]} {own}", common, room), end)
+        return changed
 
     def mode(self, shot: Shot) -> Word:
         """Live, in the past of a live run, or recorded; and how the run ended."""
@@ -304,12 +318,10 @@ class Stage(App[None]):
     def past(self, shot: Shot) -> Past:
         """What the timeline shows."""
         chronicle = self.runs[self.choice.side].chronicle
-        curve, events = chronicle.curve, chronicle.events
-        deadlocks = events[events[:, 1] == DEADLOCK, 0].tolist()
-        marks = [Mark(tick, "deadlock") for tick in deadlocks] + self.marks
+        marks = [Mark(tick, "deadlock") for tick in chronicle.deadlocks.tolist()] + self.marks
         if self.divergence is not None and self.divergence.tick is not None:
             marks.append(Mark(self.divergence.tick, "difference"))
-        return Past(shot.tick, shot.head, shot.end, curve[:, DELIVERED_ORDERS], tuple(marks))
+        return Past(shot.tick, shot.head, shot.end, chronicle.curve, tuple(marks))
 
     def _message(self) -> list[Word]:
         """The most important of what there is to say."""
@@ -317,20 +329,23 @@ class Stage(App[None]):
         if self.notice is not None and asyncio.get_running_loop().time() < self.notice.until:
             return [self.notice.words]
         self.notice = None
-        error = self.error or (shot.error if shot is not None else "")
+        error = self.error or self.broken or (shot.error if shot is not None else "")
         if error:
             return [word(error, styles.FAULT, "play_pause")]
         if shot is not None and shot.stopped:
             return [word(f"stopped: {shot.stopped}", styles.CURSOR, "breakpoints")]
-        cell = self.hovered if self.hovered != NIL else self.choice.cell
-        if cell != NIL:
-            side = self.hovered_side if self.hovered != NIL else self.choice.side
-            return [word(describe(self.pictures.scene(shot, self.choice, side), cell))]
+        if self.hovered != NIL:
+            return [self._described(self.hovered, self.hovered_side)]
         if shot is not None and shot.failed:
             return [word(shot.failed, styles.FAULT, "play_pause")]
+        if self.choice.cell != NIL:
+            return [self._described(self.choice.cell, self.choice.side)]
         if self.divergence is not None:
             return [word(self.divergence.text, styles.MARKED, "next_difference")]
-        return [word(HINT, styles.DIM)]
+        return [word(text, styles.DIM, action, rank) for text, action, rank in HINTS]
+
+    def _described(self, cell: int, side: int) -> Word:
+        return word(describe(self.pictures.scene(self.shot, self.choice, side), cell))
 
     def _link(self) -> list[Word]:
         return link_words(self.frames.figures()) if self.link_shown else []

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from automaton.world.state import DELIVERED
-from automaton.world.waiting import NO_ORDER, NOT_WAITING
+from automaton.world.state import DELIVERED, Array
+from automaton.world.waiting import NOT_WAITING, waits
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.history.snapshot import Snapshot
+    from automaton.simulation import Simulation
 
 
 class Tally(NamedTuple):
@@ -26,13 +27,20 @@ class Tally(NamedTuple):
 def tally(snapshot: Snapshot) -> Tally:
     """Count them. Who is parked or has no order neither works nor waits."""
     robots = snapshot.robots
-    waiting = (robots.cause != NOT_WAITING) & (robots.cause != NO_ORDER)
-    working = (robots.cause == NOT_WAITING) & (robots.parked == 0)
-    state = snapshot.orders.state
+    return _counted(robots.cause, robots.parked, robots.ring, snapshot.orders.state)
+
+
+def tally_of(simulation: Simulation) -> Tally:
+    """The same of an observed simulation."""
+    world, watch = simulation.world, simulation.watch
+    return _counted(watch.cause, world.robots.parked, watch.ring, world.orders.state)
+
+
+def _counted(cause: Array, parked: Array, ring: Array, orders: Array) -> Tally:
     return Tally(
-        working=int(np.count_nonzero(working)),
-        waiting=int(np.count_nonzero(waiting)),
-        circling=int(np.count_nonzero(robots.ring)),
-        delivered=int(np.count_nonzero(state == DELIVERED)),
-        orders=len(state),
+        working=int(np.count_nonzero((cause == NOT_WAITING) & (parked == 0))),
+        waiting=int(np.count_nonzero(waits(cause))),
+        circling=int(np.count_nonzero(ring)),
+        delivered=int(np.count_nonzero(orders == DELIVERED)),
+        orders=len(orders),
     )

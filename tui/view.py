@@ -11,7 +11,7 @@ from automaton.history.run import Run
 from automaton.history.snapshot import Snapshot
 from automaton.world.plan import FloorPlan
 from automaton.world.state import NIL
-from tui.player import Shot
+from tui.shot import Shot
 
 
 @dataclass(frozen=True)

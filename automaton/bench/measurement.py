@@ -29,6 +29,7 @@ class Measurement(NamedTuple):
     prepare: Callable[[], Sample]  # builds what is needed, outside the measured time
     warm_up: bool = True  # False: the first sample counts
     at_most: int = 1_000_000  # samples, where one takes long
+    at_least: int = 1  # samples, where a target is told for so many
 
 
 class Figure(NamedTuple):
@@ -46,7 +47,8 @@ def take(measurement: Measurement, repeat: int) -> Figure:
     sample = measurement.prepare()
     if measurement.warm_up:
         sample()
-    values = [sample() for _ in range(min(repeat, measurement.at_most))]
+    samples = max(min(repeat, measurement.at_most), measurement.at_least)
+    values = [sample() for _ in range(samples)]
     figures = (rounded(f(values)) for f in (statistics.median, min, max))
     return Figure(measurement.name, measurement.unit, *figures)
 

@@ -9,7 +9,8 @@ import argparse
 from fractions import Fraction
 from pathlib import Path
 
-from automaton.commands.watch import fps, tick, viewer
+from automaton.commands.arguments import frame_rate, tick, whole
+from automaton.commands.watch import viewer
 from automaton.errors import InputError
 
 SPEEDS = (Fraction(1, 100), Fraction(10_000))
@@ -23,10 +24,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--from", type=tick, metavar="TICK", dest="first", help="the first tick shown (0)")
     add("--to", type=tick, metavar="TICK", dest="last", help="the last one")
     add("--speed", type=speed, metavar="F", help="x1 is 10 ticks a second")
-    add("--fps", type=fps, metavar="N", help="pictures a second at most (10)")
+    add("--fps", type=frame_rate, metavar="N", help="pictures a second at most (10)")
     add("--size", type=size, metavar="COLSxROWS", help="of the screen; else as the floor needs")
     add("--zoom", default="fit", metavar="ZOOM", help="fit, 3x1, 2x1, 1x1, half, braille-1, ...")
-    add("--follow", type=robot, default=-1, metavar="ROBOT", help="select it, and its route")
+    add(
+        "--follow",
+        type=whole("a robot", 0),
+        default=-1,
+        metavar="ROBOT",
+        help="select it, and its route",
+    )
     add("--layer", default="", metavar="NAME", help="visits, waiting, congestion or flow")
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
@@ -54,13 +61,6 @@ def size(text: str) -> tuple[int, int]:
     if not (columns.isdecimal() and rows.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 80x24")
     return int(columns), int(rows)
-
-
-def robot(text: str) -> int:
-    """The number of a robot."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a robot: allowed are 0, 1, 2 and so on")
-    return int(text)
 
 
 def run(args: argparse.Namespace) -> int:

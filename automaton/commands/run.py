@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from automaton.commands.arguments import add_scenario_arguments, whole
 from automaton.errors import InputError
 from automaton.scenario.resolve import Resolved, resolve
 
@@ -27,27 +28,13 @@ REFRESH_S = 0.2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton run`."""
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="KEY=VALUE",
-        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
-    )
+    add_scenario_arguments(parser)
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep every tick in FILE")
-    parser.add_argument("--until", type=ticks, metavar="TICK", help="stop there, if not before")
+    parser.add_argument(
+        "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
+    )
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
-
-
-def ticks(text: str) -> int:
-    """A tick, counted from 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a tick: allowed are 1, 2, 3 and so on")
-    return int(text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,24 +12,21 @@ import socket
 import sys
 from typing import Any
 
+from automaton.commands.arguments import add_scenario_arguments, whole
 from automaton.errors import InputError
 from automaton.scenario.resolve import resolve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton serve`."""
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="KEY=VALUE",
-        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
-    )
+    add_scenario_arguments(parser)
     parser.add_argument("--host", default="127.0.0.1", help="where to listen (127.0.0.1)")
-    parser.add_argument("--port", type=port, default=8000, help="8000 unless given; 0: a free one")
+    parser.add_argument(
+        "--port",
+        type=whole("a port", 0, 65535),
+        default=8000,
+        help="8000 unless given; 0: a free one",
+    )
     parser.add_argument(
         "--public-url", metavar="URL", help="what browsers call it, if not http://HOST:PORT"
     )
@@ -37,39 +34,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     token.add_argument("--token", help="instead of a random one; others on this machine can see it")
     token.add_argument("--no-token", action="store_true", help="let in everybody on this machine")
     parser.add_argument(
-        "--sessions", type=count, default=4, metavar="N", help="at most so many at once (4)"
+        "--sessions",
+        type=whole("a number of sessions", 1),
+        default=4,
+        metavar="N",
+        help="at most so many at once (4)",
     )
     parser.add_argument(
         "--idle",
-        type=seconds,
-        default=1800.0,
+        type=whole("a time", 0),
+        default=1800,
         metavar="SECONDS",
         help="end a session that nobody touched for so long (1800); 0: never",
     )
     parser.add_argument(
         "--interactive", action="store_true", help="let browsers change runs and fetch files"
     )
-
-
-def port(text: str) -> int:
-    """A TCP port; 0 stands for a free one."""
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a port: allowed are 0 to 65535")
-    return int(text)
-
-
-def count(text: str) -> int:
-    """A number of sessions."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of sessions: 1, 2, 3 and so on")
-    return int(text)
-
-
-def seconds(text: str) -> float:
-    """A time in whole seconds."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time: allowed are 0, 1, 2 and so on")
-    return float(text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,23 +11,13 @@ import os
 from pathlib import Path
 from typing import Any
 
+from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
 from automaton.scenario.resolve import resolve
-
-SPEEDS = (0.25, 64.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton watch`."""
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="settings",
-        metavar="KEY=VALUE",
-        help="change a value of the scenario, such as fleet.robots=3; may be repeated",
-    )
+    add_scenario_arguments(parser)
     recording = parser.add_mutually_exclusive_group()
     recording.add_argument(
         "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
@@ -44,8 +34,8 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--speed", type=speed, default=1.0, metavar="F", help="x1 is 10 ticks a second; or max")
     add("--at", type=tick, metavar="TICK", help="begin at this tick, paused")
     add("--paused", action="store_true", help="do not begin to play")
-    add("--fps", type=fps, default=30, metavar="N", help="pictures a second at most (30)")
-    add("--max-kbit", type=kbit, metavar="N", help="send at most so many kbit/s")
+    add("--fps", type=frame_rate, default=30, metavar="N", help="pictures a second at most (30)")
+    add("--max-kbit", type=whole("a rate", 8), metavar="N", help="send at most so many kbit/s")
     add("--renderer", choices=("auto", "direct", "textual"), default="auto", help="of the map")
     add("--ascii", action="store_true", help="no characters beyond ASCII in the map")
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
@@ -59,33 +49,12 @@ def speed(text: str) -> float:
         factor = float("inf") if text == "max" else float(text.removeprefix("x"))
     except ValueError:
         factor = float("nan")
-    least, most = SPEEDS
+    least, *_, most, _ = viewer("options").SPEEDS
     if text != "max" and not least <= factor <= most:
         raise argparse.ArgumentTypeError(
             f"{text!r} is not a speed: allowed are {least:g} to {most:g}, and max"
         )
     return factor
-
-
-def tick(text: str) -> int:
-    """A tick, counted from 0."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a tick: allowed are 0, 1, 2 and so on")
-    return int(text)
-
-
-def fps(text: str) -> int:
-    """Pictures a second."""
-    if not text.isdecimal() or not 1 <= int(text) <= 120:
-        raise argparse.ArgumentTypeError(f"{text!r} is no frame rate: allowed are 1 to 120")
-    return int(text)
-
-
-def kbit(text: str) -> float:
-    """Kilobits a second."""
-    if not text.isdecimal() or int(text) < 8:
-        raise argparse.ArgumentTypeError(f"{text!r} is no rate: allowed are 8, 9, 10 and so on")
-    return float(text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -21,7 +21,7 @@ from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
 from automaton.world.plan import FloorPlan
 from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
-from automaton.world.waiting import CAUSES, DEADLOCK_TICKS, NO_ORDER, NOT_WAITING, Observation
+from automaton.world.waiting import CAUSES, DEADLOCK_TICKS, Observation, waits
 
 FIELDS: Final = {  # name: what it is, of one robot
     "robot": "its number",
@@ -200,7 +200,6 @@ def _fields(
     steps: Array,
 ) -> Fields:
     cell = np.where(robots.cell == NIL, robots.bay, robots.cell)
-    waits = (watch.cause != NOT_WAITING) & (watch.cause != NO_ORDER)
     return {
         "robot": number,
         "x": cell % plan.stride - 1,
@@ -208,7 +207,7 @@ def _fields(
         "loaded": (robots.load != NIL).astype(np.int64),
         "load": robots.load,
         "order": robots.order,
-        "waiting": np.where(waits, tick - watch.since, 0),
+        "waiting": np.where(waits(watch.cause), tick - watch.since, 0),
         "cause": watch.cause.astype(np.int64),
         "action": robots.action.astype(np.int64),
         "busy": robots.busy.astype(np.int64),

@@ -1,16 +1,23 @@
-"""What happened in a run, as far as it is known: its events, and a few figures of every tick."""
+"""What happened in a run, as far as it is known: its events, and a few figures over time.
+
+Both are bounded, however long a run gets: of the figures, every second row is let go where there
+are too many, of the events the oldest ones.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from automaton.simulation import Simulation
-from automaton.world.state import NIL, TICK, Array
-from automaton.world.waiting import CURVE_COLUMNS, EVENT_NAMES, EVENTS, ROWS
+from automaton.world.state import TICK, Array
+from automaton.world.waiting import CURVE_COLUMNS, DEADLOCK, EVENTS, ROWS
 
 EVENT_COLUMNS = 5
+KEPT_EVENTS: Final = 500_000  # 10 MB
+KEPT_DEADLOCKS: Final = 1000
+KEPT_ROWS: Final = 1 << 18  # of the curve: 3 MB, and every tick of a run of so many
 
 
 class Event(NamedTuple):
@@ -22,42 +29,99 @@ class Event(NamedTuple):
     subject: int
     value: int
 
-    @property
-    def name(self) -> str:
-        return EVENT_NAMES[self.code]
+
+class Log(NamedTuple):
+    """The rows that are kept; they do not change any more."""
+
+    rows: Array  # (N, columns) int32; the first column holds ticks, ascending
+    dropped: int  # rows before them that are not kept
+
+    def index_at(self, tick: int) -> int:
+        """How many of the rows there are up to and with a tick."""
+        return int(np.searchsorted(self.rows[:, 0], tick, side="right"))
 
 
 class Growing:
-    """An array that rows are appended to; readers in other threads see whole rows only."""
+    """An array that rows are appended to; readers in other threads see whole rows only.
 
-    def __init__(self, columns: int) -> None:
-        self._rows = np.zeros((1024, columns), np.int32)
-        self._count = 0
+    Beyond `most` rows, the oldest ones go, half of them at a time.
+    """
+
+    def __init__(self, columns: int, most: int) -> None:
+        self._most = most
+        self._room = np.zeros((1024, columns), np.int32)
+        self.log = Log(self._room[:0], 0)
 
     def append(self, rows: Array) -> None:
         """Add rows at the end."""
-        count = self._count + len(rows)
-        if count > len(self._rows):
-            grown = np.zeros((2 * count, self._rows.shape[1]), np.int32)
-            grown[: self._count] = self._rows[: self._count]
-            self._rows = grown
-        self._rows[self._count : count] = rows
-        self._count = count
+        kept, dropped = self.log
+        count = len(kept) + len(rows)
+        if count <= len(self._room):
+            self._room[len(kept) : count] = rows
+        else:
+            going = count - self._most // 2 if count > self._most else 0
+            whole = np.concatenate((kept, rows))[going:]
+            count, dropped = len(whole), dropped + going
+            self._room = np.zeros(
+                (max(count, min(2 * count, self._most)), whole.shape[1]), np.int32
+            )
+            self._room[:count] = whole
+        self.log = Log(self._room[:count], dropped)
 
-    @property
-    def rows(self) -> Array:
-        """(N, columns) int32, not to be written to."""
-        count = self._count
-        found: Array = self._rows[:count]
+
+class Curve(NamedTuple):
+    """Figures over time: row k tells of tick (k + 1) * every."""
+
+    rows: Array  # (N, CURVE_COLUMNS) int32; columns in world.waiting
+    every: int  # ticks, a power of two
+    ticks: int  # how far it tells
+
+    def at(self, ticks: Array, column: int) -> Array:
+        """A figure at these ticks, or at the last ticks before them of which there is a row.
+
+        0 before the first row.
+        """
+        row = np.minimum(np.asarray(ticks) // self.every, len(self.rows)) - 1
+        if not len(self.rows):
+            return np.zeros(row.shape, np.int64)
+        found: Array = np.where(row >= 0, self.rows[np.maximum(row, 0), column], 0).astype(np.int64)
         return found
+
+    def until(self, tick: int) -> Curve:
+        """As it was known at a tick."""
+        tick = min(tick, self.ticks)
+        return Curve(self.rows[: tick // self.every], self.every, tick)
+
+
+class Thinning:
+    """A curve that rows are appended to, one for each tick; it keeps `most` rows at most."""
+
+    def __init__(self, columns: int, most: int) -> None:
+        self._most = most
+        self._rows = Growing(columns, most)
+        self.curve = Curve(self._rows.log.rows, 1, 0)
+
+    def append(self, rows: Array) -> None:
+        """Add the rows of the next ticks."""
+        _, every, ticks = self.curve
+        end = ticks + len(rows)
+        while end // every > self._most:
+            thin = self._rows.log.rows[1::2]
+            self._rows = Growing(thin.shape[1], self._most)
+            self._rows.append(thin)
+            every *= 2
+        first = every - 1 - ticks % every  # the first of the rows whose tick is a multiple
+        self._rows.append(rows[first::every])
+        self.curve = Curve(self._rows.log.rows, every, end)
 
 
 class Chronicle:
     """Give it to a simulation as `on_observe`: it takes each tick once, however often it is played."""
 
     def __init__(self) -> None:
-        self._events = Growing(EVENT_COLUMNS)
-        self._curve = Growing(CURVE_COLUMNS)
+        self._events = Growing(EVENT_COLUMNS, KEPT_EVENTS)
+        self._deadlocks = Growing(1, KEPT_DEADLOCKS)
+        self._curve = Thinning(CURVE_COLUMNS, KEPT_ROWS)
 
     def __call__(self, simulation: Simulation) -> None:
         """Take what the buffers of an observation hold, and empty them."""
@@ -67,48 +131,46 @@ class Chronicle:
         if fresh > 0:
             self._curve.append(watch.curve[rows - fresh : rows])
             events = watch.events[: watch.count[EVENTS]]
-            self._events.append(events[events[:, 0] > last - fresh])
+            events = events[events[:, 0] > last - fresh]
+            self._events.append(events)
+            self._deadlocks.append(events[events[:, 1] == DEADLOCK, :1])
         simulation.empty_observation()
 
     @property
     def known(self) -> int:
         """The last tick of which it tells."""
-        return len(self._curve.rows)
+        return self._curve.curve.ticks
+
+    @property
+    def log(self) -> Log:
+        """The events that are kept: (N, 5) int32, ascending ticks: tick, code, robot, subject, value."""
+        return self._events.log
 
     @property
     def events(self) -> Array:
-        """(N, 5) int32, ascending ticks: tick, code, robot, subject, value."""
-        return self._events.rows
+        """The rows of the log."""
+        return self._events.log.rows
 
     @property
-    def curve(self) -> Array:
-        """(known, CURVE_COLUMNS) int32: row t - 1 tells of tick t; columns in world.waiting."""
-        return self._curve.rows
+    def deadlocks(self) -> Array:
+        """(N,) int32: the last ticks at which a circle had lasted too long."""
+        ticks: Array = self._deadlocks.log.rows[:, 0]
+        return ticks
+
+    @property
+    def curve(self) -> Curve:
+        """Robots that wait and work, and deliveries, over time."""
+        return self._curve.curve
 
     def event(self, index: int) -> Event:
         """One event of the list."""
-        return Event(*(int(value) for value in self.events[index]))
+        return event_of(self.events[index])
 
     def index_at(self, tick: int) -> int:
-        """How many events there are up to and with a tick."""
-        return int(np.searchsorted(self.events[:, 0], tick, side="right"))
+        """How many of the kept events there are up to and with a tick."""
+        return self.log.index_at(tick)
 
 
-def event_text(event: Event) -> str:
-    """An event in words."""
-    texts = {
-        "took": f"takes order {event.subject}",
-        "picked up": f"picks up load {event.subject}",
-        "set down": f"sets load {event.subject} down on the way",
-        "delivered": f"delivers load {event.subject}",
-        "left bay": "leaves its bay",
-        "parked": "is parked",
-        "withdrew": f"withdraws {event.value} step{'s' if event.value != 1 else ''}",
-        "gave back": f"gives order {event.subject} back",
-        "charges": f"charges for {event.value} ticks",
-        "illegal answer": "loses a tick to an illegal answer",
-        "circular wait": f"closes a circle of {event.value} waiting robots",
-        "deadlock": f"has been in a circle of {event.value} waiting robots for too long",
-    }
-    who = "" if event.robot == NIL else f"robot {event.robot} "
-    return who + texts[event.name]
+def event_of(row: Array) -> Event:
+    """A row of a log."""
+    return Event(*(int(value) for value in row))

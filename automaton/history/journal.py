@@ -4,49 +4,65 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
+from typing import Final
 
-from automaton.recording.frames import HEADER, Content, Payload, StoredFrames, framed, payload_of
+from automaton.history.frame_store import BUDGET, FrameStore
+from automaton.recording.frames import (
+    FRAME,
+    HEADER,
+    PREAMBLE,
+    Content,
+    Payload,
+    StoredFrames,
+    framed,
+    payload_of,
+)
 from automaton.recording.recorder import Capture, RecordingFile
 from automaton.scenario.resolve import Resolved
 
-DIGEST_EVERY = 64  # ticks; digests of every tick would be most of a small fleet's recording
+DIGEST_TICKS: Final = 64  # digests of every tick would be most of a small fleet's recording
 
 
 class Journal(Capture):
-    """Keeps a run's frames in memory, and in a file once it is told to."""
+    """Keeps a run's frames: in a file if one is given, otherwise in memory within a budget."""
 
-    def __init__(self, resolved: Resolved, seed: int) -> None:
-        self._payloads: list[Payload] = []
-        self._head: Payload | None = None
-        self.frames = StoredFrames(self._payloads)
-        self.file: RecordingFile | None = None
+    def __init__(
+        self, resolved: Resolved, seed: int, path: Path | None = None, budget: int = BUDGET
+    ) -> None:
+        """Raises InputError if the file cannot be written."""
+        self._store = FrameStore(budget)
+        self.frames = StoredFrames(self._store)
         self.trouble = ""  # why the file is not written any more
+        self.file = None if path is None else RecordingFile(path)
+        self._size = PREAMBLE.size  # of the file
+        if self.file is not None:
+            self._store.read_from(self.file.part)
         super().__init__(resolved, seed)
 
-    def write_to(self, path: Path) -> None:
-        """Write all frames to a file, too, from the first on. Raises InputError if it cannot."""
-        assert self._head is not None
-        self.file = RecordingFile(path)
-        for payload in (self._head, *self._payloads):
-            self._append(payload)
+    @property
+    def first(self) -> int:
+        """The ticks after this one can be played again."""
+        return self._store.first
 
     def write(self, kind: int, content: Content) -> None:
         payload = payload_of(kind, content)
-        if kind == HEADER:
-            self._head = payload
-        else:
-            self._payloads.append(payload)
-        self._append(payload)
+        place = self._written(payload)
+        if kind != HEADER:
+            self._store.append(payload, place)
 
-    def _append(self, payload: Payload) -> None:
-        """A full disk ends the file, not the run."""
+    def _written(self, payload: Payload) -> int | None:
+        """Where in the file its bytes are; a full disk ends the file, not the run."""
         if self.file is None or self.trouble:
-            return
+            return None
+        place = self._size + FRAME.size
         try:
             self.file.write(framed(payload))
         except OSError as error:
             self.trouble = f"{self.file.path}: recording has stopped: {error.strerror}"
             self.abandon()
+            return None
+        self._size = place + len(payload.data)
+        return place
 
     def abandon(self) -> None:
         """Write no more; what is there stays as FILE.part, an older FILE as it is."""

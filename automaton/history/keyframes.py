@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.world.carry import copy_clock, state_arrays
 from automaton.world.state import TICK, Array, World
 from automaton.world.waiting import Observation
@@ -45,35 +46,47 @@ class Keyframes:
 
     def __init__(self, world: World, watch: Observation, budget: int = BUDGET) -> None:
         self.budget = budget
+        self.ticks: list[int] = []  # those that can be gone back to at once, ascending
         self._base = {name: array.copy() for name, array in state_arrays(world, watch)}
         self._frames: list[Keyframe] = []
         self._bytes = 0
         self.keep(world, watch)
 
-    @property
-    def ticks(self) -> list[int]:
-        """The ticks that can be gone back to at once."""
-        return [frame.tick for frame in self._frames]
+    def before(self, tick: int) -> int:
+        """The last of the ticks up to this one. Raises InputError if there is none any more."""
+        place = bisect_right(self.ticks, tick)
+        if not place:
+            raise InputError(f"what happened before tick {self.ticks[0]:,} is not kept any more")
+        return self.ticks[place - 1]
 
     def keep(self, world: World, watch: Observation) -> None:
         """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
         tick = int(world.clock[TICK])
-        if self._frames and tick <= self._frames[-1].tick:
+        if self.ticks and tick <= self.ticks[-1]:
             return
         arrays = {
             name: _delta(array, self._base[name]) for name, array in state_arrays(world, watch)
         }
         frame = Keyframe(tick, arrays, _routes(world), world.clock.copy())
         self._frames.append(frame)
+        self.ticks.append(tick)
         self._bytes += frame.nbytes
         while self._bytes > self.budget and len(self._frames) > 2:
-            ticks = self.ticks
-            gaps = [after - before for before, after in zip(ticks, ticks[2:], strict=False)]
-            self._bytes -= self._frames.pop(1 + gaps.index(min(gaps))).nbytes
+            ticks = np.array(self.ticks)
+            self._drop(1 + int(np.argmin(ticks[2:] - ticks[:-2])))
+
+    def forget_until(self, tick: int) -> None:
+        """States before this tick are of no use any more; the newest one stays."""
+        while len(self.ticks) > 1 and self.ticks[0] < tick:
+            self._drop(0)
+
+    def _drop(self, index: int) -> None:
+        self._bytes -= self._frames.pop(index).nbytes
+        del self.ticks[index]
 
     def restore(self, tick: int, world: World, watch: Observation) -> int:
         """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick."""
-        frame = self._frames[bisect_right(self.ticks, tick) - 1]
+        frame = self._frames[bisect_right(self.ticks, self.before(tick)) - 1]
         for name, array in state_arrays(world, watch):
             where, values = frame.arrays[name]
             if where is None:

@@ -86,7 +86,9 @@ class Playback:
         """Bring the run to a tick; the last one recorded if there are not so many."""
         tick = min(tick, self.frames.last_tick)
         at = self.tick
-        nearest = max((t for t in self.keyframes.ticks if t <= tick), default=0)
+        if tick == at:
+            return
+        nearest = self.keyframes.before(tick)
         if tick < at or nearest > at:
             self._rebuild_for(nearest)
             world, watch = self.simulation.world, self.simulation.watch

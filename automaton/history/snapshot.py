@@ -9,15 +9,13 @@ import numpy as np
 
 from automaton.simulation import Simulation
 from automaton.world.state import NIL, TICK, Array
-from automaton.world.waiting import MEMORY_TICKS
+from automaton.world.waiting import LOST_EVER, congestion_of, visits_of
 
 FLEET: Final = (  # fields of world.robots
     *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
     *("goal", "stand", "home", "bay", "parked", "zone", "blocked", "withdrawing"),
 )
 WATCHED: Final = ("cause", "blocker", "wanted", "since", "ring", "lost")  # of the observation
-HEAT: Final = ("visits", "waiting", "congestion")
-LAYERS: Final = ("", *HEAT, "flow", "zones")
 
 
 @dataclass(frozen=True)
@@ -135,11 +133,9 @@ def _route(simulation: Simulation, selected: int) -> Array:
 def _heat(simulation: Simulation, layer: str) -> Array | None:
     watch = simulation.watch
     if layer == "visits":
-        return watch.visits.copy()
+        return visits_of(watch.flow, simulation.world.grid.offset)
     if layer == "waiting":
-        return watch.waits.copy()
+        return watch.delay[:, LOST_EVER].copy()
     if layer == "congestion":
-        halvings = np.minimum((simulation.tick - watch.recent_at) // MEMORY_TICKS, 31)
-        faded: Array = watch.recent >> halvings
-        return faded
+        return congestion_of(watch.delay, simulation.tick)
     return None

@@ -3,6 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.motion import U
 from automaton.recording.codes import (
     ACTION_MASK,
     DID_CHARGE,
@@ -20,6 +21,7 @@ from automaton.world.waiting import (
     DEADLOCK,
     DEADLOCK_TICKS,
     DELIVERED_AT,
+    EVENTFUL,
     EVENTS,
     GAVE_BACK,
     OUT_OF_BAY,
@@ -28,19 +30,21 @@ from automaton.world.waiting import (
     REFUSED_ANSWER,
     SET_DOWN,
     TOOK,
+    WAITERS,
     WITHDREW,
 )
 
 MOST_EVENTS = 7  # of one robot in one tick
-IN_CYCLE = NIL  # value of observation.color
+IN_CYCLE = NIL  # value of scratch.color
 
 
 @kernel
 def note_events(world, watch):
     """Append what happened in this tick, by identity; call after `observe`."""
-    robots = world.robots
-    for identity in range(robots.cell.shape[0]):
-        i = np.int64(robots.at_index[identity])
+    robots, scratch = world.robots, watch.scratch
+    for k in range(scratch.count[EVENTFUL]):
+        i = np.int64(scratch.eventful[U(k)])
+        identity = np.int64(robots.identity[i])
         order, before = np.int64(robots.order[i]), np.int64(watch.order_before[i])
         did = np.int64(robots.did[i])
         if did & LEFT_BAY:
@@ -56,8 +60,6 @@ def note_events(world, watch):
         watch.set_down[i] = watch.load_before[i] if did & ACTION_MASK == DID_DROP else NIL
         watch.order_before[i] = order
         watch.load_before[i] = robots.load[i]
-        watch.busy_before[i] = robots.busy[i]
-        watch.cause_before[i] = watch.cause[i]
 
 
 @kernel
@@ -92,21 +94,28 @@ def note_action(world, watch, i, identity, action):
 
 @kernel
 def find_cycles(world, watch):
-    """Mark the robots on cycles of blockers: each robot has one at most, so a walk finds them."""
-    robots = world.robots
-    watch.color[:] = 0
-    for identity in range(robots.cell.shape[0]):
-        start = np.int64(robots.at_index[identity])
-        if watch.blocker[start] == NIL or watch.color[start]:
+    """Mark the robots on cycles of blockers: each robot has one at most, so a walk finds them.
+
+    Whoever has a blocker is among those that `observe` has listed.
+    """
+    robots, scratch = world.robots, watch.scratch
+    color = scratch.color
+    waiters = scratch.count[WAITERS]
+    for k in range(waiters):
+        color[U(scratch.waiters[U(k)])] = 0
+    for k in range(waiters):
+        start = np.int64(scratch.waiters[U(k)])
+        if watch.blocker[U(start)] == NIL or color[U(start)]:
             continue
         i = start
-        while watch.color[i] == 0 and watch.blocker[i] != NIL:
-            watch.color[i] = start + 1
-            i = np.int64(robots.at_index[watch.blocker[i]])
-        if watch.color[i] == start + 1 and watch.blocker[i] != NIL:
+        while watch.blocker[U(i)] != NIL and color[U(i)] == 0:
+            color[U(i)] = start + 1
+            i = np.int64(robots.at_index[U(watch.blocker[U(i)])])
+        if watch.blocker[U(i)] != NIL and color[U(i)] == start + 1:
             close_cycle(world, watch, i)
-    for i in range(robots.cell.shape[0]):
-        if watch.color[i] != IN_CYCLE:
+    for k in range(waiters):
+        i = U(scratch.waiters[U(k)])
+        if color[i] != IN_CYCLE:
             watch.ring[i] = 0
 
 
@@ -118,8 +127,8 @@ def close_cycle(world, watch, first):
     youngest = np.int64(watch.ring[first])
     name = np.int64(robots.identity[first])
     i = first
-    while watch.color[i] != IN_CYCLE:
-        watch.color[i] = IN_CYCLE
+    while watch.scratch.color[i] != IN_CYCLE:
+        watch.scratch.color[i] = IN_CYCLE
         youngest = min(youngest, np.int64(watch.ring[i]))
         name = min(name, np.int64(robots.identity[i]))
         members += 1

@@ -1,85 +1,84 @@
 """What is watched in every tick of an observed run: who waits for whom and why, events, heat maps.
 
-After motion, in passes over the robots: who holds which cell; who waits, for which cell and which
-robot; who kept whom from swapping; the cause, which depends on what the blocker does; cycles of
-robots that wait for each other. Nothing here writes to the world.
+After motion, one pass over the robots finds who got on and who waits for which cell; whoever drives
+or works costs no more than this. Only when somebody waits, further passes over those who do: who
+holds the cells that are waited for; who kept whom from swapping; the cause, which depends on what
+the blocker does; cycles of robots that wait for each other. Nothing here writes to the world.
 """
 
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.blockers import find_blockers
 from automaton.kernels.motion import (
+    AHEAD,
+    CAPACITY,
     LIVE,
     MOVED,
     NO_TURN,
     REFUSED,
     U,
-    direction_between,
     resource_of,
 )
+from automaton.kernels.prefetch import prefetch
 from automaton.recording.codes import (
     ACTION_MASK,
     DID_BAY_BLOCKED,
     DID_BLOCKED,
+    DID_CHARGE,
+    DID_DROP,
     DID_ILLEGAL,
+    DID_PICK,
     DID_WAIT,
     DID_WITHDRAW,
+    INTO_BAY,
+    LEFT_BAY,
 )
 from automaton.world.state import (
     GOAL_NONE,
-    MOVE,
     NIL,
     TICK,
     UNDELIVERED,
     WAIT,
 )
 from automaton.world.waiting import (
-    AT_WORK,
     BAY_HELD,
     DELIVERED_ORDERS,
-    HEAD_ON,
-    HOLDINGS,
+    EVENTFUL,
     ILLEGAL_ANSWER,
-    IN_THE_WAY,
-    JUST_FREED,
+    IS_EVENTFUL,
+    IS_WAITING,
     LANE,
-    LOST_CONTEST,
-    MEMORY_TICKS,
     NO_ORDER,
     NO_PLACE,
     NO_ROUTE,
     NOT_WAITING,
-    PASSING,
-    QUEUE,
     ROWS,
+    UNDECIDED,
     WAIT_DRAWN,
+    WAITERS,
     WAITING_ROBOTS,
     WITHDRAWAL,
     WORKING_ROBOTS,
 )
 
-CAPACITY = 5  # shift of the class of capacity in a cell's rule
-UNDECIDED = 255  # waits for a cell; the cause depends on its holder
+MARKS = 8  # in a word
+TOLD_OF = LEFT_BAY | INTO_BAY  # flags and actions that are events
+TOLD_ACTIONS = (
+    (1 << DID_PICK) | (1 << DID_DROP) | (1 << DID_CHARGE) | (1 << DID_ILLEGAL) | (1 << DID_WITHDRAW)
+)
 
 
 @kernel
 def observe(world, watch):
     """Note what this tick was like."""
-    place_holders(world, watch)
-    for i in range(world.robots.cell.shape[0]):
-        find_wait(world, watch, i)
-    for identity in range(world.robots.cell.shape[0]):
-        find_refused_swap(world, watch, np.int64(world.robots.at_index[identity]))
-    waiting = 0
-    working = 0
-    for i in range(world.robots.cell.shape[0]):
-        if watch.cause[i] == UNDECIDED:
-            watch.cause[i] = cause_of_wait(world, watch, i)
-        add_up(world, watch, i)
-        if watch.cause[i] != NOT_WAITING and watch.cause[i] != NO_ORDER:
-            waiting += 1
-        elif world.robots.parked[i] == 0 and watch.cause[i] == NOT_WAITING:
-            working += 1
+    waiting, working, marked = look_at_all(world, watch)
+    watch.scratch.count[WAITERS] = 0
+    watch.scratch.count[EVENTFUL] = 0
+    if marked:
+        line_up(world, watch)
+    if watch.scratch.count[WAITERS]:
+        find_blockers(world, watch)
     row = watch.count[ROWS]
     watch.curve[row, WAITING_ROBOTS] = waiting
     watch.curve[row, WORKING_ROBOTS] = working
@@ -88,199 +87,187 @@ def observe(world, watch):
 
 
 @kernel
-def hold(world, watch, cell, direction, i):
-    """Robot i holds its lane of a limited cell."""
-    capacity = (np.int64(world.grid.rule[U(cell)]) >> CAPACITY) & 3
-    if capacity == 0:
-        return
-    entry = cell
-    if capacity == 2 and direction >> 1:
-        entry += world.grid.rule.shape[0]
-    k = watch.count[HOLDINGS]
-    watch.holder[U(entry)] = i
-    watch.holdings[U(k)] = entry
-    watch.count[HOLDINGS] = k + 1
+def look_at_all(world, watch):
+    """One pass: moves, waits and events; returns how many wait, work, and have to be gone through."""
+    robots, scratch = world.robots, watch.scratch
+    want, did, cause = world.traffic.want, robots.did, watch.cause
+    busy, busy_before = robots.busy, watch.busy_before
+    order, order_before = robots.order, watch.order_before
+    load, load_before = robots.load, watch.load_before
+    waiting = 0
+    working = 0
+    marked = 0
+    for i in range(did.shape[0]):
+        if i + AHEAD < did.shape[0]:
+            fetch_move(world, watch, i + AHEAD)
+        w = np.int64(want[U(i)])
+        told = np.int64(did[U(i)])
+        mark = 0
+        now = NOT_WAITING
+        if w & MOVED:
+            count_move(world, watch, i, w & 3)
+        elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
+            now = find_wait(world, watch, i, w, told & ACTION_MASK)
+        if now == NOT_WAITING:
+            if cause[U(i)] != NOT_WAITING:
+                end_wait(watch, i)
+            if robots.parked[U(i)] == 0:
+                working += 1
+        else:
+            note_wait(world, watch, i, now)
+            if now != NO_ORDER:
+                waiting += 1
+                mark = IS_WAITING
+        busy_before[U(i)] = busy[U(i)]
+        if (
+            told & TOLD_OF
+            or (TOLD_ACTIONS >> (told & ACTION_MASK)) & 1
+            or order[U(i)] != order_before[U(i)]
+            or load[U(i)] != load_before[U(i)]
+            or watch.set_down[U(i)] != NIL
+        ):
+            mark |= IS_EVENTFUL
+        if mark:
+            scratch.marks[U(robots.identity[U(i)])] = mark
+            marked += 1
+    return waiting, working, marked
+
+
+@kernel(inline=True)
+def fetch_move(world, watch, i):
+    """Ask for the words of the map of moves that a robot stored a little later needs."""
+    want = np.int64(world.traffic.want[U(i)])
+    cell = np.int64(world.robots.cell[U(i)])
+    if want & MOVED and cell >= 0:
+        prefetch(watch.flow, U(4 * (cell - world.grid.offset[U(want & 3)])))
 
 
 @kernel
-def place_holders(world, watch):
-    """Enter who holds each resource after the motion of this tick."""
+def count_move(world, watch, i, direction):
+    """Enter a move of robot i into the map of moves."""
     robots = world.robots
-    for k in range(watch.count[HOLDINGS]):
-        watch.holder[U(watch.holdings[U(k)])] = NIL
-    watch.count[HOLDINGS] = 0
-    for i in range(robots.cell.shape[0]):
-        cell = np.int64(robots.cell[U(i)])
-        if cell == NIL:
-            continue
-        travel = np.int64(robots.travel[U(i)])
-        hold(world, watch, cell, travel, i)
-        claim = np.int64(robots.claim[U(i)])
-        if claim == cell:
-            hold(world, watch, cell, travel ^ 2, i)
-        elif claim != NIL:
-            hold(world, watch, claim, direction_between(world.grid, cell, claim), i)
+    entered = np.int64(robots.claim[U(i)])
+    if entered == NIL:  # it has arrived; one that moved home may be in its bay already
+        entered = np.int64(robots.cell[U(i)])
+        if entered == NIL:
+            entered = np.int64(robots.home[U(i)])
+    watch.flow[U(entered - world.grid.offset[U(direction)]), U(direction)] += 1
 
 
 @kernel
-def holder_of(world, watch, cell, direction):
-    """Storage index of the robot in the way of one that travels in `direction` into `cell`, or NIL."""
-    word = np.int64(world.traffic.occupancy[U(cell)])
-    entry = resource_of(word, cell, direction, world.grid.rule.shape[0])
-    return np.int64(watch.holder[U(entry)])
+def end_wait(watch, i):
+    """Robot i gets on again."""
+    watch.cause[U(i)] = NOT_WAITING
+    watch.blocker[U(i)] = NIL
+    watch.wanted[U(i)] = NIL
+    watch.ring[U(i)] = 0
+
+
+@kernel
+def note_wait(world, watch, i, cause):
+    """Robot i lost this tick; a wait for an order and a wait on the way begin anew."""
+    before = np.int64(watch.cause[U(i)])
+    if before == NOT_WAITING or (before == NO_ORDER) != (cause == NO_ORDER):
+        watch.since[U(i)] = world.clock[TICK] - 1
+    watch.cause[U(i)] = cause
+    if cause == NO_ORDER:
+        watch.ring[U(i)] = 0
+        watch.lost[U(i), U(NO_ORDER)] += 1
+
+
+@kernel
+def line_up(world, watch):
+    """List the robots that wait, and those with something to tell, by identity; clears the marks."""
+    scratch, at_index = watch.scratch, world.robots.at_index
+    waiters = 0
+    eventful = 0
+    for word in range(scratch.words.shape[0]):
+        if scratch.words[U(word)] == 0:
+            continue
+        for identity in range(MARKS * word, MARKS * (word + 1)):
+            mark = np.int64(scratch.marks[U(identity)])
+            if mark & IS_WAITING:
+                scratch.waiters[U(waiters)] = at_index[U(identity)]
+                waiters += 1
+            if mark & IS_EVENTFUL:
+                scratch.eventful[U(eventful)] = at_index[U(identity)]
+                eventful += 1
+        scratch.words[U(word)] = 0
+    scratch.count[WAITERS] = waiters
+    scratch.count[EVENTFUL] = eventful
 
 
 @kernel
 def wait_for(world, watch, i, cell, direction, cause):
     """Robot i waits for a cell; UNDECIDED becomes a cause when all robots are looked at."""
-    holder = holder_of(world, watch, cell, direction)
-    watch.wanted[i] = cell
-    watch.blocker[i] = NIL if holder == NIL else world.robots.identity[holder]
-    watch.cause[i] = cause
+    word = np.int64(world.traffic.occupancy[U(cell)])
+    entry = resource_of(word, cell, direction, world.grid.rule.shape[0])
+    prefetch(watch.scratch.holder, U(entry))
+    watch.scratch.entry[U(i)] = entry
+    watch.wanted[U(i)] = cell
+    return cause
 
 
 @kernel
-def find_wait(world, watch, i):
-    """Whether robot i did not get on in this tick, and the cell that it waits for."""
+def find_wait(world, watch, i, want, did):
+    """Why robot i, which did not move, does not get on; enters the cell that it waits for."""
     robots = world.robots
-    watch.cause[i] = NOT_WAITING
-    watch.blocker[i] = NIL
-    watch.wanted[i] = NIL
-    want = np.int64(world.traffic.want[i])
-    did = np.int64(robots.did[i]) & ACTION_MASK
-    if want & MOVED:
-        return
+    watch.blocker[U(i)] = NIL
+    watch.wanted[U(i)] = NIL
+    watch.scratch.entry[U(i)] = NIL
     if did == DID_WITHDRAW:
-        watch.cause[i] = WITHDRAWAL
-    elif did == DID_ILLEGAL:
-        watch.cause[i] = ILLEGAL_ANSWER
-    elif did == DID_BAY_BLOCKED:
-        home = np.int64(robots.home[i])
-        wait_for(world, watch, i, home, np.int64(robots.heading[i]), BAY_HELD)
-        if watch.blocker[i] == NIL:
-            watch.cause[i] = JUST_FREED
-    elif want == NO_TURN:
-        wait_to_turn(world, watch, i)
-    elif want & LIVE and want & REFUSED:
+        return WITHDRAWAL
+    if did == DID_ILLEGAL:
+        return ILLEGAL_ANSWER
+    if did == DID_BAY_BLOCKED:
+        home = np.int64(robots.home[U(i)])
+        return wait_for(world, watch, i, home, np.int64(robots.heading[U(i)]), BAY_HELD)
+    if want == NO_TURN:
+        return wait_to_turn(world, watch, i)
+    if want & LIVE and want & REFUSED:
         direction = want & 3
-        cell = np.int64(robots.cell[i]) + world.grid.offset[direction]
-        wait_for(world, watch, i, cell, direction, UNDECIDED)
-    elif did == DID_WAIT or did == DID_BLOCKED:
-        find_next_cell(world, watch, i)
-    elif watch.busy_before[i] > 0:
-        if robots.action[i] == WAIT:
-            find_next_cell(world, watch, i)
-    elif did == 0 and robots.parked[i] == 0:
-        find_idleness(world, watch, i)
+        cell = np.int64(robots.cell[U(i)]) + world.grid.offset[U(direction)]
+        return wait_for(world, watch, i, cell, direction, UNDECIDED)
+    if did == DID_WAIT or did == DID_BLOCKED:
+        return find_next_cell(world, watch, i)
+    if watch.busy_before[U(i)] > 0:
+        return find_next_cell(world, watch, i) if robots.action[U(i)] == WAIT else NOT_WAITING
+    if did == 0 and robots.parked[U(i)] == 0:
+        return find_idleness(world, watch, i)
+    return NOT_WAITING
 
 
 @kernel
 def find_next_cell(world, watch, i):
     """Robot i waits before the next cell of its route, or before the turn towards it."""
     robots, grid = world.robots, world.grid
-    cell = np.int64(robots.cell[i])
-    if robots.at[i] >= robots.length[i]:
-        watch.cause[i] = WAIT_DRAWN
-        watch.wanted[i] = robots.stand[i]
-        return
-    direction = np.int64(robots.route[i, robots.at[i]])
-    if direction & (grid.headings - 1) != robots.heading[i]:
-        wait_to_turn(world, watch, i)
-        return
-    wait_for(world, watch, i, cell + grid.offset[direction], direction, UNDECIDED)
+    cell = np.int64(robots.cell[U(i)])
+    if robots.at[U(i)] >= robots.length[U(i)]:
+        watch.wanted[U(i)] = robots.stand[U(i)]
+        return WAIT_DRAWN
+    direction = np.int64(robots.route[U(i), U(robots.at[U(i)])])
+    if direction & (grid.headings - 1) != robots.heading[U(i)]:
+        return wait_to_turn(world, watch, i)
+    return wait_for(world, watch, i, cell + grid.offset[U(direction)], direction, UNDECIDED)
 
 
 @kernel
 def wait_to_turn(world, watch, i):
     """Robot i is about to turn: only in a passing aisle can another one keep it."""
-    cell = np.int64(world.robots.cell[i])
-    watch.wanted[i] = cell
-    watch.cause[i] = WAIT_DRAWN
-    if (np.int64(world.grid.rule[U(cell)]) >> CAPACITY) & 3 == 2:
-        wait_for(world, watch, i, cell, np.int64(world.robots.travel[i]) ^ 2, LANE)
-        if watch.blocker[i] == NIL:
-            watch.cause[i] = WAIT_DRAWN
-
-
-@kernel
-def find_refused_swap(world, watch, i):
-    """Robot i was refused a cell held by one that wanted to come out to it: that one waits for i too.
-
-    Its way was free but for this rule, where it would have entered a cell for several robots.
-    """
-    robots = world.robots
-    if watch.blocker[i] == NIL or np.int64(world.traffic.want[i]) & REFUSED == 0:
-        return
-    q = np.int64(robots.at_index[watch.blocker[i]])
-    if np.int64(world.traffic.want[q]) & REFUSED == 0 or watch.blocker[q] != NIL:
-        return
-    if watch.wanted[q] == robots.cell[i] and watch.wanted[i] == robots.cell[q]:
-        watch.blocker[q] = robots.identity[i]
+    cell = np.int64(world.robots.cell[U(i)])
+    watch.wanted[U(i)] = cell
+    if (np.int64(world.traffic.occupancy[U(cell)]) >> CAPACITY) & 3 == 2:
+        return wait_for(world, watch, i, cell, np.int64(world.robots.travel[U(i)]) ^ 2, LANE)
+    return WAIT_DRAWN
 
 
 @kernel
 def find_idleness(world, watch, i):
     """Robot i is on the floor, free, and did nothing: what is missing?"""
     robots = world.robots
-    if robots.goal[i] == GOAL_NONE:
-        watch.cause[i] = NO_ORDER if robots.load[i] == NIL else NO_PLACE
-    elif robots.at[i] >= robots.length[i] and robots.stand[i] != robots.cell[i]:
-        watch.cause[i] = NO_ROUTE
-        watch.wanted[i] = robots.stand[i]
-
-
-@kernel
-def cause_of_wait(world, watch, i):
-    """Why robot i waits for its wanted cell: what its holder does."""
-    robots = world.robots
-    if watch.blocker[i] == NIL:
-        refused = np.int64(world.traffic.want[i]) & REFUSED
-        return JUST_FREED if refused else WAIT_DRAWN
-    q = np.int64(robots.at_index[watch.blocker[i]])
-    wanted = watch.wanted[i]
-    moved = np.int64(world.traffic.want[q]) & MOVED
-    entered = robots.cell[q] if robots.claim[q] == NIL else robots.claim[q]
-    if moved and entered == wanted and np.int64(world.traffic.want[i]) & REFUSED:
-        return LOST_CONTEST
-    if watch.wanted[q] == robots.cell[i] and watch.cause[q] != BAY_HELD:
-        return HEAD_ON
-    if watch.cause[q] == NO_ORDER or (robots.parked[q] and robots.goal[q] == GOAL_NONE):
-        return IN_THE_WAY
-    if watch.cause[q] != NOT_WAITING:
-        return QUEUE
-    return PASSING if moved or robots.action[q] == MOVE else AT_WORK
-
-
-@kernel
-def add_up(world, watch, i):
-    """Enter robot i into the heat maps and the lost time."""
-    robots, tick = world.robots, world.clock[TICK]
-    cause = np.int64(watch.cause[i])
-    cell = np.int64(robots.cell[i])
-    want = np.int64(world.traffic.want[i])
-    if cause == NOT_WAITING:
-        watch.since[i] = tick
-    else:
-        if (cause == NO_ORDER) != (watch.cause_before[i] == NO_ORDER):
-            watch.since[i] = tick - 1
-        watch.lost[i, cause] += 1
-        if cell != NIL and cause != NO_ORDER:
-            watch.waits[cell] += 1
-            congest(watch, cell, tick)
-    if want & MOVED:
-        direction = want & 3
-        entered = np.int64(robots.claim[i])
-        if entered == NIL:  # it has arrived; one that moved home may be in its bay already
-            entered = cell if cell != NIL else np.int64(robots.home[i])
-        watch.visits[entered] += 1
-        watch.flow[entered - world.grid.offset[direction], direction] += 1
-
-
-@kernel
-def congest(watch, cell, tick):
-    """Count a tick lost in a cell; what was counted before halves every MEMORY_TICKS."""
-    halvings = min((tick - np.int64(watch.recent_at[cell])) // MEMORY_TICKS, 31)
-    kept = np.int64(watch.recent[cell]) >> halvings
-    if halvings > 0:
-        watch.recent_at[cell] = tick
-    watch.recent[cell] = kept + 1
+    if robots.goal[U(i)] == GOAL_NONE:
+        return NO_ORDER if robots.load[U(i)] == NIL else NO_PLACE
+    if robots.at[U(i)] >= robots.length[U(i)] and robots.stand[U(i)] != robots.cell[U(i)]:
+        watch.wanted[U(i)] = robots.stand[U(i)]
+        return NO_ROUTE
+    return NOT_WAITING

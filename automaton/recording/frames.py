@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import struct
 import zlib
+from array import array
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -51,8 +52,23 @@ class Frame(NamedTuple):
     content: Content
 
 
+class Stored(Protocol):
+    """One frame as it is stored, wherever its bytes are."""
+
+    @property
+    def kind(self) -> int: ...
+
+    @property
+    def tick(self) -> int:
+        """The last one that it tells of."""
+
+    @property
+    def data(self) -> bytes | memoryview:
+        """Compressed."""
+
+
 class Payload(NamedTuple):
-    """One frame as it is stored."""
+    """One frame as it is stored, with its bytes."""
 
     kind: int
     tick: int  # the last one that it tells of
@@ -65,9 +81,10 @@ class StoredFrames:
     TICKS frames can be found by tick; the last ones that were used stay decoded.
     """
 
-    def __init__(self, payloads: list[Payload]) -> None:
+    def __init__(self, payloads: Sequence[Stored]) -> None:
         self.payloads = payloads
-        self._ticks: list[tuple[int, int]] = []  # last tick and index of each TICKS frame
+        self._last = array("q")  # the last tick of each TICKS frame
+        self._index_of = array("q")
         self._rules: list[Content] = []
         self._indexed = 0
         self._decoded: dict[int, Content] = {}
@@ -80,7 +97,7 @@ class StoredFrames:
     def last_tick(self) -> int:
         """The last tick that is there."""
         self._index()
-        return self._ticks[-1][0] if self._ticks else 0
+        return self._last[-1] if self._last else 0
 
     def rules_at(self, tick: int) -> Content:
         """What holds in the tick after `tick`. Raises InputError if the frame is lost."""
@@ -98,10 +115,10 @@ class StoredFrames:
     def ticks_with(self, tick: int) -> Content | None:
         """The TICKS frame that holds a tick; None after the last one."""
         self._index()
-        place = bisect_left(self._ticks, (tick, -1))
-        if place == len(self._ticks):
+        place = bisect_left(self._last, tick)
+        if place == len(self._last):
             return None
-        index = self._ticks[place][1]
+        index = self._index_of[place]
         if index not in self._decoded:
             while len(self._decoded) >= DECODED:
                 del self._decoded[next(iter(self._decoded))]
@@ -110,10 +127,12 @@ class StoredFrames:
 
     def _index(self) -> None:
         for index in range(self._indexed, len(self.payloads)):
-            if self.payloads[index].kind == TICKS:
-                self._ticks.append((self.payloads[index].tick, index))
-            elif self.payloads[index].kind == CONDITIONS:
-                self._rules.append(decode(CONDITIONS, self.payloads[index].data))
+            payload = self.payloads[index]
+            if payload.kind == TICKS:
+                self._last.append(payload.tick)
+                self._index_of.append(index)
+            elif payload.kind == CONDITIONS:
+                self._rules.append(decode(CONDITIONS, payload.data))
         self._indexed = len(self.payloads)
 
 

@@ -46,7 +46,14 @@ from automaton.world.state import (
     World,
     ZoningAnswers,
 )
-from automaton.world.waiting import CAUSE_COUNT, COUNTS, CURVE_COLUMNS, Observation
+from automaton.world.waiting import (
+    CAUSE_COUNT,
+    COUNTS,
+    CURVE_COLUMNS,
+    DELAY_COLUMNS,
+    Observation,
+    Scratch,
+)
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
@@ -344,7 +351,6 @@ def build_observation(world: World, ticks: int) -> Observation:
     events = max(16 * ticks, 3 * MOST_EVENTS * n) if ticks else 1
     nil = np.full(n, NIL, np.int32)
     return Observation(
-        count=np.zeros(COUNTS, np.int64),
         cause=np.zeros(n, np.uint8),
         blocker=nil.copy(),
         wanted=nil.copy(),
@@ -352,20 +358,31 @@ def build_observation(world: World, ticks: int) -> Observation:
         ring=np.zeros(n, np.int32),
         lost=np.zeros((n, CAUSE_COUNT), np.int64),
         busy_before=np.zeros(n, np.uint16),
-        cause_before=np.zeros(n, np.uint8),
         set_down=nil.copy(),
         load_before=nil.copy(),
         order_before=nil.copy(),
-        color=np.zeros(n, np.int32),
-        visits=np.zeros(cells, np.int32),
-        waits=np.zeros(cells, np.int32),
-        recent=np.zeros(cells, np.int32),
-        recent_at=np.zeros(cells, np.int32),
+        delay=np.zeros((cells, DELAY_COLUMNS), np.int32),
         flow=np.zeros((cells, 4), np.int32),
-        holder=np.full(2 * cells, NIL, np.int32),
-        holdings=np.zeros(4 * n, np.int32),
+        count=np.zeros(COUNTS, np.int64),
         events=np.zeros((events, 5), np.int64),
         curve=np.zeros((max(ticks, 1), CURVE_COLUMNS), np.int32),
+        scratch=build_scratch(n, cells),
+    )
+
+
+def build_scratch(n: int, cells: int) -> Scratch:
+    """What observing n robots on so many cells takes between two phases of a tick."""
+    words = np.zeros(-(-n // 8), np.uint64)
+    return Scratch(
+        count=np.zeros(2, np.int64),
+        entry=np.full(n, NIL, np.int32),
+        holder=np.full(2 * cells, NIL, np.int32),
+        sieve=np.zeros(1 << (4 * n).bit_length(), np.uint8),
+        marks=words.view(np.uint8),
+        words=words,
+        waiters=np.zeros(n, np.int32),
+        eventful=np.zeros(n, np.int32),
+        color=np.zeros(n, np.int32),
     )
 
 

@@ -21,14 +21,13 @@ from automaton.world.state import (
     Array,
     World,
 )
-from automaton.world.waiting import Observation
+from automaton.world.waiting import BUFFERS, Observation
 
 if TYPE_CHECKING:
     from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
 STATIC: Final = ("identity", "at_index", "home", "bay", "route")
-SCRATCH: Final = ("count", "color", "holder", "holdings", "events", "curve")
 PARTS: Final = ("robots", "orders", "slots", "tally")
 NOT_CARRIED: Final = {
     "robots": STATIC,
@@ -47,7 +46,7 @@ def state_arrays(world: World, watch: Observation) -> Iterator[tuple[str, Array]
                 yield f"{part}.{name}", getattr(struct, name)
     yield "traffic.occupancy", world.traffic.occupancy
     for name in watch._fields:
-        if name not in SCRATCH:
+        if name not in (*BUFFERS, "scratch"):
             yield f"watch.{name}", getattr(watch, name)
 
 

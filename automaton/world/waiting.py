@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from automaton.struct import Struct
 from automaton.world.state import Array
 
@@ -42,6 +44,7 @@ NO_ORDER: Final = 12
 NO_PLACE: Final = 13
 NO_ROUTE: Final = 14
 ILLEGAL_ANSWER: Final = 15
+UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
 CAUSES: Final = (
@@ -128,8 +131,15 @@ DEADLOCK_TICKS: Final = 64  # most cycles are two robots head-on that soon withd
 # Entries of observation.count.
 EVENTS: Final = 0  # rows of observation.events in use
 ROWS: Final = 1  # rows of observation.curve in use
-HOLDINGS: Final = 2  # entries of observation.holdings in use
-COUNTS: Final = 3
+COUNTS: Final = 2
+
+# Entries of scratch.count.
+WAITERS: Final = 0  # entries of scratch.waiters in use
+EVENTFUL: Final = 1  # entries of scratch.eventful in use
+
+# Bits of scratch.marks.
+IS_WAITING: Final = 1  # for anything but an order
+IS_EVENTFUL: Final = 2
 
 # Columns of observation.curve.
 WAITING_ROBOTS: Final = 0
@@ -137,16 +147,39 @@ WORKING_ROBOTS: Final = 1
 DELIVERED_ORDERS: Final = 2
 CURVE_COLUMNS: Final = 3
 
+# Columns of observation.delay: together, since a robot that waits needs them all.
+LOST_EVER: Final = 0  # robot ticks
+LOST_LATELY: Final = 1  # the same, halved every MEMORY_TICKS
+COUNTED_AT: Final = 2  # tick of the last entry in LOST_LATELY
+DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cache
+
 MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
+
+
+class Scratch(Struct):
+    """What the kernels that observe a tick need meanwhile; n robots, C cells.
+
+    `marks` and `words` share their memory, so that eight marks are looked at in one.
+    """
+
+    count: Array  # (2,) int64
+    entry: Array  # (n,) int32: the resource of `holder` that a waiting robot wants, or NIL
+    holder: Array  # (2C,) int32: storage index of who holds what somebody wants; NIL between ticks
+    sieve: Array  # (power of two,) uint8: whether a cell of this remainder is wanted
+    marks: Array  # (n rounded up to eights,) uint8, by identity; zero between ticks
+    words: Array  # (ceil(n / 8),) uint64
+    waiters: Array  # (n,) int32: storage indices, by identity
+    eventful: Array  # (n,) int32: the same of robots of which events may tell
+    color: Array  # (n,) int32: in the search for cycles
 
 
 class Observation(Struct):
     """What is watched while a run goes on; nothing in the world depends on it.
 
-    n robots by storage, C cells, E events and T ticks between two pauses.
+    n robots by storage, C cells, E events and T ticks between two pauses. All but BUFFERS and the
+    scratch is state: it goes on from what it was after the tick before.
     """
 
-    count: Array  # (COUNTS,) int64
     cause: Array  # (n,) uint8: why it waits, of CAUSES
     blocker: Array  # (n,) int32: identity of the robot that keeps it, or NIL
     wanted: Array  # (n,) int32: the cell that it wants, or NIL
@@ -154,19 +187,39 @@ class Observation(Struct):
     ring: Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
     busy_before: Array  # (n,) uint16: robots.busy after the tick before
-    cause_before: Array  # (n,) uint8
     set_down: Array  # (n,) int32: the load that it set down in this tick, or NIL
     load_before: Array  # (n,) int32
     order_before: Array  # (n,) int32
-    color: Array  # (n,) int32: scratch of the search for cycles
-    visits: Array  # (C,) int32: robots that entered a cell
-    waits: Array  # (C,) int32: robot ticks lost in a cell
-    recent: Array  # (C,) int32: the same, halved every MEMORY_TICKS
-    recent_at: Array  # (C,) int32: tick of the last entry in `recent`
+    delay: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
     flow: Array  # (C, 4) int32: moves out of a cell, E S W N
-    holder: (
-        Array  # (2C,) int32: storage index of who holds a resource, or NIL; as it was built last
-    )
-    holdings: Array  # (4n,) int32: the entries of `holder` that are not NIL
+    count: Array  # (COUNTS,) int64
     events: Array  # (E, 5) int64
     curve: Array  # (T, CURVE_COLUMNS) int32: one row for each tick
+    scratch: Scratch
+
+
+BUFFERS: Final = ("count", "events", "curve")  # emptied between two ticks, at any time
+
+
+def waits(cause: Array) -> Array:
+    """(n,) bool: who is kept from getting on; to have no order is no such wait."""
+    kept: Array = (cause != NOT_WAITING) & (cause != NO_ORDER)
+    return kept
+
+
+def visits_of(flow: Array, offset: Array) -> Array:
+    """(C,) int32: robots that entered a cell, from the moves out of its neighbours.
+
+    `offset`: (4,) from a cell to its neighbours E S W N. Nobody leaves the cells of the border.
+    """
+    visits = np.zeros(len(flow), np.int32)
+    for direction, step in enumerate(offset):
+        visits += np.roll(flow[:, direction], int(step))
+    return visits
+
+
+def congestion_of(delay: Array, tick: int) -> Array:
+    """(C,) int32: the robot ticks lost lately, as they count at this tick."""
+    halvings = np.minimum((tick - delay[:, COUNTED_AT]) // MEMORY_TICKS, 31)
+    faded: Array = delay[:, LOST_LATELY] >> halvings
+    return faded

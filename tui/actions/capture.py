@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import re
+from contextlib import suppress
+from pathlib import Path
 
 from tui.recordings import capture_file, short_path
 from tui.render.still import as_text
@@ -23,14 +25,16 @@ class CaptureActions(Stage):
         self._save(without_links(svg), ".svg")
 
     def action_copy_text(self) -> None:
-        tick = 0 if self.shot is None else self.shot.tick
         texts = [
-            f"{title}, tick {tick:,}\n{as_text(self.codes_of(side), self.glyphs)}"
+            f"{title}, tick {self._tick_of(side):,}\n{as_text(self.codes_of(side), self.glyphs)}"
             for side, title in enumerate(self.titles)
         ]
         text = "\n".join(texts)
         self.copy_to_clipboard(text)
         self._save(text, ".txt")
+
+    def _tick_of(self, side: int) -> int:
+        return 0 if self.shot is None else self.shot.snapshots[side].tick
 
     def _save(self, text: str, suffix: str) -> None:
         tick = 0 if self.shot is None else self.shot.tick
@@ -40,7 +44,7 @@ class CaptureActions(Stage):
             return
         try:
             path = capture_file(name, suffix, os.environ, here=not self.options.read_only)
-            path.write_text(text, encoding="utf-8")
+            write_whole(path, text)
         except OSError as error:
             self.notify(f"cannot save the picture: {error.strerror}", severity="error")
             return
@@ -52,6 +56,18 @@ class CaptureActions(Stage):
             self.notify("this viewer is read-only: it hands out no files", severity="warning")
         else:
             self.deliver_text(io.StringIO(text), save_filename=name)
+
+
+def write_whole(path: Path, text: str) -> None:
+    """The file is there when all of it is; raises OSError, and then leaves nothing."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError:
+        with suppress(OSError):
+            part.unlink()
+        raise
 
 
 def without_links(svg: str) -> str:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from automaton.world.state import NIL
-from automaton.world.waiting import NO_ORDER, NOT_WAITING
+from automaton.world.waiting import waits
 from tui.actions.find import FindActions
 from tui.recordings import beside, comparing_command, short_path
 from tui.titles import short, title_of
+from tui.widgets.signs import signs_of
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
@@ -50,18 +51,26 @@ class ChooseActions(FindActions):
     def _longest_waiting(self) -> int:
         assert self.shot is not None
         robots = self.shot.snapshots[self.choice.side].robots
-        waits = np.flatnonzero((robots.cause != NOT_WAITING) & (robots.cause != NO_ORDER))
-        return int(waits[np.argmin(robots.since[waits])]) if len(waits) else NIL
+        kept = np.flatnonzero(waits(robots.cause))
+        return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
 
     def action_inspect(self) -> None:
         if not self.ready():
             return
+        if self.pointing and self.hovered != NIL:
+            self.choice.side = self.hovered_side
+            self.choose_at(self.hovered)
+        elif self.choice.robot == NIL and self.choice.cell == NIL:
+            self._choose_middle()
+        self.open_panel("inspector")
+
+    def _choose_middle(self) -> None:
+        """Of the map: something has to be inspected."""
         camera = self.pictures.camera
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
-        cell = self.hovered if self.hovered != NIL else middle
-        if self.choice.robot == NIL and self.choice.cell == NIL and cell is not None:
+        cell = middle if self.hovered == NIL else self.hovered
+        if cell is not None:
             self.choose_at(cell)
-        self.open_panel("inspector")
 
     def action_events(self) -> None:
         self.stepping = "events"
@@ -78,7 +87,7 @@ class ChooseActions(FindActions):
             return
         from tui.screens.breakpoints import BreakpointsScreen
 
-        self.push_screen(BreakpointsScreen(self.stops), self._take_stops)
+        self.push_screen(BreakpointsScreen(self.stops, signs_of(self.glyphs)), self._take_stops)
 
     def _take_stops(self, stops: Sequence[Stop] | None) -> None:
         if stops is None:

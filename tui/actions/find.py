@@ -35,6 +35,7 @@ class FindActions(PanelActions):
             return
         self.found, self.stepping = found, "found"
         self.choice.found = np.array(found.robots, np.int32)
+        self.leave_full_panels()
         self._show_found(found.first)
 
     def action_next_event(self) -> None:

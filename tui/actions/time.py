@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
+from tui.options import SPEEDS
 from tui.stage import Stage
 
 if TYPE_CHECKING:
     from tui.player import Player
-
-FACTORS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)
 
 
 class TimeActions(Stage):
@@ -41,10 +40,10 @@ class TimeActions(Stage):
         self._step(-100)
 
     def action_faster(self) -> None:
-        self._set_speed(min((f for f in FACTORS if f > self.speed), default=math.inf))
+        self._set_speed(min((f for f in SPEEDS if f > self.speed), default=math.inf))
 
     def action_slower(self) -> None:
-        self._set_speed(max((f for f in FACTORS if f < self.speed), default=FACTORS[0]))
+        self._set_speed(max((f for f in SPEEDS if f < self.speed), default=SPEEDS[0]))
 
     def action_normal_speed(self) -> None:
         self._set_speed(1.0)
@@ -57,7 +56,16 @@ class TimeActions(Stage):
 
     def action_go_end(self) -> None:
         if self.ready() and self.shot is not None:
-            self.go_to_tick(self.shot.head)
+            self.go_to_tick(self.shot.head, heeding=True)
+
+    def action_timeline_in(self) -> None:
+        self.timeline.zoom(1)
+
+    def action_timeline_out(self) -> None:
+        self.timeline.zoom(-1)
+
+    def action_timeline_whole(self) -> None:
+        self.timeline.zoom(0)
 
     def action_go_to(self) -> None:
         if not self.ready():
@@ -66,16 +74,16 @@ class TimeActions(Stage):
 
         self.push_screen(GoToScreen(self.view()), self._go_to_chosen)
 
-    def go_to_tick(self, tick: int) -> None:
-        """Pause there."""
+    def go_to_tick(self, tick: int, heeding: bool = False) -> None:
+        """Pause there or, `heeding` breakpoints, at the first one on the way forward."""
         if self.ready():
             self.goal = tick
-            self._player.seek(tick)
+            self._player.seek(tick, heeding)
             self.ordered()
 
     def _go_to_chosen(self, tick: int | None) -> None:
         if tick is not None:
-            self.go_to_tick(tick)
+            self.go_to_tick(tick, heeding=True)
 
     @property
     def _player(self) -> Player:
@@ -94,6 +102,8 @@ class TimeActions(Stage):
             return False
         if shot.failed:
             self.tell_failure()
+        elif self.opening.comparing:
+            self.notify(f"both runs have ended at tick {shot.tick:,}; r plays them backwards")
         else:
             self.notify(f"{self.mode(shot).text} at tick {shot.tick:,}; r plays it backwards")
         return True

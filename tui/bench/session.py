@@ -31,7 +31,8 @@ class Session:
         command = [sys.executable, "-m", "tui.bench.walking"]
         command.append(json.dumps({**fleet, "notes": str(self._notes)}))
         environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
-        environ.pop("NO_COLOR", None)
+        for name in ("NO_COLOR", "LINES", "COLUMNS"):
+            environ.pop(name, None)
         self.host = TerminalHost(command, rows=rows, columns=columns, environ=environ, link=link)
 
     def __enter__(self) -> Self:

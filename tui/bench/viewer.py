@@ -1,19 +1,28 @@
-"""The viewer's figures: bytes and frames, CPU, keys, a slow link, the first picture.
+"""The viewer's figures: bytes and frames, CPU, keys, a slow link, seeking, the first picture.
 
 Every sample starts the viewer in a pseudo-terminal of 200x60 and looks at what comes out of it.
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar
 
-from automaton.bench.measurement import SECONDS, Measurement, Sample
+import numpy as np
+
+from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_seconds
+from automaton.history.live import LiveRun
+from automaton.history.run import RecordedRun, Run
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.frames import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import TURNTABLE
 from tui.bench.session import Session, quantile
@@ -28,12 +37,13 @@ SLOW: Final = Link(bytes_per_second=125_000, round_trip=0.05)
 FRAMES_S: Final = 10.0  # 300 frames of 30 per second
 CPU_S: Final = 30.0
 PRESSES: Final = 100
+SEEKS: Final = 200
+OPENINGS: Final = 10
 LONG: Final = 3  # samples of what takes half a minute each
 
 
 def measurements() -> list[Measurement]:
     """All of them; some minutes."""
-    flat_out = fleet(1000, ticks=None)
     return [
         *(
             measured(
@@ -49,27 +59,77 @@ def measurements() -> list[Measurement]:
             partial(frame_bytes, {**fleet(1000), "width": 1000, "height": 1000}),
         ),
         measured("CPU at 30 frames a second, 1,000 robots, panels", SHARE, cpu_share),
-        measured("delivered when 60 are asked for, 1,000 robots", FPS, delivered),
-        measured(
-            "key to screen, p50, simulation flat out, pinned", MS, partial(key, flat_out, 0.5)
+        *delivery(),
+        *keys_while_busy("pinned", True),
+        *keys_while_busy("not pinned", False),
+        *over_a_slow_link(),
+        measured("seek in a recording of tabletop-1, p95", MS, seek_recorded),
+        measured("seek in a live run of 1,000,000 ticks, p95", MS, seek_live),
+        Measurement(
+            "first complete floor, watch tabletop-1",
+            SECONDS,
+            lambda: first_floor,
+            at_least=OPENINGS,
+            at_most=OPENINGS,
         ),
-        measured(
-            "key to screen, p95, simulation flat out, pinned", MS, partial(key, flat_out, 0.95)
-        ),
-        measured(
-            "key to screen, p95, simulation flat out, not pinned",
-            MS,
-            partial(key, flat_out, 0.95, pinned=False),
-        ),
-        measured("delivered over 1 Mbit/s and 50 ms, 300 robots, panels", FPS, slow_frames),
-        measured("key to screen, p95, over 1 Mbit/s and 50 ms", MS, slow_key),
-        measured("largest backlog over 1 Mbit/s, in frames", "frames", slow_backlog),
-        Measurement("first complete floor, watch tabletop-1", SECONDS, lambda: first_floor),
     ]
 
 
 def measured(name: str, unit: str, sample: Sample) -> Measurement:
     return Measurement(name, unit, lambda: sample, warm_up=False, at_most=LONG)
+
+
+T = TypeVar("T")
+
+
+class Together(Generic[T]):
+    """Several figures of the same sessions, each of which takes half a minute."""
+
+    def __init__(self, take: Callable[[], T]) -> None:
+        self._take = take
+        self._taken: list[T] = []
+
+    def figure(self, name: str, unit: str, of: Callable[[T], float]) -> Measurement:
+        """One of them."""
+        numbers = itertools.count()
+
+        def sample() -> float:
+            number = next(numbers)
+            if number == len(self._taken):
+                self._taken.append(self._take())
+            return of(self._taken[number])
+
+        return measured(name, unit, sample)
+
+
+def delivery() -> list[Measurement]:
+    """Frames when 60 a second are asked for, and what each costs."""
+    sessions = Together(delivered)
+    return [
+        sessions.figure(f"{name} when 60 are asked for, 1,000 robots", unit, itemgetter(at))
+        for at, (name, unit) in enumerate((("delivered", FPS), ("CPU of a frame", MS)))
+    ]
+
+
+def keys_while_busy(how: str, pinned: bool) -> list[Measurement]:
+    """While the simulation runs flat out in a thread of the same process."""
+    sessions = Together(partial(key_latencies, fleet(1000, ticks=None), pinned))
+    name = f"simulation flat out, {how}"
+    return [
+        sessions.figure(f"key to screen, p50, {name}", MS, partial(quantile, share=0.5)),
+        sessions.figure(f"key to screen, p95, {name}", MS, partial(quantile, share=0.95)),
+    ]
+
+
+def over_a_slow_link() -> list[Measurement]:
+    """Over 1 Mbit/s and 50 ms there and back, 300 robots, panels."""
+    sessions = Together(slow_session)
+    rows = (
+        ("delivered over 1 Mbit/s and 50 ms, 300 robots, panels", FPS),
+        ("key to screen, p95, over 1 Mbit/s and 50 ms", MS),
+        ("largest backlog over 1 Mbit/s and 50 ms", "frames"),
+    )
+    return [sessions.figure(*row, itemgetter(at)) for at, row in enumerate(rows)]
 
 
 def fleet(robots: int, **more: Any) -> dict[str, Any]:
@@ -91,35 +151,62 @@ def cpu_share() -> float:
         return 100 * (session.cpu() - before) / (time.monotonic() - begun)
 
 
-def delivered() -> float:
+def delivered() -> tuple[float, float]:
+    """Frames a second, and ms of CPU for each."""
     with Session(fleet(1000, fps=60)) as session:
+        before = session.cpu()
         _, frames, seconds = session.watch(FRAMES_S)
-        return frames / seconds
+        return frames / seconds, 1000 * (session.cpu() - before) / frames
 
 
-def key(walk: dict[str, Any], share: float, pinned: bool = True) -> float:
+def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
+    """ms from a key to the screen."""
     with unpinned_afterwards(), Session(walk) as session:
         if pinned:
             session.pin()
-        return 1000 * quantile(session.key_latencies(PRESSES), share)
+        return [1000 * latency for latency in session.key_latencies(PRESSES)]
 
 
-def slow_frames() -> float:
-    with Session(fleet(300), SLOW) as session:
-        _, frames, seconds = session.watch(FRAMES_S)
-        return frames / seconds
-
-
-def slow_key() -> float:
-    with Session(fleet(300), SLOW) as session:
-        return 1000 * quantile(session.key_latencies(PRESSES), 0.95)
-
-
-def slow_backlog() -> float:
+def slow_session() -> tuple[float, float, float]:
+    """Frames a second, ms of a key, and the largest backlog, keys included, in average frames."""
     with Session(fleet(300), SLOW) as session:
         session.host.max_backlog = 0
-        size, frames, _ = session.watch(FRAMES_S)
-        return session.host.max_backlog * frames / size
+        size, frames, seconds = session.watch(FRAMES_S)
+        latency = 1000 * quantile(session.key_latencies(PRESSES), 0.95)
+        return frames / seconds, latency, session.host.max_backlog * frames / size
+
+
+def seek_recorded() -> float:
+    """ms to a tick anywhere in a whole recording, the picture's data included."""
+    with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
+        path = Path(folder) / "run.rec"
+        live = LiveRun(resolve("tabletop-1"), 1, path)
+        live.show(10**9, 99.0)
+        live.close()
+        run = RecordedRun(read_recording(path))
+        while run.extend():  # as the viewer does while nothing else is to be done
+            pass
+        return seek(run)
+
+
+def seek_live() -> float:
+    run = LiveRun(resolve("tabletop-mini", ["stop={when: never, at_most: 1000000}"]), 1)
+    run.show(10**9, 99.0)
+    return seek(run)
+
+
+def seek(run: Run) -> float:
+    """ms, p95."""
+    ticks = np.random.default_rng(1).integers(0, run.head + 1, SEEKS)
+
+    def seconds_to(tick: int) -> float:
+        def go() -> None:
+            run.show(tick, 99.0)
+            take_snapshot(run.shown)
+
+        return wall_seconds(go)
+
+    return 1000 * quantile([seconds_to(int(tick)) for tick in ticks], 0.95)
 
 
 class unpinned_afterwards:

@@ -16,15 +16,15 @@ from tui.cast.request import Request
 from tui.cast.status import Status
 from tui.opening import recorded
 from tui.pictures import Choice, Pictures
-from tui.render.depth import DEPTHS
-from tui.render.glyphs import ASCII, UNICODE, Codes
+from tui.render.depth import DEPTHS, Depth
+from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.scene import LAYERS
 from tui.render.styles import Look
 from tui.titles import title_of
 
 if TYPE_CHECKING:  # they need Numba
     from automaton.history.snapshot import Snapshot
-    from tui.player import Shot
+    from tui.shot import Shot
 
 
 class Film:
@@ -35,8 +35,9 @@ class Film:
         self._opening = recorded(path)
         (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
         self.last = self.recording.ticks
-        self.glyphs = ASCII if request.ascii else UNICODE
         self.look = Look(DEPTHS[request.color], request.theme)
+        bare = SHADED if self.look.depth == Depth.NONE else UNICODE
+        self.glyphs = ASCII if request.ascii else bare
         self._choice = self._chosen(request)
         self._status = self._said(request)
         self._pictures = Pictures(self._opening, self.glyphs)
@@ -86,7 +87,7 @@ class Film:
         return np.vstack((floor, self._status.codes(snapshot, self.columns)))
 
     def _shot(self, snapshot: Snapshot) -> Shot:
-        from tui.player import Shot
+        from tui.shot import Shot
 
         return Shot(
             runs=(),
@@ -100,10 +101,11 @@ class Film:
             achieved=0.0,
             head=self.last,
             known=self.last,
-            end=self.last,
+            ends=(self.last,),
             live=False,
             stopped="",
             culprits=(),
+            side=0,
             error="",
         )
 

@@ -23,6 +23,8 @@ from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.scene import OUTSIDE, Floor, Scene
 from tui.render.styles import style
 
+Papers = int | NDArray[np.uint8]  # one for all characters of a part, or one for each
+HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)  # row, column
 STATIONS = ((BAY, styles.BAY), (CHARGER, styles.CHARGER), (DESTINATION, styles.DESTINATION))
 
@@ -34,14 +36,26 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     codes = base[part.top : part.bottom, part.left : part.right].copy()
     if scene.layer == "flow" and scene.values is not None:
         draw_flow(codes, part, scene, scene.values, camera, glyphs)
+    draw_over(codes, part, scene, camera, glyphs)
+    return codes
+
+
+def draw_over(
+    codes: Codes,
+    part: Part,
+    scene: Scene,
+    camera: Camera,
+    glyphs: GlyphSet,
+    papers: Papers = styles.FLOOR,
+) -> None:
+    """The route, the robots and the cursor, on these papers."""
     if scene.snapshot is not None:
         route = np.asarray(scene.route, np.int32)
-        draw_dots(codes, part, camera, glyphs, route, styles.ROUTE)
-        draw_robots(codes, part, scene, camera, glyphs)
+        draw_dots(codes, part, camera, glyphs, route, styles.ROUTE, papers)
+        draw_robots(codes, part, scene, camera, glyphs, papers)
     if scene.cursor is not None:
         spots = Dots(np.array([scene.cursor], np.int32), part, camera).index
         codes.reshape(-1)[spots] = styles.repapered(codes.reshape(-1)[spots], styles.CURSOR)
-    return codes
 
 
 @lru_cache(maxsize=16)
@@ -75,24 +89,36 @@ class Dots:
     """Cells as characters of a part of the picture and dots in them."""
 
     def __init__(self, cells: NDArray[np.int32], part: Part, camera: Camera) -> None:
-        k = camera.zoom.across // 2
         y, x = np.divmod(cells, np.int32(camera.plan.stride))
-        y, x = (y - camera.shown.top) // k, (x - camera.shown.left) // k
-        row, column = (y >> 2) - part.top, (x >> 1) - part.left
+        y, x = y - camera.shown.top, x - camera.shown.left
+        if camera.zoom.kind == "pixels":
+            row, column, bit = (y >> 1) - part.top, x - part.left, HALVES[y & 1]
+        else:
+            k = camera.zoom.across // 2
+            y, x = y // k, x // k
+            row, column, bit = (y >> 2) - part.top, (x >> 1) - part.left, BITS[y & 3, x & 1]
         rows, columns = part.bottom - part.top, part.right - part.left
         inside = (cells >= 0) & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         self.which = np.flatnonzero(inside)
         self.index = (row * columns + column)[self.which]
-        self.bit = BITS[y & 3, x & 1][self.which]
+        self.bit = bit[self.which]
 
     def patterns(self, size: int) -> NDArray[np.uint8]:
         """The pattern of the character of each of these cells."""
         pattern = np.zeros(size, np.uint8)
         np.bitwise_or.at(pattern, self.index, self.bit)
-        return pattern[self.index]
+        found: NDArray[np.uint8] = pattern[self.index]
+        return found
 
 
-def draw_robots(codes: Codes, part: Part, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
+def draw_robots(
+    codes: Codes,
+    part: Part,
+    scene: Scene,
+    camera: Camera,
+    glyphs: GlyphSet,
+    papers: Papers = styles.FLOOR,
+) -> None:
     """The robots' dots; marked robots and the selected one on papers of their own."""
     seen = fleet.robots_of(scene)
     dots = Dots(seen.cell, part, camera)
@@ -100,12 +126,14 @@ def draw_robots(codes: Codes, part: Part, scene: Scene, camera: Camera, glyphs: 
     worst = np.zeros(flat.size, np.uint8)
     np.maximum.at(worst, dots.index, seen.state[dots.which])
     inks = fleet.INKS[worst[dots.index]]
-    signs = np.array(glyphs.braille)[dots.patterns(flat.size)]
-    flat[dots.index] = code(style(inks, styles.FLOOR), signs)
+    signs = np.array(glyphs.fleet)[dots.patterns(flat.size)]
+    flat[dots.index] = code(style(inks, _at(papers, dots)), signs)
     for robots, paper in ((scene.marked, styles.MARKED), ((scene.selected,), styles.SELECTED)):
         chosen = np.asarray(robots, np.int32)
-        spots = Dots(seen.cell[chosen[chosen != NIL]], part, camera).index
-        flat[spots] = styles.repapered(flat[spots], paper)
+        chosen = chosen[chosen != NIL]
+        if chosen.size:
+            spots = Dots(seen.cell[chosen], part, camera).index
+            flat[spots] = styles.repapered(flat[spots], paper)
 
 
 def draw_dots(
@@ -115,12 +143,20 @@ def draw_dots(
     glyphs: GlyphSet,
     cells: NDArray[np.int32],
     ink: int,
+    papers: Papers = styles.FLOOR,
 ) -> None:
     """Cells as dots of one colour; what else their characters showed gives way."""
+    if not cells.size:
+        return
     dots = Dots(cells, part, camera)
     flat = codes.reshape(-1)
     signs = np.array(glyphs.braille)[dots.patterns(flat.size)]
-    flat[dots.index] = code(style(ink, styles.FLOOR), signs)
+    flat[dots.index] = code(style(ink, _at(papers, dots)), signs)
+
+
+def _at(papers: Papers, dots: Dots) -> Papers:
+    """The papers of these characters."""
+    return papers if isinstance(papers, int) else papers.reshape(-1)[dots.index]
 
 
 def draw_flow(

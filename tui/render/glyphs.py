@@ -17,11 +17,14 @@ from typing import Any, Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from tui.render.spelling import spelled
+
 Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
 GLYPH_BITS: Final = 16
 GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 
 _PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
+BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
 _unicode = list(_PRINTABLE)
 _ascii = list(_PRINTABLE)
 
@@ -81,18 +84,21 @@ class GlyphSet:
     upper_half: Final = _shape("▀", "'")
     lower_half: Final = _shape("▄", ".")
     full: Final = _shape("█", ":")
-    braille: Final = _shapes("".join(map(chr, range(0x2800, 0x2900))), _by_dots(" .:-=+*#@"))
+    braille: Final = _shapes(BRAILLE, _by_dots(" .:-=+*#@"))
+    fleet: Final = _shapes(BRAILLE, _by_dots(" rrrRRRRR"))  # the dots of robots
 
-    def __init__(self, name: str, characters: str) -> None:
+    def __init__(self, name: str, characters: str, shaded: bool) -> None:
         self.name = name
         self.characters = characters  # by glyph
+        self.shaded = shaded  # heat is told by shades, half blocks cannot be told apart
 
     def __repr__(self) -> str:
         return f"GlyphSet({self.name!r})"
 
 
-UNICODE: Final = GlyphSet("unicode", "".join(_unicode))
-ASCII: Final = GlyphSet("ascii", "".join(_ascii))
+UNICODE: Final = GlyphSet("unicode", "".join(_unicode), shaded=False)
+SHADED: Final = GlyphSet("unicode", "".join(_unicode), shaded=True)  # for terminals without colours
+ASCII: Final = GlyphSet("ascii", "".join(_ascii), shaded=True)
 
 
 @overload
@@ -109,5 +115,5 @@ def code(style: int | NDArray[Any], glyph: int | NDArray[Any]) -> np.uint32 | Co
 
 
 def text(words: str) -> tuple[int, ...]:
-    """The glyphs of a text in ASCII."""
-    return tuple(words.encode("ascii", "replace"))
+    """The glyphs of a text, which are those of ASCII."""
+    return tuple(spelled(words).encode("ascii"))

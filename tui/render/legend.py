@@ -37,11 +37,12 @@ class Entry(NamedTuple):
 
 
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
-    """The robots, what lies over the floor, the layer, and the floor."""
+    """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
-    entries = _robots(scene, glyphs) if near else _far_robots(scene, glyphs)
-    entries += _overlays(scene, glyphs, near)
-    entries += _layer(scene, glyphs)
+    solid = zoom.kind == "pixels" and scene.values is None and scene.zones is None
+    sign = glyphs.full if solid else glyphs.fleet[255]
+    entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
+    entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
 
 
@@ -77,13 +78,13 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     return [*entries, Entry((claim,), "held by a robot that is moving in")]
 
 
-def _far_robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def _far_robots(scene: Scene, sign: int) -> list[Entry]:
     names = ["parked robots", "charging", "empty", "with a load", "waiting", "waiting in a circle"]
     entries = []
     for state in reversed(range(len(names))):
         if state != fleet.CHARGING or (scene.floor.plan.kind == CHARGER).any():
-            sign = int(code(style(int(fleet.INKS[state]), styles.FLOOR), glyphs.full))
-            entries.append(Entry((sign,), names[state]))
+            shown = int(code(style(int(fleet.INKS[state]), styles.FLOOR), sign))
+            entries.append(Entry((shown,), names[state]))
     return entries
 
 

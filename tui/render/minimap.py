@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,25 +15,36 @@ from tui.render.far import draw_dots
 from tui.render.glyphs import Codes, GlyphSet
 from tui.render.scene import NOTHING, Scene
 
+BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: nothing of the frame
+
 
 class Minimap:
-    """An overview of rows x columns characters, in braille."""
+    """An overview of rows x columns characters, in braille; made once for a size of the map."""
 
     def __init__(self, camera: Camera, rows: int, columns: int) -> None:
         self.camera = Camera(camera.plan, rows, columns)
         while self.camera.zoom.kind != "dots":
             self.camera.zoom_out()
+        self._framed: tuple[object, Codes] | None = None  # the frame, and where it lies
 
     def picture(self, scene: Scene, main: Camera, glyphs: GlyphSet) -> Codes:
         """(rows, columns) codes; a frame goes round what `main` shows."""
         codes = compose(scene.with_(layer="", route=NOTHING, cursor=None), self.camera, glyphs)
+        key = main.visible(), self.camera.key, glyphs
+        if self._framed is None or self._framed[0] != key:
+            self._framed = key, self._frame(main, glyphs, codes.shape)
+        frame = self._framed[1]
+        return np.where(frame == BLANK, codes, frame)
+
+    def _frame(self, main: Camera, glyphs: GlyphSet, shape: tuple[int, ...]) -> Codes:
+        """The frame alone."""
         part = part_of(self.camera)
+        inside = np.full((part.bottom - part.top, part.right - part.left), BLANK, np.uint32)
+        draw_dots(inside, part, self.camera, glyphs, edge(main.visible(), main), styles.CURSOR)
+        frame = np.full(shape, BLANK, np.uint32)
         top, left = part.top - self.camera.top, part.left - self.camera.left
-        inside = codes[top : top + part.bottom - part.top, left : left + part.right - part.left]
-        floor = inside.copy()
-        draw_dots(floor, part, self.camera, glyphs, edge(main.visible(), main), styles.CURSOR)
-        inside[:] = floor
-        return codes
+        frame[top : top + inside.shape[0], left : left + inside.shape[1]] = inside
+        return frame
 
     def cell_at(self, row: int, column: int) -> int | None:
         """The cell to centre on after a click."""

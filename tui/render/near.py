@@ -181,6 +181,14 @@ def draw_chosen(canvas: Canvas) -> None:
         cell, bay = robots_now.cell[chosen], robots_now.bay[chosen]
         spots, _ = canvas.at(np.where(cell == NIL, bay, cell))
         canvas.repaper(spots, paper)
+        canvas.flat[spots] = without_shades(canvas.flat[spots])
+
+
+def without_shades(codes: Codes) -> Codes:
+    """Blanks for the shades of heat, which are seen on another paper than their own."""
+    ink = (codes >> np.uint32(GLYPH_BITS)) // np.uint32(len(styles.COLOURS))
+    shade = (ink >= styles.HEAT_0) & (ink < styles.HEAT_0 + LEVELS)
+    return np.where(shade, codes & ~GLYPHS, codes)
 
 
 def draw_crowds(canvas: Canvas, index: Cells, state: NDArray[np.uint8]) -> None:

@@ -2,7 +2,7 @@
 
 A pixel is one cell on the step "half" of the ladder. The steps beyond are drawn so while a layer
 colours the floor; a pixel is then as large as half a character of braille, so that switching the
-layer on moves nothing.
+layer on moves nothing. On a layer robots are dots, and between them its colour is still seen.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
+from tui.render.far import draw_over
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.near import ZONES
+from tui.render.near import ZONES, heat_codes
 from tui.render.scene import LOOKS, Floor, Scene
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
@@ -40,6 +41,8 @@ STATIONS = (BAY, CHARGER, DESTINATION)  # show in a pixel of many cells, the las
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 
+HEATS = range(styles.HEAT_1, styles.HEAT_8 + 1)
+LAID = (*HEATS, *range(styles.ZONE_0, styles.ZONE_7 + 1))
 # Colours of what stands on the floor, and the braille dots of its upper and lower half.
 DOTTED = (FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER, styles.DESTINATION)
 TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
@@ -54,18 +57,32 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     canvas = _Pixels(pixels, part, camera)
     if k == 1:
         canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
-    draw_layer(canvas, scene)
+    if draw_layer(canvas, scene):
+        codes = paired(pixels, glyphs)
+        draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
+        return codes
     if scene.snapshot is not None:
         canvas.paint(np.asarray(scene.route, np.int32), styles.ROUTE)
         draw_robots(canvas, scene)
     if scene.cursor is not None:
         canvas.paint(np.array([scene.cursor], np.int32), styles.CURSOR)
-    table = pairs(glyphs)
-    codes: Codes = table[pixels[0::2].astype(np.intp) * len(styles.COLOURS) + pixels[1::2]]
+    return paired(pixels, glyphs)
+
+
+def paired(pixels: Colours, glyphs: GlyphSet) -> Codes:
+    """(rows / 2, columns) the characters of these pixels."""
+    upper, lower = pixels[0::2].astype(np.intp), pixels[1::2]
+    codes: Codes = pairs(glyphs)[upper * len(styles.COLOURS) + lower]
     return codes
 
 
-@lru_cache(maxsize=4)
+def grounds(pixels: Colours) -> Colours:
+    """(rows / 2, columns) the paper for what stands on a layer: of two heats the greater."""
+    papers = np.where(np.isin(pixels, LAID), pixels, np.uint8(styles.FLOOR))
+    return np.maximum(papers[0::2], papers[1::2])
+
+
+@lru_cache(maxsize=3)
 def pairs(glyphs: GlyphSet) -> Codes:
     """The character of each pair of colours, upper * colours + lower.
 
@@ -83,7 +100,19 @@ def pairs(glyphs: GlyphSet) -> Codes:
     ink = np.maximum(upper, lower)  # the table of colours ends with what matters most
     pattern = _dots(TOP_DOTS, TOP_PAIR)[upper] | _dots(BOTTOM_DOTS, BOTTOM_PAIR)[lower]
     dotted = code(style(ink, floor), np.array(glyphs.braille)[pattern])
-    return np.where(standing[upper] & standing[lower], dotted, codes).astype(np.uint32)
+    codes = np.where(standing[upper] & standing[lower], dotted, codes).astype(np.uint32)
+    return _shades(codes, upper, lower, glyphs) if glyphs.shaded else codes
+
+
+def _shades(
+    codes: Codes, upper: NDArray[np.intp], lower: NDArray[np.intp], glyphs: GlyphSet
+) -> Codes:
+    """Pairs of heat by the shade of the greater level, which stands for the whole character."""
+    levels = [
+        np.where(np.isin(half, list(HEATS)), half - styles.HEAT_0, 0) for half in (upper, lower)
+    ]
+    level = np.maximum(*levels)
+    return np.where(level > 0, heat_codes(glyphs)[level], codes)
 
 
 def _dots(full: int, pair: int) -> NDArray[np.uint8]:
@@ -157,8 +186,8 @@ class _Pixels:
         return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)
 
 
-def draw_layer(canvas: _Pixels, scene: Scene) -> None:
-    """Heat, or zones."""
+def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
+    """Heat, or zones; whether there is a layer."""
     if scene.zones is not None:
         zones = canvas.reduced(scene.zones, NIL)
         inside = zones != NIL
@@ -167,6 +196,7 @@ def draw_layer(canvas: _Pixels, scene: Scene) -> None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
         canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
+    return scene.zones is not None or scene.values is not None
 
 
 def draw_robots(canvas: _Pixels, scene: Scene) -> None:

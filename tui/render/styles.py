@@ -209,11 +209,12 @@ class Look:
         """Weight, and without colours what stands for them.
 
         A dark digit on a robot's colour is reversed; so are the selection, the cursor and faults.
+        On the floor, what waits is underlined at every depth: its colour alone would tell it.
         """
         ink, paper = divmod(style, len(COLOURS))
         bold = COLOURS[ink].bold
         if self.depth != Depth.NONE:
-            return Attributes(bold)
+            return Attributes(bold, underline=ink in (WAITS, FAULT) and paper != VOID)
         cut_out = ink in GROUNDS and paper not in GROUNDS
         return Attributes(
             bold=bold or ink == LOADED or paper == MARKED,

@@ -22,6 +22,12 @@ GRAMMAR: Final = (
 )
 
 
+WAYS: Final = (
+    "Play, ticks on, go to, end and the timeline stop at it; "
+    "going back and jumps from lists do not."
+)
+
+
 class Stop(NamedTuple):
     """A breakpoint as the user keeps it."""
 
@@ -84,7 +90,7 @@ class StopList(Rows):
 class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
     """The result is the list as it was left, however the dialog is closed."""
 
-    HEADING = "Breakpoints: the run stops where one of them begins to hold"
+    HEADING = "Breakpoints: the run stops where one begins to hold"
     ACCEPT = "Done"
     CANCEL = ""
 
@@ -96,6 +102,7 @@ class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
         yield Input(placeholder="add one: stuck > 50", compact=True)
         yield Static(f"Write {GRAMMAR}.", classes="hint", markup=False)
         yield Static(f"A robot has {', '.join(FIELDS)}.", classes="hint", markup=False)
+        yield Static(WAYS, classes="hint spare", markup=False)
         yield self._list
 
     def on_input_changed(self) -> None:

@@ -10,6 +10,8 @@ from textual.containers import Horizontal, Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
+from tui.widgets.too_small import ACROSS, DOWN
+
 T = TypeVar("T")
 
 
@@ -19,8 +21,8 @@ class Dialog(ModalScreen[T]):
     DEFAULT_CSS = """
     Dialog { align: center middle; }
     Dialog > Vertical {
-        width: 76; max-width: 100%; height: auto; max-height: 100%; padding: 1 2;
-        background: $surface;
+        width: 76; max-width: 100%; height: auto; max-height: 100%; padding: 0 1;
+        overflow-y: auto; background: $surface; border: round $border;
     }
     Dialog .heading { text-style: bold; }
     Dialog .hint { color: $foreground 75%; }
@@ -30,7 +32,12 @@ class Dialog(ModalScreen[T]):
     Dialog Horizontal > Button { margin-left: 2; }
     Dialog Input { background: $background; }
     Dialog Rows { background: $surface; scrollbar-background: $surface; }
+    Dialog.-short Rows, Dialog.-short TextArea { height: 3; }
+    Dialog.-short Horizontal { margin-top: 0; }
+    Dialog.-short .spare { display: none; }
     """
+    HORIZONTAL_BREAKPOINTS: ClassVar = ACROSS  # type: ignore[misc]
+    VERTICAL_BREAKPOINTS: ClassVar = DOWN  # type: ignore[misc]
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "leave", "Close")]
     HEADING: ClassVar = ""
     ACCEPT: ClassVar = "OK"

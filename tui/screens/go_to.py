@@ -16,17 +16,14 @@ AMOUNT = re.compile(r"([+-]?)\s*(\d[\d,]{0,17}(?:\.\d+)?)\s*(%|[^\W\d]\w*)?")
 
 
 def tick_of(text: str, now: int, head: int, end: int | None, of: Unit) -> int:
-    """The tick that a text means; `head` is the last one so far. Raises InputError."""
+    """The tick that a text means, be it after the end; `head` is the last so far. Raises InputError."""
     found = AMOUNT.fullmatch(text.strip())
     if found is None:
         raise InputError(f"'{text.strip()}' is no tick; write {examples(of)}")
     sign, amount, name = found[1], float(found[2].replace(",", "")), found[3] or "ticks"
     ticks = round(_ticks(amount, name, head if end is None else end, of))
     if sign:
-        moved = now + (ticks if sign == "+" else -ticks)
-        return max(0, moved if end is None else min(moved, end))
-    if end is not None and ticks > end:
-        raise InputError(f"tick {ticks:,} is after the end of the run, tick {end:,}")
+        return max(0, now + (ticks if sign == "+" else -ticks))
     return ticks
 
 

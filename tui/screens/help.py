@@ -19,7 +19,8 @@ MOUSE = (
     ("click", "select a robot or a cell"),
     ("double click", "follow the robot"),
     ("drag", "move the map, or the timeline's tick"),
-    ("wheel", "zoom at the pointer; with shift or ctrl: pan"),
+    ("wheel", "zoom the map, or the timeline"),
+    ("shift+wheel", "pan the map, or go by single ticks"),
 )
 
 
@@ -29,7 +30,8 @@ class HelpScreen(ModalScreen[None]):
     DEFAULT_CSS = """
     HelpScreen { align: center middle; }
     HelpScreen > VerticalScroll {
-        width: 100%; max-width: 118; height: 100%; padding: 1 2; background: $surface;
+        width: 100%; max-width: 118; height: 100%; padding: 0 1; background: $surface;
+        border: round $border;
     }
     HelpScreen Static { height: auto; }
     """
@@ -94,7 +96,7 @@ def _mouse() -> Table:
 
 
 def _stacked(parts: Sequence[Table]) -> Table:
-    stack = Table.grid(padding=(0, 0, 1, 0))
+    stack = Table.grid(padding=(0, 0, 1, 0), collapse_padding=False)
     stack.add_column()
     for part in parts:
         stack.add_row(part)

@@ -1,4 +1,8 @@
-"""The metrics of two runs beside each other, with the difference and which is better."""
+"""The metrics of two runs beside each other, with the difference and which is better.
+
+Only figures of the same tick are judged, or those of two runs that have both delivered everything:
+after one has ended the other goes on, and what it does then is no merit and no fault.
+"""
 
 from __future__ import annotations
 
@@ -7,44 +11,67 @@ from typing import Final
 from automaton.metrics import GLOSSARY
 from automaton.units import number
 from tui.view import View
-from tui.widgets.lines import Line, Span, dim, line, title
+from tui.widgets.lines import Line, Span, dim, line, title, wrapped
 from tui.widgets.signs import Signs
 
 GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization"}
 HEADLINES: Final = ("delivered", "throughput", "blocked", "utilization", "T_total")
 NEITHER: Final = {"legs_per_order", "withdrawals", "ticks_per_operation"}
 NAME: Final = 19
+UNEQUAL: Final = "not compared: one run has ended before this tick"
 ONE_LINE: Final = 52  # columns that a metric needs for its name and figures
 
 
 def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
     """A table of all metrics, the most telling first; narrow panels give each metric two lines."""
     first, second = (figures.metrics for figures in view.shot.figures)
+    judged = comparable(view)
     narrow = width < ONE_LINE
     column = max(1, (width - (0 if narrow else NAME)) // 3 - 1)  # a hidden panel has no width
     names = [signs.here * (at == view.side) + name for at, name in enumerate("AB")]
     heads = [f"{name:>{column}} " for name in names]
-    head = line(title(("" if narrow else " " * NAME) + "".join(heads) + f"{'B - A':>{column}}"))
-    lines = [head]
+    last = "B - A" if judged else ""
+    head = line(title(("" if narrow else " " * NAME) + "".join(heads) + f"{last:>{column}}"))
+    lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
     for name in (*HEADLINES, *(name for name in GLOSSARY if name not in HEADLINES)):
         unit = GLOSSARY[name][0]
         a, b = float(first[name]), float(second[name])
-        best = better(name, a, b)
+        best = better(name, a, b) if judged else ""
         values = line(
             _value(a, unit, column, signs.better if best == "A" else " "),
             _value(b, unit, column, signs.better if best == "B" else " "),
-            dim(f"{_difference(b - a, unit):>{column}}"),
+            dim(f"{_difference(b - a, unit) if judged else '':>{column}}"),
         )
         if narrow:
             said = f" {unit}" if unit != "share" else ""
             lines += [line(name, dim(said)), values]
         else:
             lines.append((Span(name.ljust(NAME)), *values))
+    told = f"{signs.better} better; shares in %" if judged else "shares in %"
     return [
         *lines,
-        line(dim(f"{signs.better} better; shares in %")),
+        *([] if judged else wrapped(line(dim(UNEQUAL)), width)),
+        line(dim(told)),
         line(dim(f"{signs.here} the run that is told of")),
     ]
+
+
+def comparable(view: View) -> bool:
+    """Whether one run can be called better than the other now."""
+    both = zip(view.shot.snapshots, view.shot.figures, strict=True)
+    finished = all(shown.finished and shown.tick == figures.tick for shown, figures in both)
+    return finished or _together(view)
+
+
+def _together(view: View) -> bool:
+    one, other = (figures.tick for figures in view.shot.figures)
+    return one == other
+
+
+def _ticks(view: View, narrow: bool, column: int) -> Line:
+    """Of which ticks the figures are."""
+    ticks = "".join(f"{figures.tick:>{column},} " for figures in view.shot.figures)
+    return line(dim(("" if narrow else "at tick".ljust(NAME)) + ticks))
 
 
 def _value(value: float, unit: str, column: int, sign: str) -> Span:

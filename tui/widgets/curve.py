@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.history.chronicle import Curve
 from automaton.units import number
-from automaton.world.state import Array
 from automaton.world.waiting import DELIVERED_ORDERS, WAITING_ROBOTS
 
 Values = NDArray[np.float64]
@@ -30,42 +30,35 @@ def edges(ticks: int, points: int) -> NDArray[np.int64]:
     return np.linspace(0, ticks, points + 1).astype(np.int64)
 
 
-def throughput(curve: Array, points: int) -> Values:
+def throughput(curve: Curve, points: int) -> Values:
     """(points,) deliveries per 1,000 ticks, each over the last NOW_TICKS or longer."""
-    bounds = edges(len(curve), points)
-    begin = np.maximum(0, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS))
-    span = np.maximum(1, bounds[1:] - begin)
-    rate: Values = 1000.0 * (_delivered(curve, bounds[1:]) - _delivered(curve, begin)) / span
+    bounds = edges(curve.ticks, points)
+    return _rate(curve, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS), bounds[1:])
+
+
+def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Values:
+    """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
+    end = end - end % curve.every
+    begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
+    made = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
+    rate: Values = 1000.0 * made / np.maximum(1, end - begin)
     return rate
 
 
-def _delivered(curve: Array, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Orders delivered up to each of these ticks."""
-    if not len(curve):
-        return np.zeros(len(ticks), np.int64)
-    rows = curve[np.maximum(ticks - 1, 0), DELIVERED_ORDERS]
-    return np.where(ticks > 0, rows, 0).astype(np.int64)
-
-
-def waiting(curve: Array, points: int) -> Values:
+def waiting(curve: Curve, points: int) -> Values:
     """(points,) mean number of robots that wait."""
-    if not len(curve):
-        return np.zeros(points)
-    bounds = edges(len(curve), points)
+    bounds = edges(curve.ticks, points)
     width = np.maximum(1, np.diff(bounds))
     steps = np.arange(SAMPLES) / SAMPLES
-    rows = (bounds[:-1, None] + (width[:, None] * steps)).astype(np.int64)
-    sampled = curve[np.minimum(rows, len(curve) - 1), WAITING_ROBOTS]
-    mean: Values = sampled.mean(axis=1)
+    ticks = (bounds[:-1, None] + (width[:, None] * steps)).astype(np.int64) + 1
+    mean: Values = curve.at(ticks, WAITING_ROBOTS).mean(axis=1)
     return mean
 
 
-def now_throughput(curve: Array) -> float:
+def now_throughput(curve: Curve) -> float:
     """Deliveries per 1,000 ticks over the last NOW_TICKS."""
-    last = len(curve)
-    window = min(NOW_TICKS, last)
-    before, now = _delivered(curve, np.array([last - window, last]))
-    return 1000.0 * float(now - before) / max(1, window)
+    last = np.array([curve.ticks])
+    return float(_rate(curve, last - NOW_TICKS, last)[0])
 
 
 def points_for(width: int, dots: bool) -> int:

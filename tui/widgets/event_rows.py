@@ -37,6 +37,7 @@ TEXTS: Final = {
     codes.CYCLE: "circle of {value} closes",
     codes.DEADLOCK: "deadlock of {value} robots",
 }
+ROBOT: Final = 6  # columns for the number of a robot
 LOOKS: Final = {
     codes.DELIVERED_AT: "good",
     codes.DEADLOCK: "fault",
@@ -57,7 +58,7 @@ def event_line(event: Event, who: bool = True, tick_width: int = 7) -> Line:
     """Tick, robot and what happened; the tick leads there."""
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
-    robot = f" {event.robot:>4}" if who else ""
+    robot = f"{event.robot:>{ROBOT}}" if who else ""
     look = LOOKS.get(event.code, "plain")
     return line(gap, tick, robot, Span(f" {event_words(event)}", look))
 

@@ -10,12 +10,12 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Input
 
-from automaton.history.chronicle import Chronicle
+from automaton.history.chronicle import EVENT_COLUMNS, Chronicle, Log, event_of
 from automaton.units import count
 from automaton.world.state import NIL, Array
 from tui.view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
-from tui.widgets.event_rows import KINDS, Wanted, event_line
+from tui.widgets.event_rows import KINDS, ROBOT, Wanted, event_line
 from tui.widgets.lines import Line, Link, Span, dim, line, title
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
@@ -27,15 +27,16 @@ class Matches:
     """Which events of a chronicle are asked for; what has been looked at is not looked at again."""
 
     def __init__(self) -> None:
-        self._of: tuple[Chronicle | None, Wanted] = (None, Wanted())
+        self._of: tuple[Chronicle | None, Wanted, int] = (None, Wanted(), 0)
         self._seen = 0
         self._found: Array = NONE
 
-    def of(self, chronicle: Chronicle, wanted: Wanted) -> Array:
-        """(M,) int64 indices of events, ascending."""
-        if chronicle is not self._of[0] or wanted != self._of[1]:
-            self._of, self._seen, self._found = (chronicle, wanted), 0, NONE
-        events = chronicle.events
+    def of(self, chronicle: Chronicle, log: Log, wanted: Wanted) -> Array:
+        """(M,) int64 indices of events in the chronicle's log, ascending."""
+        of = (chronicle, wanted, log.dropped)
+        if chronicle is not self._of[0] or of[1:] != self._of[1:]:
+            self._of, self._seen, self._found = of, 0, NONE
+        events = log.rows
         if len(events) > self._seen:
             fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))
             self._found = np.concatenate((self._found, fresh))
@@ -75,6 +76,7 @@ class EventList(Rows):
         super().__init__(signs)
         self.boxes = boxes
         self.view: View | None = None
+        self.kept = Log(np.zeros((0, EVENT_COLUMNS), np.int32), 0)
         self.kinds = frozenset(KINDS)
         self.words = ""
         self.only_selected = False
@@ -89,16 +91,17 @@ class EventList(Rows):
 
     def matching(self, view: View) -> Array:
         """(M,) int64: indices of the events that are asked for."""
-        return self._matches.of(view.run.chronicle, self.wanted(view))
+        return self._matches.of(view.run.chronicle, view.run.chronicle.log, self.wanted(view))
 
     def show(self, view: View) -> None:
         """List the events; the present stays in sight unless the list was scrolled away from it."""
         before = self._present
         self._followed = self.view is None or self.in_sight(max(0, before - 1))
         here = self.view is None or self.cursor == max(0, before - 1)
-        self.view, self._found = view, self.matching(view)
         chronicle = view.run.chronicle
-        known = chronicle.index_at(view.snapshot.tick)
+        self.view, self.kept = view, chronicle.log  # it may go on meanwhile
+        self._found = self._matches.of(chronicle, self.kept, self.wanted(view))
+        known = self.kept.index_at(view.snapshot.tick)
         self._present = int(np.searchsorted(self._found, known))
         if here:
             self.cursor = max(0, self._present - 1)
@@ -116,13 +119,15 @@ class EventList(Rows):
 
     def _heading(self, view: View) -> Line:
         """What is in the columns, and how many events there are."""
-        found, all_of = len(self._found), len(view.run.chronicle.events)
+        found, all_of = len(self._found), len(self.kept.rows)
         told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
-        return line(title(f"{'tick':>{self._tick_width() + 1}}{'#':>5} "), dim(told))
+        if self.kept.dropped:
+            told += f"; {self.kept.dropped:,} older ones are not kept"
+        return line(title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT}} "), dim(told))
 
     def row(self, index: int) -> Line:
         assert self.view is not None
-        event = self.view.run.chronicle.event(int(self._found[index]))
+        event = event_of(self.kept.rows[self._found[index]])
         mark = self.signs.here if index == self._present - 1 else " "
         made = event_line(event, tick_width=self._tick_width())
         gap, tick, *rest = made
@@ -133,7 +138,7 @@ class EventList(Rows):
 
     def _tick_width(self) -> int:
         assert self.view is not None
-        events = self.view.run.chronicle.events
+        events = self.kept.rows
         if not len(events):
             return 5
         return max(5, len(f"{events[-1, 0]:,}") + 1)
@@ -141,7 +146,7 @@ class EventList(Rows):
     def chosen(self, index: int) -> None:
         """Go to the tick of the event, and to its robot."""
         assert self.view is not None
-        event = self.view.run.chronicle.event(int(self._found[index]))
+        event = event_of(self.kept.rows[self._found[index]])
         self.post_message(TickChosen(event.tick))
         if event.robot != NIL:
             self.post_message(RobotChosen(event.robot))

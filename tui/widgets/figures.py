@@ -2,40 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
 
+from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
 from automaton.units import number, percent
-from automaton.world.state import DELIVERED, Array
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from automaton.world.state import DELIVERED
+from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING, waits
 from tui.view import TickChosen, View
 from tui.widgets import curve
+from tui.widgets import lost as lost_time
 from tui.widgets.compared import compared_lines
-from tui.widgets.lines import Line, Link, Span, dim, fact, line, term, title
-from tui.widgets.robot_columns import waits
+from tui.widgets.lines import Line, Link, Span, dim, length, line, term, title
 from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
 
 NAME: Final = 13  # columns for the name of a figure
+FIGURE: Final = 5  # columns of a figure, one digit behind the point
 ROWS: Final = 3  # of a curve
-NARROW: Final = 40  # columns below which words are shortened; /kt is per 1000 ticks
-SHORT: Final = 7  # columns for the name of a figure in words
+UNIT: Final = "/1000 ticks"
+SHORT_UNIT: Final = "/kt"  # the same where there is little room
 
 
 class Figures(TextPanel):
     """What matters most comes first: the panel may have little room."""
 
+    ends: Sequence[int] = ()  # after which lines the panel may end
+
     def written(self, view: View, width: int) -> list[Line]:
         if len(view.runs) > 1:
-            return [*compared_lines(view, width, self.signs), (), *self._curves(view, width)]
-        return [
-            *self._now(view, width),
+            throughput, waiting = self._curves(view, width)
+            lines = [*compared_lines(view, width, self.signs), (), *throughput, *waiting]
+            # What belongs to the line before it is indented.
+            self.ends = [at for at, one in enumerate(lines) if one and one[0].text[:1] != " "]
+            return lines
+        parts = (
+            self._now(view, width),
             *self._curves(view, width),
-            *self._lost(view, width),
-            *self._all(view, width),
-        ]
+            self._lost(view, width),
+            self._all(view, width),
+        )
+        self.ends = tuple(accumulate(len(part) for part in parts))
+        return [made for part in parts for made in part]
+
+    def rows_within(self, most: int) -> int:
+        """Rows that show whole parts only, as many as `most` allows."""
+        return max((end for end in self.ends if end <= most), default=most)
 
     def _now(self, view: View, width: int) -> list[Line]:
         metrics = view.shot.figures[view.side].metrics
@@ -45,44 +61,42 @@ class Figures(TextPanel):
         share = done / max(1, len(orders))
         room = max(0, width - NAME - len(f"{done:,} of {len(orders):,} "))
         rate, now = float(metrics["throughput"]), curve.now_throughput(curve_now)
-        unit = "/kt" if width < NAME + len("100.0 /1000 ticks") else "/1000 ticks"
+        unit = UNIT if width >= NAME + len(f"100.0 {UNIT}") else SHORT_UNIT
         return [
             _figure("delivered", f"{done:,} of {len(orders):,} ", bar(share, room, self.signs)),
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {curve.NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", view, width),
             *self._share("blocked", view, width),
-            *fact(
-                "robots",
-                *_robots(view, "" if width < NARROW else ","),
-                width=width,
-                label=NAME if width >= NARROW else SHORT,
-            ),
+            *_robots(view, width),
         ]
 
     def _share(self, name: str, view: View, width: int) -> list[Line]:
         """A share of time, and what counts."""
         link = ("share", list(GLOSSARY).index(name))
-        value = percent(float(view.shot.figures[view.side].metrics[name]))
+        share = percent(float(view.shot.figures[view.side].metrics[name]))
+        value = f"{share:>{FIGURE + 2}}"
         told = self.explanation(link, GLOSSARY[name][1], width)
         return [line(*term(name, link, NAME), value), *told]
 
-    def _curves(self, view: View, width: int) -> list[Line]:
+    def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
+        """Throughput and waiting robots over time; the axis is below the second."""
         known = _known(view)
         points = curve.points_for(width, self.signs.dots)
-        lines: list[Line] = []
         rate = "throughput, orders/1000 ticks"
-        for name, values in (
-            (rate if width >= len(rate) else "orders/1000 ticks", curve.throughput(known, points)),
-            ("waiting robots", curve.waiting(known, points)),
-        ):
-            lines.append(line(title(name)))
-            for text in curve.drawn(values, ROWS, self.signs.dots):
-                label, body = text[: curve.LABELS], text[curve.LABELS :]
-                lines.append(line(dim(label), Span(body, "plain", ("curve", len(known)))))
-        last = f"tick {len(known):,}"
+        name = rate if width >= len(rate) else "orders/1000 ticks"
+        throughput = self._curve(name, curve.throughput(known, points), known.ticks)
+        waiting = self._curve("waiting robots", curve.waiting(known, points), known.ticks)
+        last = f"tick {known.ticks:,}"
         axis = "0".ljust(max(1, width - curve.LABELS - len(last))) + last
-        return [*lines, line(dim(" " * curve.LABELS + axis))]
+        return throughput, [*waiting, line(dim(" " * curve.LABELS + axis))]
+
+    def _curve(self, name: str, values: curve.Values, ticks: int) -> list[Line]:
+        lines = [line(title(name))]
+        for text in curve.drawn(values, ROWS, self.signs.dots):
+            label, body = text[: curve.LABELS], text[curve.LABELS :]
+            lines.append(line(dim(label), Span(body, "plain", ("curve", ticks))))
+        return lines
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """Robot ticks lost by cause."""
@@ -92,15 +106,15 @@ class Figures(TextPanel):
             return [line(title("no time lost so far"))]
         whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
         lines = [line(title("time lost"), dim(" of all robot ticks"))]
-        room = max(0, width - NAME - 10)
-        for code in np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist():
-            share = int(lost[code]) / whole
-            drawn = bar(int(lost[code]) / int(lost.max()), room, self.signs)
-            link = ("cause", code)
-            name = term(CAUSES[code].name, link, NAME + 1)
-            lines.append(line(*name, Span(drawn, "warn"), f"{percent(share):>8}"))
-            lines += self.explanation(link, CAUSES[code].meaning, width)
-        return lines
+        room = max(0, width - NAME - 12)
+        causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
+        for cause in causes:
+            drawn = lost_time.drawn(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
+            link = ("cause", cause)
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME + 1))
+            lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
+            lines += self.explanation(link, CAUSES[cause].meaning, width)
+        return [*lines, lost_time.key(causes, self.signs)]
 
     def _all(self, view: View, width: int) -> list[Line]:
         """Every metric with its unit."""
@@ -127,8 +141,8 @@ class Figures(TextPanel):
             super().follow(link, column)
 
 
-def _known(view: View) -> Array:
-    return view.run.chronicle.curve[: view.snapshot.tick]
+def _known(view: View) -> Curve:
+    return view.run.chronicle.curve.until(view.snapshot.tick)
 
 
 def _figure(name: str, *parts: str) -> Line:
@@ -136,16 +150,23 @@ def _figure(name: str, *parts: str) -> Line:
 
 
 def _short(value: float) -> str:
-    return f"{value:,.1f}"
+    return f"{value:>{FIGURE},.1f}"
 
 
-def _robots(view: View, comma: str) -> Line:
-    """How many robots work, wait and are parked."""
+def _robots(view: View, width: int) -> list[Line]:
+    """How many robots work, wait and are parked or idle; two in a line where not all fit in one."""
     fleet = view.snapshot.robots
-    waiting, parked = int(np.count_nonzero(waits(fleet))), int(np.count_nonzero(fleet.parked))
+    waiting, parked = int(np.count_nonzero(waits(fleet.cause))), int(np.count_nonzero(fleet.parked))
     idle = int(np.count_nonzero((fleet.cause == NO_ORDER) & (fleet.parked == 0)))
     work = len(fleet) - waiting - parked - idle
     look = "fault" if fleet.ring.any() else "warn" if waiting else "plain"
-    waits_now = Span(f"{waiting:,} wait{comma}", look)
-    parts = line(f"{work:,} work{comma} ", waits_now, f" {parked:,} parked")
-    return (*parts, Span(f"{comma} {idle:,} idle")) if idle else parts
+    said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
+    said += [Span(f"{idle:,} idle")] if idle else []
+    fits = length(said) + 2 * (len(said) - 1) <= width - NAME
+    step = len(said) if fits else 2
+    rows = [said[at : at + step] for at in range(0, len(said), step)]
+    names = ["robots", *[""] * (len(rows) - 1)]
+    return [
+        (dim(name.ljust(NAME)), *[part for span in row for part in (span, Span(", "))][:-1])
+        for name, row in zip(names, rows, strict=True)
+    ]

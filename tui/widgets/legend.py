@@ -50,7 +50,7 @@ class Legend(TextPanel):
             for entry in legend(scene, zoom, self.glyphs)
             for made in self._entry(entry, self.width)
         ]
-        return [*_worst(scene), *signs]
+        return [*signs, *_worst(scene)]
 
     def _entry(self, entry: Entry, width: int) -> list[Line]:
         """The signs, and the meaning beside them."""
@@ -75,4 +75,4 @@ def _worst(scene: Scene) -> list[Line]:
         return []
     wide = max(len(link.text) for link, _ in cells)
     rows = [line(link, f"{' ' * (wide - len(link.text))}{n:>9,}") for link, n in cells]
-    return [line(title(f"most {UNITS[scene.layer]}")), *rows, ()]
+    return [(), line(title(f"most {UNITS[scene.layer]}")), *rows]

@@ -10,7 +10,7 @@ import numpy as np
 from automaton.history.snapshot import Fleet
 from automaton.units import percent
 from automaton.world.state import ACTION_NAMES, NIL, Array
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from automaton.world.waiting import CAUSES, waits
 from tui.view import View
 
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
@@ -29,17 +29,11 @@ class Column(NamedTuple):
     right: bool = True
 
 
-def waits(fleet: Fleet) -> Array:
-    """(n,) bool: has something to do and does not get on."""
-    waiting: Array = (fleet.cause != NOT_WAITING) & (fleet.cause != NO_ORDER)
-    return waiting
-
-
 def doing(fleet: Fleet, robot: int) -> str:
     """What a robot does, in a word."""
     if fleet.parked[robot]:
         return PARKED
-    if fleet.cause[robot] not in (NOT_WAITING, NO_ORDER):
+    if waits(fleet.cause[robot]):
         return "waits"
     return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
 
@@ -48,14 +42,14 @@ def _doing_keys(view: View) -> Array:
     """In the order of DOING: idle, at work, waiting; the parked ones last."""
     fleet = view.snapshot.robots
     keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
-    keys[waits(fleet)] = ACTION_NAMES.index("wait")
+    keys[waits(fleet.cause)] = ACTION_NAMES.index("wait")
     keys[fleet.parked != 0] = len(DOING)
     return keys
 
 
 def _waited(view: View) -> Array:
     fleet = view.snapshot.robots
-    ticks: Array = np.where(waits(fleet), view.snapshot.tick - fleet.since, 0)
+    ticks: Array = np.where(waits(fleet.cause), view.snapshot.tick - fleet.since, 0)
     return ticks
 
 
@@ -112,9 +106,7 @@ COLUMNS: Final = (
 
 def _waited_of(view: View, robot: int) -> int:
     fleet = view.snapshot.robots
-    if fleet.cause[robot] in (NOT_WAITING, NO_ORDER):
-        return 0
-    return view.snapshot.tick - int(fleet.since[robot])
+    return view.snapshot.tick - int(fleet.since[robot]) if waits(fleet.cause[robot]) else 0
 
 
 def ordered(view: View, column: int, greatest_first: bool) -> Array:

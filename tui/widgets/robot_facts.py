@@ -19,7 +19,7 @@ from automaton.world.state import (
     NIL,
     Array,
 )
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from automaton.world.waiting import CAUSES, NOT_WAITING, waits
 from tui.view import View
 from tui.widgets.event_rows import event_line
 from tui.widgets.lines import (
@@ -80,7 +80,7 @@ def _look(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     if fleet.ring[robot]:
         return "fault"
-    return "plain" if fleet.cause[robot] in (NOT_WAITING, NO_ORDER) else "warn"
+    return "warn" if waits(fleet.cause[robot]) else "plain"
 
 
 def _waits_for(view: View, robot: int) -> list[str | Span]:

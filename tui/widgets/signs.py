@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from tui.render.glyphs import GlyphSet
+
 
 class Signs(NamedTuple):
     """What panels draw with."""
@@ -21,15 +23,23 @@ class Signs(NamedTuple):
     better: str  # the better of two figures
     full: str  # of a bar
     half: str
+    thin: str  # of a bar of the second kind
+    thin_half: str
     dots: bool  # whether there are braille patterns
 
 
-UNICODE: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", True)
-ASCII: Final = Signs("^", "v", "<", ">", ">", "x", ".", "*", "#", "", False)
+UNICODE: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", "⠶", "⠆", True)
+ASCII: Final = Signs("^", "v", "<", ">", ">", "+", "-", "*", "#", "", "=", "", False)
 
 
-def bar(share: float, width: int, signs: Signs) -> str:
+def signs_of(glyphs: GlyphSet) -> Signs:
+    """Those that go with the characters of the map."""
+    return ASCII if glyphs.name == "ascii" else UNICODE
+
+
+def bar(share: float, width: int, signs: Signs, thin: bool = False) -> str:
     """A bar of at most `width` columns; something that is not nothing shows."""
-    steps = 2 if signs.half else 1
+    full, half = (signs.thin, signs.thin_half) if thin else (signs.full, signs.half)
+    steps = 2 if half else 1
     long = min(width * steps, max(round(share * width * steps), int(share > 0)))
-    return (signs.full * (long // steps) + signs.half * (long % steps)).ljust(width)
+    return (full * (long // steps) + half * (long % steps)).ljust(width)

@@ -9,36 +9,35 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from automaton.units import Unit, number
-from automaton.world.state import DELIVERED, NIL
-from automaton.world.waiting import NO_ORDER, NOT_WAITING
+from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.glyphs import ASCII, GlyphSet
+from tui.tally import tally
 from tui.widgets.line import Word, word
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
     from tui.pace import Figures
-    from tui.player import Shot
+    from tui.shot import Shot
 
 NEAR = 0.9  # of the speed that was asked for counts as reached
 
 
-def time_words(shot: Shot, factor: float, tick: Unit, glyphs: GlyphSet) -> list[Word]:
-    """Whether it plays, how fast, and which tick is shown."""
+def time_words(shot: Shot, side: int, factor: float, tick: Unit, glyphs: GlyphSet) -> list[Word]:
+    """Whether it plays, how fast, and which tick of a run is shown."""
     arrows = glyphs.robot if glyphs is ASCII else glyphs.loaded
     signs = {1: arrows[0], -1: arrows[2]}
     plays = (signs[shot.playing],) if shot.playing else word("||").glyphs
-    last = shot.head if shot.end is None else shot.end
-    rest = "" if shot.tick == shot.head else f"of {last:,}"
+    shown, end = shot.snapshots[side].tick, shot.ends[side]
+    last = shot.head if end is None else end
+    rest = "" if shown == last else f"of {last:,}"
     return [
         Word(plays, styles.DONE if shot.playing else styles.LOADED, "play_pause"),
         word(_speed(shot, factor), styles.TEXT, "faster"),
-        word(f"tick {shot.tick:,}", styles.SELECTED, "go_to"),
+        word(f"tick {shown:,}", styles.SELECTED, "go_to"),
         *([word(rest, styles.DIM, "go_end", 3)] if rest else []),
-        *_time(shot.tick, tick),
+        *_time(shown, tick),
     ]
 
 
@@ -46,7 +45,7 @@ def mode_word(shot: Shot, side: int, name: str, recorded: bool = False, whole: b
     """Where in which kind of run we are; how it ended goes from no screen, however narrow."""
     if shot.failed:
         return word("failed", styles.FAULT, "play_pause")
-    if shot.tick == shot.end:
+    if shot.ended(side):
         return word(end_of(shot, side, recorded, whole), styles.DONE if whole else styles.WAITS)
     if recorded:
         return word(name, styles.DIM, "", 5) if whole else word("cut short", styles.WAITS)
@@ -83,19 +82,14 @@ def _time(ticks: int, tick: Unit) -> list[Word]:
 
 def fleet_words(snapshot: Snapshot) -> list[Word]:
     """How many robots work and wait, and how many orders are done."""
-    robots = snapshot.robots
-    waiting = (robots.cause != NOT_WAITING) & (robots.cause != NO_ORDER)
-    working = ~waiting & (robots.parked == 0)
-    ring = int(np.count_nonzero(robots.ring))
-    done = int(np.count_nonzero(snapshot.orders.state == DELIVERED))
-    waits = int(np.count_nonzero(waiting))
+    now = tally(snapshot)
     said = [
-        word(f"{np.count_nonzero(working):,} work", styles.ROBOT, "robots", 2),
-        word(f"{waits:,} wait", styles.WAITS if waits else styles.DIM, "robots", 1),
-        word(f"{done:,}/{len(snapshot.orders.state):,} delivered", styles.DONE, "events", 1),
+        word(f"{now.working:,} work", styles.ROBOT, "robots", 2),
+        word(f"{now.waiting:,} wait", styles.WAITS if now.waiting else styles.DIM, "robots", 1),
+        word(f"{now.delivered:,}/{now.orders:,} delivered", styles.DONE, "events", 1),
     ]
-    if ring:
-        said.insert(2, word(f"{ring:,} in a circle", styles.FAULT, "why", 4))
+    if now.circling:
+        said.insert(2, word(f"{now.circling:,} in a circle", styles.FAULT, "why", 4))
     return said
 
 
@@ -103,6 +97,14 @@ def head_words(own: str, common: str, width: int) -> list[Word]:
     """Over one of two maps: what is its own, and if there is room what both have."""
     words = own if len(own) <= width else f"{own[: max(0, width - 3)]}..."
     return [word(words), *([word(common, styles.DIM, rank=1)] if common else [])]
+
+
+def end_words(shot: Shot | None, side: int) -> list[Word]:
+    """At the right of a head, when its run has ended; the other one may go on."""
+    ended = shot is not None and shot.ended(side)
+    text = f"ended at tick {shot.snapshots[side].tick:,}" if shot is not None and ended else ""
+    # Nothing at the very end keeps a gap: the other head may follow at once.
+    return [*([word(text, styles.WAITS)] if text else []), word("")]
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:

@@ -34,17 +34,17 @@ from tui.widgets.legend import Legend
 from tui.widgets.lines import Line, Link, Span
 from tui.widgets.robots import Robots
 from tui.widgets.rows import Rows
-from tui.widgets.signs import ASCII, UNICODE
+from tui.widgets.signs import signs_of
 from tui.widgets.why import Why
 
 TABS: Final = {  # name of a panel: its tab and the app's key that opens it
-    "inspector": ("inspect", "i"),
+    "inspector": ("info", "i"),
     "why": ("why", "w"),
     "events": ("events", "e"),
     "robots": ("robots", "t"),
     "legend": ("legend", "K"),
 }
-WITH_KEYS: Final = 46  # columns from which the tabs name their keys
+WITH_KEYS: Final = 40  # columns from which the tabs name their keys
 
 
 class TabStrip(Rows):
@@ -105,7 +105,7 @@ class PanelColumn(Container):
     DEFAULT_CSS = """
     PanelColumn {
         layout: vertical; width: 34; height: 1fr; background: $background;
-        & > Figures { height: auto; max-height: 45%; }
+        & > Figures { height: auto; max-height: 50%; }
         & > Vertical { height: 1fr; }
         & ContentSwitcher { height: 1fr; }
         &.full { layout: horizontal; width: 1fr; }
@@ -116,7 +116,7 @@ class PanelColumn(Container):
 
     def __init__(self, look: Look, glyphs: GlyphSet, *, id: str | None = None) -> None:
         super().__init__(id=id)
-        signs = ASCII if glyphs.name == "ascii" else UNICODE
+        signs = signs_of(glyphs)
         self.figures = Figures(signs, id="figures")
         self.inspector = Inspector(signs, id="inspector")
         self.why = Why(signs, id="why")
@@ -147,11 +147,22 @@ class PanelColumn(Container):
         """Show this in the figures and in the open panel, as far as they are in sight."""
         self._view = view = _within(view)
         key = (id(view.run), view.shot.seq, view.robot, view.cell, view.side, view.layer)
+        self._fit_figures()
         if not self.is_mounted or not self.size or key == self._key:
             return
         self._key = key
         self.figures.show(view)
+        self._fit_figures()
         self._opened().show(view)
+
+    def _fit_figures(self) -> None:
+        """Above another panel the figures end where a part of them ends, not within a curve."""
+        if self.size:
+            most = self.figures.rows_within(self.size.height // 2)
+            self.figures.styles.max_height = None if self.has_class("full") else most
+
+    def on_resize(self) -> None:
+        self._fit_figures()
 
     def _opened(self) -> Inspector | Why | Events | Robots | Legend:
         panels = (self.inspector, self.why, self.events, self.robots, self.legend)

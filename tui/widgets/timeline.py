@@ -1,12 +1,15 @@
 """The run so far in one row: deliveries over time, what happened when, and where we are.
 
-⣀⣠⣤⣀⣀⣴⣤✗⣀⣀⣠█⋅⋅⋅⋅⋅⋅     two columns of dots in a character; behind the head nothing is known yet
+0 ⣀⣠⣤⣀⣀⣴⣤✗⣀⣀3⣠█⋅⋅⋅⋅ 96     two columns of dots in a character; behind the head nothing is known yet
+
+Of several marks in one column their number is shown, in the colour of the gravest; zooming in parts
+them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import ClassVar, Final, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +17,31 @@ from textual import events
 from textual.binding import Binding
 from textual.message import Message
 
+from automaton.world.waiting import DELIVERED_ORDERS
 from tui.render import styles
-from tui.render.glyphs import Codes, GlyphSet, code
+from tui.render.glyphs import Codes, GlyphSet, code, text
 from tui.render.styles import style
 from tui.widgets.map_view import MapView
+from tui.widgets.track import Part, Track, track_of
+
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.history.chronicle import Curve
 
 LEVELS: Final = 4  # dots in a column of braille
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below
 RIGHT_DOTS: Final = np.array([0, 0x80, 0xA0, 0xB0, 0xB8])
-SHORTEST: Final = 64  # ticks in the whole row at least
+SHORTEST: Final = 50  # ticks in the whole row at least
+ROUND: Final = (10, 15, 20, 30, 50, 75)  # where the row of a run of unknown length ends, times 10^k
+
+
+KINDS: Final = ("branch", "difference", "stop", "deadlock")  # of marks, the gravest last
 
 
 class Mark(NamedTuple):
     """Something at a tick that deserves a sign."""
 
     tick: int
-    kind: str  # deadlock, stop, branch or difference
+    kind: str  # of KINDS
 
 
 class Past(NamedTuple):
@@ -38,12 +50,12 @@ class Past(NamedTuple):
     tick: int
     head: int  # the last tick that is known
     end: int | None  # the last one that there will be
-    delivered: NDArray[np.int32]  # (known,) orders delivered up to tick 1, 2, ...
+    curve: Curve  # its deliveries are shown
     marks: tuple[Mark, ...] = ()
 
 
 class Timeline(MapView, can_focus=True):
-    """Click and drag to go to a tick, turn the wheel or use the arrow keys for single ones."""
+    """Click and drag to go to a tick, turn the wheel to zoom; arrow keys go to single ticks."""
 
     DEFAULT_CSS = "Timeline { height: 1; width: 1fr; }"
     BINDINGS: ClassVar = [
@@ -51,6 +63,9 @@ class Timeline(MapView, can_focus=True):
         Binding("right", "scrub(1)", "Tick on", show=False),
         Binding("shift+left,pageup", "scrub(-10)", "10 back", show=False),
         Binding("shift+right,pagedown", "scrub(10)", "10 on", show=False),
+        Binding("plus,equals_sign", "app.timeline_in", "Zoom in", show=False),
+        Binding("minus", "app.timeline_out", "Zoom out", show=False),
+        Binding("0", "app.timeline_whole", "Whole run", show=False),
     ]
 
     class Scrubbed(Message):
@@ -68,17 +83,43 @@ class Timeline(MapView, can_focus=True):
             self.ticks = ticks
 
     past: Past | None = None
+    part: Part | None = None  # what is shown; None: the whole run
+
+    @property
+    def track(self) -> Track:
+        """Where ticks are now; there has to be a past."""
+        assert self.past is not None
+        return track_of(self.part, span(self.past), self.size.width)
 
     def tell(self, past: Past) -> bool:
-        """Show this; whether anything changed."""
-        self.past = past
+        """Show this; whether anything changed.
+
+        A part in which the present was goes on with it; one that was chosen elsewhere stays.
+        """
+        before, self.past = self.past, past
         if not self.size.width:
             return False
-        codes = picture(past, self.size.width, self.glyphs, self.has_focus)
+        if self.part is not None:
+            end = span(past)
+            here = before is None or before.tick in self.part
+            self.part = self.part.within(end)
+            self.part = self.part.following(past.tick, end) if here else self.part
+        codes = picture(past, self.track, self.glyphs, self.has_focus)
         if self.shown is not None and np.array_equal(codes, self.shown):
             return False
         self.present(codes)
         return True
+
+    def zoom(self, steps: int, at: int | None = None) -> None:
+        """Nearer or farther; this tick, or the present one, stays where it is. 0: the whole run."""
+        if self.past is None:
+            return
+        end, part = span(self.past), self.track.part
+        if at is None:
+            at, part = self.past.tick, part.following(self.past.tick, end)
+        part = part.zoomed(steps, at, end)
+        self.part = part if steps and part.ticks < end else None
+        self.tell(self.past)
 
     def action_scrub(self, ticks: int) -> None:
         self.post_message(self.Moved(ticks))
@@ -99,8 +140,7 @@ class Timeline(MapView, can_focus=True):
 
     def _point_at(self, column: int) -> None:
         if self.past is not None:
-            tick = tick_at(column, self.past, self.size.width)
-            self.post_message(self.Scrubbed(tick))
+            self.post_message(self.Scrubbed(min(self.track.tick_at(column), self.past.head)))
 
     def on_map_view_clicked(self, event: MapView.Clicked) -> None:
         event.stop()
@@ -109,50 +149,56 @@ class Timeline(MapView, can_focus=True):
 
     def on_map_view_wheeled(self, event: MapView.Wheeled) -> None:
         event.stop()
-        self.post_message(self.Moved(-1 if event.direction in ("up", "left") else 1))
+        back = event.direction in ("up", "left")
+        if event.direction in ("left", "right") or event.shift or event.ctrl:
+            self.post_message(self.Moved(-1 if back else 1))
+        elif self.past is not None:
+            self.zoom(1 if back else -1, self.track.tick_at(event.column))
 
 
 def span(past: Past) -> int:
-    """The tick at the right end: of a run without a known end one that seldom changes."""
+    """The last tick of the whole row: of a run without a known end one that seldom changes."""
     if past.end is not None:
         return max(past.end, 1)
-    longest = SHORTEST
-    while longest < past.head:
-        longest += longest // 2
-    return longest
+    head = max(past.head, SHORTEST)
+    power: int = 10 ** max(0, len(str(head)) - 2)
+    while all(end * power < head for end in ROUND):
+        power *= 10
+    return next(end * power for end in ROUND if end * power >= head)
 
 
-def column_of(tick: int, past: Past, width: int) -> int:
-    """Where a tick is shown."""
-    return min(width - 1, tick * (width - 1) // span(past))
-
-
-def tick_at(column: int, past: Past, width: int) -> int:
-    """The first tick that is shown there; only known ones can be shown."""
-    column = min(max(column, 0), width - 1)
-    return min(-(-column * span(past) // max(1, width - 1)), past.head)
-
-
-def picture(past: Past, width: int, glyphs: GlyphSet, focused: bool) -> Codes:
+def picture(past: Past, track: Track, glyphs: GlyphSet, focused: bool) -> Codes:
     """(1, width) codes."""
-    here, head = (column_of(tick, past, width) for tick in (past.tick, past.head))
-    columns = np.arange(width)
-    ink = np.where(columns <= here, styles.TEXT, styles.DIM)
-    glyph = np.where(columns <= head, throughput(past, width, glyphs), glyphs.floor)
-    codes: Codes = code(style(ink, styles.VOID), glyph)
-    for column, sign, colour in _signs(past, width, glyphs):
-        codes[column] = code(style(colour, styles.VOID), sign)
-    at = codes[here : here + 1]
+    here, head = (track.column_of(tick) for tick in (past.tick, past.head))
+    columns = np.arange(track.left, track.left + track.columns)
+    gone = (columns <= here) & (past.tick >= track.part.first)
+    ink = np.where(gone, styles.TEXT, styles.DIM)
+    known = (columns <= head) & (past.head >= track.part.first)
+    glyph = np.where(known, throughput(past, track, glyphs), glyphs.floor)
+    codes = np.full(track.width, code(style(styles.TEXT, styles.VOID), glyphs.blank), np.uint32)
+    codes[columns] = code(style(ink, styles.VOID), glyph)
+    for column, sign in _signs(past, track, glyphs):
+        codes[column] = sign
+    at = codes[here : here + (past.tick in track.part)]
     at[:] = styles.repapered(at, styles.CURSOR if focused else styles.SELECTED)
-    return codes.reshape(1, -1)
+    return _labelled(codes, track, glyphs).reshape(1, -1)
 
 
-def throughput(past: Past, width: int, glyphs: GlyphSet) -> NDArray[np.intp]:
-    """(width,) glyphs: deliveries in each half of a column, beside the most in any."""
-    edges = np.linspace(0, span(past), 2 * width + 1).astype(np.int64)
-    known = np.minimum(edges, len(past.delivered))
-    total = np.where(known > 0, past.delivered[known - 1], 0) if known.any() else known
-    deliveries = np.diff(total)
+def _labelled(codes: Codes, track: Track, glyphs: GlyphSet) -> Codes:
+    """The numbers of the first and the last tick; bright where they are not those of the run."""
+    more = {ord("<"): glyphs.one_way[2], ord(">"): glyphs.one_way[0]}
+    zoomed = track.more_before or track.more_after
+    ink = style(styles.LOADED if zoomed else styles.DIM, styles.VOID)
+    for label, place in zip(track.labels, (0, -len(track.labels[1])), strict=True):
+        signs = np.array([more.get(glyph, glyph) for glyph in text(label)], np.uint32)
+        codes[place : place + len(signs) or None] = code(ink, signs)
+    return codes
+
+
+def throughput(past: Past, track: Track, glyphs: GlyphSet) -> NDArray[np.intp]:
+    """(columns,) glyphs: deliveries in each half of a column, beside the most in any."""
+    edges = track.edges(2 * track.columns)
+    deliveries = np.diff(past.curve.at(edges, DELIVERED_ORDERS))
     most = max(1, int(deliveries.max(initial=0)))
     heights = -(-deliveries * (LEVELS - 1) // most) + 1
     left, right = heights[0::2], heights[1::2]
@@ -160,13 +206,22 @@ def throughput(past: Past, width: int, glyphs: GlyphSet) -> NDArray[np.intp]:
     return dots
 
 
-def _signs(past: Past, width: int, glyphs: GlyphSet) -> Iterable[tuple[int, int, int]]:
-    """Column, glyph and ink of each mark."""
+def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np.uint32]]:
+    """Column and code of each mark, or of several that share a column."""
     looks = {
         "deadlock": (glyphs.fault, styles.FAULT),
         "stop": (glyphs.stand, styles.CURSOR),
         "branch": (ord("Y"), styles.LOADED),
         "difference": (ord("x"), styles.MARKED),
     }
-    for mark in past.marks:
-        yield column_of(mark.tick, past, width), *looks[mark.kind]
+    there: dict[int, list[str]] = {}
+    for mark in dict.fromkeys(past.marks):
+        if track.part.first <= mark.tick <= track.part.last:
+            there.setdefault(track.column_of(mark.tick), []).append(mark.kind)
+    for column, kinds in there.items():
+        sign, ink = looks[max(kinds, key=KINDS.index)]
+        if len(kinds) == 1:
+            yield column, code(style(ink, styles.VOID), sign)
+        else:
+            many = glyphs.digits[len(kinds)] if len(kinds) < 10 else ord("+")
+            yield column, code(style(styles.VOID, ink), many)

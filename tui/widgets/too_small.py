@@ -1,4 +1,4 @@
-"""What is shown instead of the viewer while the terminal is too small for it."""
+"""What a terminal that is too small shows in place of everything else, and the classes of sizes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from textual.widgets import Static
 
 COLUMNS: Final = 60
 ROWS: Final = 16
+# From how many columns and rows on a screen bears which class: one of each.
+ACROSS: Final = [(0, "-tight"), (COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
+DOWN: Final = [(0, "-flat"), (ROWS, "-short"), (24, "-low"), (30, "-high")]
 
 
 class TooSmall(Static):
@@ -17,7 +20,15 @@ class TooSmall(Static):
         "TooSmall { display: none; width: 1fr; height: 1fr; content-align: center middle; }"
     )
 
-    def measure(self, columns: int, rows: int) -> bool:
-        """Whether the terminal is too small."""
+    def measure(self, columns: int, rows: int) -> None:
+        """Say how large the terminal is."""
         self.update(f"automaton needs {COLUMNS}x{ROWS}, has {columns}x{rows}")
-        return columns < COLUMNS or rows < ROWS
+
+
+def size_classes(columns: int, rows: int) -> dict[str, bool]:
+    """Which of the classes a screen of this size bears."""
+    bears: dict[str, bool] = {}
+    for length, table in ((columns, ACROSS), (rows, DOWN)):
+        own = max(step for step in table if step[0] <= length)
+        bears |= {step[1]: step == own for step in table}
+    return bears

@@ -9,14 +9,14 @@ import numpy as np
 from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
 from automaton.world.state import NIL
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from automaton.world.waiting import CAUSES, NOT_WAITING, waits
 from tui.view import View
+from tui.widgets import lost as lost_time
 from tui.widgets.lines import Line, Link, Span, dim, line, linked, robot_link, term, title, wrapped
-from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
 
 MOST: Final = 40  # robots in the list to pick from
-NAME: Final = 15  # columns for the name of a cause
+NAME: Final = 17  # columns for the letter and the name of a cause
 PERCENT: Final = 6
 FIRST: Final = 12  # links of a chain that are told from its beginning
 LAST: Final = 4
@@ -42,18 +42,18 @@ class Why(TextPanel):
         if not total:
             return [line(title("no time lost so far"))]
         head = f"time lost: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
-        lines = wrapped(line(title(head)), width)
+        causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
+        shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
+        lines = [*wrapped(line(title(head)), width), lost_time.split(shares, width)]
         digits = len(f"{total:,}") + 1
         room = max(0, width - NAME - digits - PERCENT)
-        for code in np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist():
-            share = int(lost[code]) / ticks
-            link = ("cause", code)
-            look = "warn" if CAUSES[code].blocked else "plain"
-            drawn = Span(bar(share, room, self.signs), look)
-            ticks_lost, part = f"{int(lost[code]):>{digits},}", f"{percent(share, 0):>{PERCENT}}"
-            lines.append(line(*term(CAUSES[code].name, link, NAME), drawn, ticks_lost, part))
-            lines += self.explanation(link, CAUSES[code].meaning, width)
-        return lines
+        for cause, share in shares:
+            link = ("cause", cause)
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME - 2))
+            figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT}}"
+            lines.append(line(*name, lost_time.drawn(cause, share, room, self.signs), figures))
+            lines += self.explanation(link, CAUSES[cause].meaning, width)
+        return [*lines, lost_time.key(causes, self.signs)]
 
     def follow(self, link: Link, column: int = 0) -> None:
         """A cause is explained."""
@@ -99,7 +99,7 @@ def _circle(view: View, found: Explanation, width: int) -> list[Line]:
 def longest_waits(view: View, width: int) -> list[Line]:
     """Robots that wait now, by how long they have."""
     fleet, now = view.snapshot.robots, view.snapshot.tick
-    waiting = np.flatnonzero((fleet.cause != NOT_WAITING) & (fleet.cause != NO_ORDER))
+    waiting = np.flatnonzero(waits(fleet.cause))
     if not len(waiting):
         return [
             line(title("no robot waits now")),

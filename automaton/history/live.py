@@ -1,0 +1,176 @@
+"""A run that is computed while it is shown, and how one goes on from the past of another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from automaton.errors import InputError
+from automaton.headless import strategies_blamed
+from automaton.history.journal import DIGEST_TICKS, Journal
+from automaton.history.keyframes import Keyframes
+from automaton.history.playback import Playback
+from automaton.history.run import SLICE_S, Run
+from automaton.metrics import metrics_of
+from automaton.recording.frames import Content, StoredFrames
+from automaton.recording.header import changed, resolved_of
+from automaton.scenario.branch import branched
+from automaton.scenario.resolve import Resolved
+from automaton.simulation import Simulation
+from automaton.world.state import DIGEST_EVERY, NIL, TICK
+
+
+class LiveRun(Run):
+    """A simulation under way; with `path` it is recorded there as well."""
+
+    def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
+        """Raises InputError if a strategy or the file does not do; no new file is there then."""
+        self.journal = Journal(resolved, seed, path)
+        super().__init__(self.journal.header, self.journal.frames, resolved)
+        self._repeating = False
+        self._failed = ""
+        try:
+            with strategies_blamed(resolved):
+                self._front = self._observed(resolved, seed)
+            self._keyframes = Keyframes(self._front.world, self._front.watch)
+            self.journal(self._front)  # the rules of the first tick are there from the beginning
+        except BaseException:
+            self.journal.discard()
+            raise
+
+    def _observed(self, resolved: Resolved, seed: int) -> Simulation:
+        simulation = Simulation(resolved, seed, on_record=self.journal, on_observe=self.chronicle)
+        simulation.world.clock[DIGEST_EVERY] = DIGEST_TICKS
+        return simulation
+
+    @property
+    def trouble(self) -> str:
+        return self.journal.trouble
+
+    @property
+    def failed(self) -> str:
+        return self._failed
+
+    @property
+    def live(self) -> bool:
+        return not self._failed
+
+    @property
+    def front(self) -> Simulation:
+        return self._front
+
+    @property
+    def head(self) -> int:
+        return self._front.tick
+
+    @property
+    def end(self) -> int | None:
+        limit = self.resolved.scenario.stop.at_most
+        if self._failed or self._front.finished or self._front.tick >= limit:
+            return self._front.tick
+        return None
+
+    @property
+    def keyframes(self) -> Keyframes:
+        return self._keyframes
+
+    def _compute(self, until: int) -> None:
+        if self._failed:
+            return
+        try:
+            with strategies_blamed(self.resolved):
+                self._front.run(until)
+        except InputError as error:
+            self._end_before(str(error))
+            raise
+        self._forget(self.journal.first)
+        self._end()
+
+    def _forget(self, first: int) -> None:
+        """Ticks up to this one cannot be played any more: begin with a state after it."""
+        if self._keyframes.ticks[-1] < first:
+            self._keyframes.keep(self._front.world, self._front.watch)
+        self._keyframes.forget_until(first)
+
+    def _end(self) -> None:
+        if self.end is not None and not self._repeating and not self._failed:
+            self.journal.end(metrics_of(self._front))
+
+    def _end_before(self, failure: str) -> None:
+        """A strategy failed in the middle of a tick: the run ends with the tick before."""
+        broken = self._front
+        self.journal(broken)
+        self.journal.flush()
+        last = self.frames.last_tick
+        broken.world.clock[TICK] = last  # those of the failed tick are in none of the buffers
+        self.chronicle(broken)
+        broken.world.clock[TICK] = last + 1
+        self._failed = failure
+        whole = Playback(self.header, self.frames, self._keyframes)
+        whole.go_to(last)
+        self._front = whole.simulation
+
+    def show(self, tick: int, budget_s: float = SLICE_S) -> int:
+        if tick < self._front.tick:
+            self._have(tick)
+        return super().show(tick, budget_s)
+
+    def _look_back(self, tick: int) -> None:
+        self._have(tick)
+        super()._look_back(max(tick, self.first))
+
+    def _have(self, tick: int) -> None:
+        """Let frames hold the tick, which may cost the oldest ones their place."""
+        if tick > self.frames.last_tick:
+            self.journal.flush()
+            self._forget(self.journal.first)
+
+    def repeat(self, frames: StoredFrames, header: Content, tick: int) -> None:
+        """Compute a recorded past again, its branches included, up to a tick."""
+        self._repeating = True
+        since = NIL  # the rules that hold were entered after this tick
+        while self._front.tick < tick:
+            rules = frames.rules_at(self._front.tick)
+            if rules["tick"] != since:
+                since = rules["tick"]
+                if since or rules["settings"]:
+                    self.change(resolved_of(changed(header, rules)), tuple(rules["settings"]))
+            until = frames.next_rules(since)
+            until = tick if until is None else min(tick, until)
+            if self.give_up():
+                raise InputError("the branch was given up")
+            if not self._advance(until - self._front.tick):
+                break  # the run ends sooner now
+        self._repeating = False
+        self._at = self._front.tick
+
+    def change(self, resolved: Resolved, settings: tuple[str, ...]) -> None:
+        """Go on under other rules from here."""
+        self.resolved = resolved
+        with strategies_blamed(resolved):
+            self._front = self._front.continued(resolved)
+        self._front.world.clock[DIGEST_EVERY] = DIGEST_TICKS
+        self.journal.change(self._front, settings)
+
+    def close(self) -> None:
+        self._end()
+        self.journal.close()
+
+
+def branch_of(run: Run, settings: tuple[str, ...], path: Path | None) -> LiveRun:
+    """See Run.branch."""
+    tick = run.tick
+    other = branched(run.resolved_at(tick), settings)
+    branch = LiveRun(resolved_of(run.header), run.header["seed"], path)
+    branch.give_up = run.give_up
+    try:
+        branch.repeat(run.frames, run.header, tick)
+        if branch.front.digest != run.shown.digest:
+            raise InputError(
+                f"computed again with its strategies, the run is another one at tick {tick}: "
+                "it was recorded by another version"
+            )
+        branch.change(other, settings)
+    except BaseException:
+        branch.journal.discard()
+        raise
+    return branch

@@ -15,6 +15,9 @@ WAITS = 2
 WITHDRAWALS = 3
 ABORTS = 4
 STARTS = 5
+ROUTE_TIES = 10
+PREDICTIONS = 11
+TRIALS = 12
 STRATEGY = 16  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -15,14 +15,14 @@ from automaton.world.state import NIL
 
 PLAIN = 0  # in place of A: nothing is closed
 
-LEAST_TIME = 0  # which candidate is taken: of least foreseen time, ties to plain A*, then to least A
+LEAST_TIME = (
+    0  # which candidate is taken: of least foreseen time, ties to plain A*, then to least A
+)
 MOST_CAUTIOUS = 1  # the one of least A
 
 
 @kernel
-def choose_threshold(
-    grid, duration, space, ties, seed, start, pick, drop, most, rule
-):
+def choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule):
     """The A = 1..most of the candidate that is taken, or PLAIN.
 
     Reads the others in each zone from space.count; `start` is a pose, `pick` and `drop` are cells,

@@ -117,7 +117,8 @@ def sift_down(space, size):
     while below < size:
         other = below + 1
         if other < size and (
-            keys[other] < keys[below] or (keys[other] == keys[below] and items[other] < items[below])
+            keys[other] < keys[below]
+            or (keys[other] == keys[below] and items[other] < items[below])
         ):
             below = other
         if keys[below] > key or (keys[below] == key and items[below] > item):

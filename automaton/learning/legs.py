@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.kernels import draws
+from automaton.kernels.routes import legs
 from automaton.kernels.routes.frontier import FIFO
-from automaton.kernels.routes.legs import trace_legs
 from automaton.scenario.resolve import Resolved
+from automaton.world.build import first_headings
 from automaton.world.cells import DOCK, RACK
 from automaton.world.floor import Floor, floor_for
 from automaton.world.reach import around_home
@@ -83,23 +83,19 @@ def _access(resolved: Resolved, floor: Floor, mask: npt.NDArray[np.bool_]) -> Ce
     return first
 
 
-def draw_legs(site: Site, count: int, seed: int) -> Legs:
+def legs_of(site: Site, count: int, seed: int) -> Legs:
     """`count` legs, rack to dock and dock to rack by turns, drawn uniformly by (seed, leg).
 
     Raises InputError if robots cannot drive one of them.
     """
-    rack, dock = np.zeros(count, np.int32), np.zeros(count, np.int32)
-    with np.errstate(over="ignore"):
-        draws.draw_many(rack, len(site.racks), np.uint64(seed), draws.LEGS)
-        draws.draw_many(dock, len(site.docks), np.uint64(seed), draws.LEG_DOCKS)
-    inwards = np.arange(count) % 2 == 0
-    start = np.where(inwards, site.racks[rack], site.docks[dock]).astype(np.int32)
-    end = np.where(inwards, site.docks[dock], site.racks[rack]).astype(np.int32)
+    start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
     grid = site.floor.grid
     used = np.zeros((count, words(grid.zones)), np.int64)
     space = route_space(grid.kind.size * grid.headings, grid.zones)
     with np.errstate(over="ignore"):
-        driven = trace_legs(grid, site.duration, space, FIFO, start, end, used)
+        legs.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
+        poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
+        driven = legs.trace_legs(grid, site.duration, space, FIFO, poses, end, used)
     if driven < count:
         raise InputError("robots cannot drive from everywhere to everywhere on this floor")
     zone = grid.zone[:, 0].astype(np.int64)
@@ -112,12 +108,12 @@ def members(used: npt.NDArray[np.int64], zones: int) -> npt.NDArray[np.bool_]:
     return np.unpackbits(octets, axis=1, count=zones, bitorder="little").astype(np.bool_)
 
 
-def unseen(legs: Legs, known: Legs) -> npt.NDArray[np.bool_]:
+def unseen(new: Legs, known: Legs) -> npt.NDArray[np.bool_]:
     """(n,) mask of the legs between zones that none of the known legs connects in that direction."""
-    zones = np.int64(legs.touched.shape[1] + 1)
+    zones = np.int64(new.touched.shape[1] + 1)
 
     def pair(some: Legs) -> npt.NDArray[np.int64]:
         return (some.start_zone + 1) * zones + some.end_zone + 1
 
-    mask: npt.NDArray[np.bool_] = ~np.isin(pair(legs), pair(known))
+    mask: npt.NDArray[np.bool_] = ~np.isin(pair(new), pair(known))
     return mask

@@ -15,4 +15,5 @@ class Settings:
     epochs: int = 100  # at most
     patience: int = 5  # epochs without lower loss after which training ends
     rate: float = 0.001  # of Adam; the paper prints none
-    seed: int = 1  # of the first weights and the order of the legs
+    seed: int = 1  # of the first weights, the legs and their order
+    legs: int = 15_000  # half from racks to docks, half back

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.world.state import MOVE, NIL, TURN, World
+from automaton.world.state import MOVE, NIL, TURN, Array, Grid, World
 
 Weights = npt.NDArray[np.float16]
 Whole = npt.NDArray[np.int64]
@@ -48,10 +48,12 @@ class ZoneNetwork:
         return int(self.layers[-1][1].size)
 
 
-def floor_fingerprint(world: World) -> str:
-    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones."""
-    grid = world.grid
-    costs = [int(world.rules.duration[action]) for action in (MOVE, TURN)]
+def floor_fingerprint(grid: Grid, duration: Array) -> str:
+    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
+
+    `duration`: (A,) ticks of each action.
+    """
+    costs = [int(duration[action]) for action in (MOVE, TURN)]
     text = f"{grid.width} {grid.headings} {costs if grid.headings > 1 else []}"
     digest = hashlib.blake2b(text.encode(), digest_size=16)
     digest.update((grid.rule & np.uint8(31)).tobytes())
@@ -107,7 +109,7 @@ def _fits(network: ZoneNetwork) -> bool:
 
 def check_floor(network: ZoneNetwork, world: World, file: Path) -> None:
     """Raises InputError when a network was trained for other ways or zones."""
-    if network.about.get("floor") == floor_fingerprint(world):
+    if network.about.get("floor") == floor_fingerprint(world.grid, world.rules.duration):
         return
     about = network.about
     raise InputError(

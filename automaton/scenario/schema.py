@@ -166,7 +166,7 @@ class Scenario(Part, frozen=True, kw_only=True):
     summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
     layout: Annotated[
         Parameters,
-        Meta(description="The floor: a generator, a picture or a file."),
+        Meta(description="The floor: a generator, a picture, a file or a matrix."),
     ]
     fleet: Fleet
     units: Units = Units()
@@ -207,6 +207,22 @@ class PictureLayout(Part, frozen=True, kw_only=True):
 
     picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+
+
+class MatrixLayout(Part, frozen=True, kw_only=True):
+    """A floor of racks and docks as a CSV file of codes."""
+
+    matrix: Annotated[
+        Text,
+        Meta(
+            description="Path, relative to the scenario. Codes: -1 wall, 0 free, 50 intersection, "
+            "100 rack, 200 dock."
+        ),
+    ]
+    capacity: Annotated[
+        Literal[0, 1, 2],
+        Meta(description="Robots at a time in a free cell: any number (0), 1, or 2."),
+    ] = 0
 
 
 class FileLayout(Part, frozen=True, kw_only=True):

@@ -18,7 +18,6 @@ from automaton.scenario.resolve import Resolved
 from automaton.world.build import first_headings
 from automaton.world.cells import DOCK, RACK
 from automaton.world.floor import Floor, floor_for
-from automaton.world.reach import around_home
 from automaton.world.route_space import route_space, words
 from automaton.world.rules import duration_table
 from automaton.world.state import NIL
@@ -37,7 +36,13 @@ class Legs(NamedTuple):
 
     def some(self, mask: npt.NDArray[np.bool_]) -> Legs:
         """The legs of a mask (n,)."""
-        return Legs(*(part[mask] for part in self))
+        return Legs(
+            self.start[mask],
+            self.end[mask],
+            self.start_zone[mask],
+            self.end_zone[mask],
+            self.touched[mask],
+        )
 
 
 class Site(NamedTuple):

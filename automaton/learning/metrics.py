@@ -56,9 +56,7 @@ def recall(c: Counts) -> float:
 
 def f1(c: Counts) -> float:
     """Harmonic mean of precision and recall, 2 TP / (2 TP + FP + FN)."""
-    return _share(
-        2 * c.true_positive, 2 * c.true_positive + c.false_positive + c.false_negative
-    )
+    return _share(2 * c.true_positive, 2 * c.true_positive + c.false_positive + c.false_negative)
 
 
 def mcc(c: Counts) -> float:

@@ -31,13 +31,16 @@ Keep = tuple[str, ...]  # metrics that must all improve; () = the loss
 Layers = tuple[tuple[Any, Any], ...]  # (weights, bias) float32, as ZoneNetwork's
 
 
+NOTHING: Final = Counts(0, 0, 0, 0)
+
+
 @dataclass
 class Kept:
     """The weights of the best epoch so far, by what is monitored."""
 
     epoch: int = 0
     loss: float = math.inf
-    counts: Counts = Counts(0, 0, 0, 0)
+    counts: Counts = NOTHING
     layers: Layers = ()
 
     def improved(self, keep: Keep, loss: float, now: Counts) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
+from automaton.whole_file import written
 from automaton.world.state import MOVE, NIL, TURN, Array, Grid, World
 
 Weights = npt.NDArray[np.float16]
@@ -66,15 +66,8 @@ def save_network(path: Path, network: ZoneNetwork) -> None:
     arrays: dict[str, Any] = {"about": np.array(json.dumps({"format": FORMAT, **network.about}))}
     for k, (weights, bias) in enumerate(network.layers):
         arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        os.replace(part, path)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with written(path) as file:
+        np.savez_compressed(file, **arrays)
 
 
 def load_network(path: Path) -> ZoneNetwork:
@@ -126,9 +119,7 @@ def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
     Raises InputError for weights so large that fewer than 8 bits are left.
     """
     for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
-        layers = [
-            (_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers
-        ]
+        layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
         widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
         if widest < 2**31 and largest_sum(layers, bits) < EXACT:
             return bits, layers

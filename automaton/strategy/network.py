@@ -13,6 +13,7 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -182,3 +183,8 @@ def packed(network: ZoneNetwork) -> Whole:
 def scratch_size(network: ZoneNetwork) -> int:
     """Numbers of scratch that `predict_zones` needs."""
     return sum(bias.size for _, bias in network.layers)
+
+
+def shipped(scenario: str) -> Path:
+    """The network that is installed for the floor of a shipped scenario, if there is one."""
+    return Path(str(resources.files("strategies.routing") / f"{scenario}.npz"))

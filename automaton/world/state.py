@@ -183,15 +183,17 @@ class Orders(Struct):
     target: Array  # (m,) int32: slot to which it must go
     by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     released: Array  # (m,) int32: tick from which it is known
+    dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
+    dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     delivered: Array  # (m,) int32: tick of delivery, or NIL
     legs: Array  # (m,) int32: times it was picked up
 
 
 class Slots(Struct):
-    """Cells that hold loads: shelves (one each) and destinations (any number)."""
+    """Cells that hold loads: shelves one each; destinations, racks and docks any number."""
 
     cell: Array  # (s,) int32
-    endless: Array  # (s,) uint8: 1 = a destination
+    endless: Array  # (s,) uint8: 1 = any number of loads: no shelf
     content: Array  # (s,) int32: the order on a shelf, or NIL
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
     access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL

@@ -7,6 +7,11 @@ from automaton.compiled import kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
+from automaton.kernels.routes.astar import astar, search
+from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.frontier import TIES
+from automaton.kernels.routes.noise import CERTAIN, blur, false_alarms
+from automaton.kernels.routes.replay import add_zones, count_zones, has_zone, size_of
 from automaton.kernels.search import (
     FAR,
     begin_search,
@@ -19,20 +24,34 @@ from automaton.kernels.search import (
 
 __all__ = [
     "ABORTS",
+    "CERTAIN",
     "FAR",
+    "LEAST_TIME",
+    "PLAIN",
     "STRATEGY",
+    "TIES",
     "WITHDRAWALS",
+    "add_zones",
+    "astar",
     "begin_search",
+    "blur",
+    "choose_threshold",
+    "close_zones",
+    "count_zones",
     "descend",
     "distance",
     "draw",
     "draw_between",
+    "false_alarms",
     "find_path",
     "has_room",
+    "has_zone",
     "kernel",
     "mark_goal",
     "nearest_mark",
     "position",
+    "search",
+    "size_of",
 ]
 
 

@@ -56,14 +56,23 @@ class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True
 Share = Annotated[float, Meta(gt=0, le=1)]
 
 
+class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A network of one's own."""
+
+    network: Annotated[
+        str, Meta(min_length=1, description="A file written by `automaton train traffic`.")
+    ]
+
+
 class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """What is foreseen of the others, and how many of them are too many."""
 
     predictor: Annotated[
-        Literal["exact", "noisy"],
+        Literal["exact", "noisy", "network"] | NetworkFile,
         Meta(
             description="exact: the zones on the others' A* paths; noisy: some of them missed and "
-            "others added, by precision and recall."
+            "others added, by precision and recall; network: what a trained network says, the "
+            "shipped one, for warehouse-100, or that of a file."
         ),
     ] = "exact"
     precision: Annotated[

@@ -15,11 +15,11 @@ from automaton.errors import InputError
 from automaton.kernels.routes import legs
 from automaton.kernels.routes.frontier import FIFO
 from automaton.scenario.resolve import Resolved
-from automaton.world.build import first_headings
 from automaton.world.cells import DOCK, RACK
 from automaton.world.floor import Floor, floor_for
 from automaton.world.route_space import route_space, words
 from automaton.world.rules import duration_table
+from automaton.world.starts import first_headings
 from automaton.world.state import NIL
 
 Cells = npt.NDArray[np.int32]

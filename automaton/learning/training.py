@@ -91,7 +91,9 @@ def _train(
     bias = first_bias(legs.touched) if settings.weighting == "bias" else 0.0
     network = first_layers(zones, bias, generator)
     weights = sample_weights(legs.touched) if settings.weighting == "samples" else (1.0, 1.0)
-    optimizer = torch.optim.Adam([part for layer in network for part in layer], lr=settings.rate)
+    optimizer = torch.optim.Adam(
+        [part for layer in network for part in layer], lr=settings.rate, fused=True
+    )
     trained = Trained({keep: Kept() for keep in keeps})
     waited, lowest = 0, math.inf
     for epoch in range(1, settings.epochs + 1):

@@ -21,6 +21,7 @@ from automaton.kernels.search import (
     mark_goal,
     nearest_mark,
 )
+from automaton.kernels.zone_network import add_predicted
 
 __all__ = [
     "ABORTS",
@@ -31,6 +32,7 @@ __all__ = [
     "STRATEGY",
     "TIES",
     "WITHDRAWALS",
+    "add_predicted",
     "add_zones",
     "astar",
     "begin_search",

@@ -13,6 +13,7 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -114,6 +115,22 @@ def check_floor(network: ZoneNetwork, world: World, file: Path) -> None:
     )
 
 
+def network_for(world: World, file: Path) -> ZoneNetwork:
+    """The network of a file, which was trained for this floor. Raises InputError."""
+    try:
+        network = _loaded(file, file.stat().st_mtime_ns)
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    check_floor(network, world, file)
+    return network
+
+
+@lru_cache(maxsize=4)
+def _loaded(file: Path, changed: int) -> ZoneNetwork:
+    return load_network(file)
+
+
+@lru_cache(maxsize=4)
 def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
     """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
 
@@ -165,6 +182,7 @@ def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArr
     return answer
 
 
+@lru_cache(maxsize=4)
 def packed(network: ZoneNetwork) -> Whole:
     """The network as words for the kernel `predict_zones`; read-only."""
     bits, layers = whole_layers(network)

@@ -1,10 +1,13 @@
 """Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are foreseen.
 
 A robot that gets a task foresees which zones the others use: those on the A* paths of what is left of
-their tasks, as if nobody delayed them, or a noisy version of that. It plans both legs of its own task
+their tasks, as if nobody delayed them, or a noisy version of that, or what a network says that has
+learnt such paths. It plans both legs of its own task
 at once, with the zones of A or more others closed for A = 1, 2, ..., and keeps the plan that takes the
 least time by what it foresees.
 """
+
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from automaton.strategy.kernels import (
     LEAST_TIME,
     PLAIN,
     TIES,
+    add_predicted,
     add_zones,
     astar,
     blur,
@@ -22,18 +26,23 @@ from automaton.strategy.kernels import (
     false_alarms,
     has_zone,
     kernel,
+    position,
     search,
     size_of,
 )
 from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.network import network_for, packed, scratch_size, shipped
 from automaton.world.state import GOAL_PICK, NIL, TICK
 from strategies.allocation.stands import drop_stand
 from strategies.routing.astar import RULE, around_robots, start_pose
+
+SHIPPED = "warehouse-100"  # the scenario whose network is shipped
 
 # memory.parameters, after RULE
 MOST = 1  # the largest A
 PRECISION = 2  # in units of 1 / CERTAIN
 RECALL = 3
+NETWORK = 4  # where a packed network begins, if there is one; memory.shared is its scratch
 
 # memory.own
 STAND = 0  # the zones foreseen of a robot hold while it drives to this cell ...
@@ -63,6 +72,9 @@ def next_stand(view, i):
 def foresee(view, memory, space, i):
     """Replay what is left of robot i's task from where it is, and remember the zones it uses."""
     own, given = memory.own, memory.parameters
+    if given.shape[0] > NETWORK:
+        predict(view, memory, i)
+        return
     used, _ = sets_of(memory, i)
     used[:] = 0
     own[i, STAND] = view.robots.stand[i]
@@ -87,6 +99,29 @@ def foresee(view, memory, space, i):
         add = false_alarms(given[RECALL], given[PRECISION], size_of(used), zones)
         who = np.int64(view.robots.identity[i])
         blur(used, zones, given[RECALL], add, view.rules.seed, tick, who)
+
+
+@kernel
+def predict(view, memory, i):
+    """Have the network say which zones robot i uses on the legs that are left of its task.
+
+    A leg is what lies between where it begins and ends: so it is predicted when it begins, and
+    stays as predicted while the robot drives to the same cells.
+    """
+    own, zone = memory.own, view.grid.zone
+    stand, then = np.int64(view.robots.stand[i]), next_stand(view, i)
+    if own[i, STAND] == stand and own[i, NEXT] == then and view.rules.radius <= 0:
+        return
+    own[i, STAND] = stand
+    own[i, NEXT] = then
+    used, _ = sets_of(memory, i)
+    used[:] = 0
+    network, cell = memory.parameters[NETWORK:], position(view, i)
+    for leg in (STAND, NEXT):
+        if own[i, leg] != NIL:
+            start, end = np.int64(zone[cell, 0]), np.int64(zone[own[i, leg], 0])
+            add_predicted(network, memory.shared, start, end, used)
+            cell = own[i, leg]
 
 
 @kernel
@@ -196,4 +231,10 @@ class TrafficAvoidance(Strategy):
         precision, recall = (p.precision, p.recall) if p.predictor == "noisy" else (1, 1)
         chances = (round(precision * CERTAIN), round(recall * CERTAIN))
         parameters = (TIES.index(p.ties), p.most_threshold, *chances)
-        return memory_of(view, own=SETS + 2 * words, parameters=parameters)
+        own = SETS + 2 * words
+        if p.predictor in ("exact", "noisy"):
+            return memory_of(view, own, parameters=parameters)
+        file = shipped(SHIPPED) if p.predictor == "network" else Path(p.predictor.network)
+        network = network_for(view, file)
+        parameters = np.concatenate([parameters, packed(network)])
+        return memory_of(view, own, scratch_size(network), parameters)

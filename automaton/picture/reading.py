@@ -126,6 +126,8 @@ def set_robot(world: World, plan: FloorPlan, i: int, facts: Facts, route: Route)
         getattr(robots, name)[i] = facts[name]
     for name in ("cell", "claim", "stand"):
         getattr(robots, name)[i] = _cell(plan, facts[name])
+    if facts["left"] is not None:
+        robots.home[i] = _cell(plan, facts["left"])
     if facts["goal"] == GOAL_PARK:
         robots.stand[i] = robots.home[i]
     robots.slot[i] = _slot(world, plan, facts["slot"])

@@ -73,6 +73,8 @@ def map_rows(world: World, plan: FloorPlan) -> list[str]:
         text[y, x + first] = CLAIMED
     held: dict[int, str] = {}
     for i, cell in enumerate(np.where(robots.cell == NIL, robots.bay, robots.cell).tolist()):
+        if cell == NIL:
+            continue  # off the floor
         name = name_of(int(robots.identity[i]))
         held[cell] = CROWD if cell in held or len(name) > 1 else name
     for cell, mark in held.items():

@@ -1,8 +1,8 @@
 """A text as a world: the exact state that `picture_of` has drawn, ready to go on.
 
 Restored is all that a digest covers, so a run continues with the same digests if its strategies
-keep no memory of their own: a strategy's memory starts anew, and so do the counters behind the
-metrics.
+keep no memory of their own: a strategy's memory starts anew, and so does what is
+counted for metrics: tallies, and when and from where an order was taken.
 """
 
 from __future__ import annotations

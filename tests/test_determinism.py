@@ -82,6 +82,14 @@ def test_with_the_jit_off_the_world_is_the_same(allocation: str) -> None:
     assert compiled.startswith("400 ")
 
 
+def test_with_the_jit_off_zones_are_as_slow() -> None:
+    rules = ("world.slowdown=zones", "world.zones=directed", "world.extra_tick=0.3")
+    settings = (*rules, "durations.pick=0", "durations.drop=0")
+    compiled = told("crossing", 60, *settings)
+    assert told("crossing", 60, *settings, NUMBA_DISABLE_JIT="1") == compiled
+    assert compiled.startswith("60 ")
+
+
 @pytest.mark.parametrize("information", ["everything", "orders", "radius"])
 @pytest.mark.parametrize("allocation", ALLOCATIONS)
 def test_how_robots_are_stored_does_not_matter(allocation: str, information: str) -> None:

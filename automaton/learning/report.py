@@ -70,14 +70,12 @@ def print_rows(out: Console, rows: Sequence[Row]) -> None:
     for number in sorted({row.table for row in rows}):
         some = [row for row in rows if row.table == number]
         out.print(f"\nTable {number} ({WHAT[number]}): paper / ours")
-        table = plain_table(
-            "monitored", "loss", *(METRICS[name].title for name in COLUMNS), "epoch"
-        )
+        table = plain_table("monitored", "loss", *COLUMNS, "epoch")
         table.columns[0].justify = table.columns[1].justify = "left"
         for keep in dict.fromkeys(row.monitored for row in some):
             for row in (row for row in some if row.monitored == keep):
                 figures = (f"{row.paper[name]:.2f} / {row.ours[name]:.2f}" for name in COLUMNS)
-                table.add_row(row.title, row.loss, *figures, f"{row.epoch} of {row.epochs}")
+                table.add_row(row.short, row.loss, *figures, f"{row.epoch} of {row.epochs}")
         print_table(out, table)
 
 

@@ -8,10 +8,11 @@ that must all improve for weights to be kept, so one training makes all rows of 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 from automaton.learning.legs import Site
-from automaton.learning.metrics import METRICS, measured
+from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
 from automaton.learning.study import Data, network_of
 from automaton.strategy.network import predicted_zones
@@ -52,6 +53,8 @@ COLUMNS: Final = ("accuracy", "precision", "recall")
 TRAINED: Final = {"bias": (1, 2), "samples": (3, 4)}  # weighting: tables on old and on new legs
 MORE: Final = ("f1", "mcc")  # measures that the paper names but does not print
 
+SHORT: Final = {"accuracy": "acc", "precision": "prec", "recall": "rec"}
+
 # The paper minimizes its printed hinge loss; the others show what its network could have learnt.
 LOSSES: Final = ("hinge", "signed-hinge", "cross-entropy")
 
@@ -70,9 +73,9 @@ class Row(NamedTuple):
     ours: dict[str, float]  # by COLUMNS and MORE
 
     @property
-    def title(self) -> str:
-        """The monitored metrics as the paper writes them."""
-        return ", ".join(METRICS[name].title for name in self.monitored)
+    def short(self) -> str:
+        """The monitored metrics, short enough for a line of a table."""
+        return " ".join(SHORT.get(name, name) for name in self.monitored)
 
 
 def monitored(weighting: str) -> list[Keep]:
@@ -97,8 +100,6 @@ def train_rows(
 def _rows(
     data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch | None
 ) -> list[Row]:
-    from dataclasses import replace
-
     from automaton.learning.training import train
 
     def told(epoch: int, loss: float, now: Any) -> None:

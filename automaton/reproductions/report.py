@@ -51,6 +51,8 @@ def print_made(out: Console, made: MadeTable, seeds: int) -> None:
 
 def effort(made: MadeTable, seeds: int) -> str:
     """How much was run, and what means and spreads are taken over."""
+    if made.table.stored is not None:
+        return made.table.stored()
     what, each = made.table.repetition, made.table.per_seed
     repeated = f" of {count(each, what)}" if each > 1 else ""
     return (
@@ -89,7 +91,7 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
         table.add_column(f"\n{SHORT.get(label, label)}", justify=justify, no_wrap=True)
     printed = {row.metric for row in rows if row.paper is not None}
     for metric in metrics:
-        heads = ["paper", "ours", "sd", "error"] if metric in printed else ["ours", "sd"]
+        heads = heads_of(made_of, metric in printed)
         first, *others = heads
         table.add_column(f"  {metric}\n  {first}", justify="right", no_wrap=True)
         for head in others:
@@ -106,6 +108,12 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
     return table
 
 
+def heads_of(table: PublishedTable, printed: bool) -> list[str]:
+    """The columns of a metric; a stored figure has no spread."""
+    heads = ["paper", "ours", "sd", "error"] if printed else ["ours", "sd"]
+    return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
+
+
 def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
     """The rows of each case by metric."""
     found: dict[tuple[Any, ...], dict[str, Row]] = {}
@@ -116,15 +124,16 @@ def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
 
 def figures(row: Row | None, metric: str, printed: bool, table: PublishedTable) -> list[str]:
     """The cells of a metric; blank where a case does not have it."""
+    heads = heads_of(table, printed)
     if row is None:
-        return [""] * (4 if printed else 2)
-    ours = [
-        "-" if value is None else in_table(value, metric, table) for value in (row.mean, row.sd)
-    ]
-    if not printed:
-        return ours
+        return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
-    return ["-" if row.paper is None else in_table(row.paper, metric, table), *ours, error]
+    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd}
+    shown = {
+        head: "-" if value is None else in_table(value, metric, table)
+        for head, value in cells.items()
+    }
+    return [(shown | {"error": error})[head] for head in heads]
 
 
 def in_table(value: float, metric: str, table: PublishedTable) -> str:

@@ -80,6 +80,7 @@ class Table:
     shares: tuple[str, ...] = ()  # metrics that are shown in per cent
     digits: int = 0  # of the other metrics, after the decimal point
     grouped: int = -1  # lines with the same labels[:grouped] stand together
+    stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -176,7 +177,8 @@ class Reproduced:
 
     @property
     def repetitions(self) -> int:
-        return sum(table.repetitions for table in self.tables)
+        """Those that were run for this reproduction."""
+        return sum(made.repetitions for made in self.tables if made.table.stored is None)
 
     @property
     def unfinished(self) -> int:
@@ -224,7 +226,13 @@ def reproduce(
     cases = [table.cases(chosen) for table in reproduction.tables]
     if on_start is not None:
         pairs = zip(reproduction.tables, cases, strict=True)
-        on_start(sum(len(of_table) * seeds * table.per_seed for table, of_table in pairs))
+        on_start(
+            sum(
+                len(of_table) * seeds * table.per_seed
+                for table, of_table in pairs
+                if table.stored is None
+            )
+        )
     made = [
         MadeTable(table, of_table, table.run(of_table, range(1, seeds + 1), workers, on_done))
         for table, of_table in zip(reproduction.tables, cases, strict=True)

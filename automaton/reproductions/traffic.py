@@ -1,4 +1,4 @@
-"""Table 5 of Bhattathiri, Li & Kuhl: one robot is dispatched among five, with and without avoidance.
+"""Bhattathiri, Li & Kuhl, Tables 1 to 5: a network, and a robot dispatched among five others.
 
 S. Shaji Bhattathiri, M. P. Li, M. E. Kuhl: A Traffic Avoidance Path Planning Method for Autonomous
 Vehicles in a Warehouse Environment. The paper leaves open how a slow zone is read and what its
@@ -15,6 +15,7 @@ from typing import Final
 from automaton.parallel import OnDone
 from automaton.reproductions.study import Case, Key, Reproduction, Table
 from automaton.reproductions.traffic_claims import CLAIMS, REMARKS
+from automaton.reproductions.traffic_network import TABLES_1_TO_4, network
 from automaton.reproductions.traffic_trials import TRIALS, Setting, exact, noisy, run_seeds
 
 A_STAR: Final = "A*"
@@ -51,6 +52,7 @@ LINES: Final = (
     line("static", AVOIDANCE, ".40/.84", Setting(TRAINED)),
     line("static", CAUTIOUS, ".40/.84", Setting(TRAINED, cautious=True)),
     line("static", AVOIDANCE, ".05/.75", Setting(TESTED)),
+    line("static", AVOIDANCE, "network", Setting(network)),
     line("dynamic", A_STAR, "-", Setting(exact, "dynamic")),
     line("dynamic", AVOIDANCE, "exact", Setting(exact, "dynamic")),
 )
@@ -88,12 +90,13 @@ def published(key: Key, metric: str) -> float | None:
 
 REPRODUCTION: Final = Reproduction(
     name="traffic",
-    title="Warehouse with slow zones, Table 5",
+    title="Warehouse with slow zones, Tables 1 to 5",
     source="Shaji Bhattathiri, Li & Kuhl, A traffic avoidance path planning method for autonomous "
     "vehicles in a warehouse environment",
     strategies=(),
     tables=(
         Table(
+            title="Table 5: travel time and distance",
             cases=lambda strategies: LINES,
             panels=(("time", "distance"), ("taken", "saving", "encounters")),
             published=published,
@@ -104,6 +107,7 @@ REPRODUCTION: Final = Reproduction(
             digits=1,
             grouped=1,
         ),
+        TABLES_1_TO_4,
     ),
     averaged=(),
     claims=CLAIMS,

@@ -21,6 +21,7 @@ READINGS: Final = {  # slowdown, path, counts: how it is called
     ("static", "avoidance", ".40/.84"): "static, counts with precision .40 and recall .84",
     ("static", "most cautious", ".40/.84"): "the same counts, most cautious path",
     ("static", "avoidance", ".05/.75"): "static, precision .05 and recall .75 as tested",
+    ("static", "avoidance", "network"): "static, our network's counts",
     ("dynamic", "avoidance", "exact"): "dynamic, exact counts",
 }
 
@@ -35,6 +36,12 @@ REMARKS: Final = (
     "zones with A or more are closed, and plain A* is a candidate besides.",
     "All cells that are not zero are obstacles: that would close the intersections.",
     "At most two robots pass in an aisle, yet m robots in a zone slow it down, up to six.",
+    "The hinge loss as printed, with y of 0 or 1, is constant where y is 0: nothing lowers an output, "
+    "so training ends with every zone predicted (Tables 1 to 4: loss hinge).",
+    "Hamming loss is 1 - accuracy, so the rows that monitor accuracy, and both, must be equal. They "
+    "are printed as different ones.",
+    "Other classifiers are said to have no training accuracy at all. On single legs each has some "
+    "(`automaton train traffic --classifiers`), if accuracy is that every zone is right.",
     "Tables 2 to 4 have impossible lines, such as accuracy 1.00 with precision and recall 0.",
     "How long the other robots stay in a zone is left open. Read as the plans ever using a zone "
     "(static), the printed A* time comes out; when they really meet (dynamic), A* loses 2 steps of "

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.whole_file import written
-from automaton.world.state import MOVE, NIL, TURN, Array, Grid, World
+from automaton.world.state import MOVE, NIL, TURN, Array, Grid
 
 Weights = npt.NDArray[np.float16]
 Whole = npt.NDArray[np.int64]
@@ -102,26 +102,26 @@ def _fits(network: ZoneNetwork) -> bool:
     return True
 
 
-def check_floor(network: ZoneNetwork, world: World, file: Path) -> None:
+def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
     """Raises InputError when a network was trained for other ways or zones."""
-    if network.about.get("floor") == floor_fingerprint(world.grid, world.rules.duration):
+    if network.about.get("floor") == floor_fingerprint(grid, duration):
         return
     about = network.about
     raise InputError(
         f"{file.name} was trained for the floor of {about.get('scenario')} with "
         f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
-        f"{world.grid.zones:,}; train one for it by `automaton train traffic --scenario NAME "
+        f"{grid.zones:,}; train one for it by `automaton train traffic --scenario NAME "
         "--out FILE` and name it as {network: FILE}"
     )
 
 
-def network_for(world: World, file: Path) -> ZoneNetwork:
+def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
     """The network of a file, which was trained for this floor. Raises InputError."""
     try:
         network = _loaded(file, file.stat().st_mtime_ns)
     except OSError as error:
         raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    check_floor(network, world, file)
+    check_floor(network, grid, duration, file)
     return network
 
 

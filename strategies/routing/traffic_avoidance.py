@@ -235,6 +235,6 @@ class TrafficAvoidance(Strategy):
         if p.predictor in ("exact", "noisy"):
             return memory_of(view, own, parameters=parameters)
         file = shipped(SHIPPED) if p.predictor == "network" else Path(p.predictor.network)
-        network = network_for(view, file)
+        network = network_for(view.grid, view.rules.duration, file)
         parameters = np.concatenate([parameters, packed(network)])
         return memory_of(view, own, scratch_size(network), parameters)

@@ -26,7 +26,7 @@ from automaton.world.state import ACTIONS, NIL, Array, Grid
 ROBOTS: Final = 6  # five are active, one is dispatched
 TRIALS: Final = 100  # of a seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
-USED_SHARE: Final = 27.5 / 522  # of the zones, by one task: what the noise reckons with
+USED_SHARE: Final = 27.5 / 522  # of the zones, by a task (ties random): what the noise reckons with
 
 
 class Warehouse(NamedTuple):

@@ -55,7 +55,7 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked": ("share", "robot ticks lost to other robots and to illegal answers / active ticks"),
     "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
-    "delay": ("ticks", "of task_time, what the same task takes less on an empty floor"),
+    "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
     "completions": ("orders/1000 ticks", "deliveries by time and robot, after the warm-up"),
     "lost_waiting": ("ticks", "in waits before a held cell"),
     "lost_refused": ("ticks", "in retries and steps that were refused"),

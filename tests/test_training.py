@@ -1,15 +1,18 @@
 """Training itself; without the extra `learn` only what is said about that is tested."""
 
+import json
 import sys
 
 import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.learning.legs import Legs, site_of
+from automaton.learning.legs import Legs, site_of, unseen
 from automaton.learning.losses import LOSSES, first_bias
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
+from automaton.learning.study import Data
+from automaton.learning.tables import PRINTED, from_json
 from automaton.scenario.resolve import resolve
 from automaton.strategy.network import (
     ZoneNetwork,
@@ -191,3 +194,31 @@ def test_a_training_that_is_broken_off_leaves_no_file(torch, tiny, tmp_path, mon
     assert main(arguments) == 130
     assert capsys.readouterr().err == "automaton: interrupted\n"
     assert [path.name for path in tmp_path.iterdir()] == ["tiny.yaml"]
+
+
+def test_tables_of_a_floor_have_the_rows_of_the_paper(torch, tiny, tmp_path, capsys):
+    out = tmp_path / "tables.json"
+    arguments = ["--scenario", str(tiny), "--epochs", "1", "--legs", "60", "--out", str(out)]
+    assert main(["train", "traffic", "--tables", *arguments]) == 0
+    found = json.loads(out.read_text())
+    rows = from_json(found["rows"])
+    assert len(rows) == 3 * 19 and found["settings"]["legs"] == 60
+    for row in rows:
+        assert tuple(row.paper.values()) == PRINTED[row.table][row.monitored]
+    text = capsys.readouterr().out
+    assert "…" not in text and max(map(len, text.splitlines())) <= 80
+
+
+def test_other_classifiers_learn_the_same_legs():
+    pytest.importorskip("sklearn", reason="the extra `learn` is not installed")
+    from automaton.learning.classifiers import try_classifiers
+
+    legs, fresh = made_up_legs(), made_up_legs(seed=2)
+    data = Data(legs, fresh, fresh.some(unseen(fresh, legs)))
+    results = try_classifiers(data, seed=1, at_most=300)
+    assert [result.learnt_from for result in results] == [300] * 5
+    by_name = {result.classifier: result for result in results}
+    # Here the zones of its ends decide what a leg touches: its nearest neighbour is its equal.
+    assert by_name["nearest neighbours, k = 1"].training["subset"] == 1.0
+    assert all(0 < result.training["precision"] <= 1 for result in results)
+    assert try_classifiers(data, seed=1, at_most=300) == results

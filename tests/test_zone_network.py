@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from drawn_networks import drawn_network
 
 from automaton.errors import InputError
 from automaton.kernels.zone_network import predict_legs
@@ -13,7 +14,6 @@ from automaton.learning.metrics import measured
 from automaton.scenario.resolve import resolve
 from automaton.strategy import network as networks
 from automaton.strategy.network import (
-    ZoneNetwork,
     check_floor,
     floor_fingerprint,
     load_network,
@@ -27,17 +27,6 @@ from automaton.world.route_space import words
 from automaton.world.state import NIL
 
 SHIPPED = networks.shipped("warehouse-100")
-
-
-def drawn_network(seed, zones=70, widths=(9, 6, 11), scale=1.0):
-    """A network of random weights, and what it was "trained" for."""
-    rng = np.random.default_rng(seed)
-    layers, inputs = [], 2 * zones
-    for outputs in (*widths, zones):
-        weights = rng.normal(0, scale / np.sqrt(inputs), (inputs, outputs))
-        layers.append((weights.astype(np.float16), rng.normal(0, 0.3, outputs).astype(np.float16)))
-        inputs = outputs
-    return ZoneNetwork(tuple(layers), {"floor": "none", "scenario": "drawn", "mode": "undirected"})
 
 
 def drawn_pairs(seed, zones, n=300):

@@ -21,9 +21,9 @@ from automaton.learning.metrics import Answers, measured
 from automaton.learning.study import Data
 from automaton.world.state import NIL
 
-NEIGHBOURS: Final = (1, 5)
-TREES: Final = 20
-"""The paper names no parameters: 5 neighbours are scikit-learn's default, 20 of its 100 trees do."""
+NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
+TREES: Final = 20  # of its 100: more take longer and change little
+JUDGED: Final = 2_000  # legs
 
 
 class Result(NamedTuple):
@@ -108,9 +108,6 @@ def try_classifiers(
         if on_done is not None:
             on_done(name)
     return results
-
-
-JUDGED: Final = 2_000
 
 
 def _first(legs: Legs) -> Legs:

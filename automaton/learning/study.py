@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.learning.legs import Legs, Site, legs_of, unseen
 from automaton.learning.metrics import measured
-from automaton.learning.settings import Settings
 from automaton.strategy.network import ZoneNetwork, floor_fingerprint, predicted_zones
 
 TRAINING, UNUSED, UNSEEN = "training", "unused seed", "unseen pairs"
@@ -51,8 +49,3 @@ def judged(network: ZoneNetwork, data: Data) -> dict[str, dict[str, float]]:
         for name, legs in data.by_name().items()
         if len(legs.touched)
     }
-
-
-def described(settings: Settings) -> dict[str, Any]:
-    """Settings as they are written into files."""
-    return asdict(settings)

@@ -86,31 +86,24 @@ def _train(
     legs: Legs, settings: Settings, keeps: Sequence[Keep], on_epoch: OnEpoch | None
 ) -> Trained:
     generator = torch.Generator().manual_seed(settings.seed)
-    zones = legs.touched.shape[1]
     inputs, truth = input_rows(legs), torch.from_numpy(legs.touched)
     bias = first_bias(legs.touched) if settings.weighting == "bias" else 0.0
-    network = first_layers(zones, bias, generator)
     weights = sample_weights(legs.touched) if settings.weighting == "samples" else (1.0, 1.0)
-    optimizer = torch.optim.Adam(
-        [part for layer in network for part in layer], lr=settings.rate, fused=True
-    )
+    network = first_layers(legs.touched.shape[1], bias, generator)
+    parts = [part for layer in network for part in layer]
+    optimizer = torch.optim.Adam(parts, lr=settings.rate, fused=True)
     trained = Trained({keep: Kept() for keep in keeps})
     waited, lowest = 0, math.inf
     for epoch in range(1, settings.epochs + 1):
-        order = torch.randperm(len(inputs), generator=generator)
+        batches = torch.randperm(len(inputs), generator=generator).split(settings.batch)
         loss = 0.0
-        for batch in order.split(settings.batch):
+        for batch in batches:
             wanted = truth[batch].float()
             value = mean_loss(settings.loss, logits(network, inputs[batch]), wanted, weights)
-            optimizer.zero_grad()
-            value.backward()
-            optimizer.step()
+            step(optimizer, value)
             loss += value.item() * len(batch) / len(inputs)
-        trained.losses.append(loss)
         now = counts(answers(network, inputs), legs.touched)
-        for keep, kept in trained.kept.items():
-            if kept.improved(keep, loss, now):
-                trained.kept[keep] = Kept(epoch, loss, now, as_arrays(network))
+        enter(trained, epoch, loss, now, network)
         if on_epoch is not None:
             on_epoch(epoch, loss, now)
         waited = 0 if loss < lowest else waited + 1
@@ -118,6 +111,21 @@ def _train(
         if waited == settings.patience:
             break
     return trained
+
+
+def step(optimizer: Any, value: Any) -> None:
+    """Go down the slope of a loss."""
+    optimizer.zero_grad()
+    value.backward()
+    optimizer.step()
+
+
+def enter(trained: Trained, epoch: int, loss: float, now: Counts, network: Any) -> None:
+    """Note the loss of an epoch, and its weights where all that is monitored has improved."""
+    trained.losses.append(loss)
+    for keep, kept in trained.kept.items():
+        if kept.improved(keep, loss, now):
+            trained.kept[keep] = Kept(epoch, loss, now, as_arrays(network))
 
 
 def input_rows(legs: Legs) -> Any:

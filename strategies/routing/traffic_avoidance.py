@@ -119,16 +119,17 @@ def is_foreseen(view, memory, i):
 def predict(view, memory, i):
     """Have the network say which zones robot i's task uses, and remember them.
 
-    It has learnt from whole legs: what was predicted when a leg began stays while it is driven.
+    It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
+    when it took its order, or where it stands now if there is no order to pick up.
     """
-    if is_foreseen(view, memory, i) and view.rules.radius <= 0:
-        return
     own, zone = memory.own, view.grid.zone
     own[i, STAND] = view.robots.stand[i]
     own[i, NEXT] = next_stand(view, i)
     used, _ = sets_of(memory, i)
     used[:] = 0
     network, cell = memory.parameters[NETWORK:], position(view, i)
+    if own[i, NEXT] != NIL:
+        cell = np.int64(view.orders.dispatched_from[view.robots.order[i]])
     for leg in (STAND, NEXT):
         if own[i, leg] != NIL:
             start, end = np.int64(zone[cell, 0]), np.int64(zone[own[i, leg], 0])

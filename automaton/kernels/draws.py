@@ -15,6 +15,7 @@ WAITS = 2
 WITHDRAWALS = 3
 ABORTS = 4
 STARTS = 5
+EXTRA_TICKS = 6
 STRATEGY = 16  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

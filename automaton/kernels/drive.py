@@ -215,12 +215,17 @@ def turn(world, i, direction):
 def settle(world, record):
     """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
     robots, traffic = world.robots, world.traffic
+    usual = np.int64(world.rules.duration[MOVE])
     for i in range(robots.cell.shape[0]):
         want = np.int64(traffic.want[U(i)])
         if want & MOVED:
             loaded = 1 if robots.load[U(i)] != NIL else 0
+            span = np.int64(traffic.span[U(i)])
             world.tally.times[U(i), U(MOVE), U(loaded)] += 1
-            world.tally.ticks[U(i), U(MOVE), U(loaded)] += np.int64(traffic.span[U(i)])
+            world.tally.ticks[U(i), U(MOVE), U(loaded)] += span
+            if span != usual:
+                world.tally.slowed[U(i)] += span - usual
+                note(world.clock, record, DURATION, robots.identity[U(i)], span)
             robots.action[U(i)] = MOVE
             robots.did[U(i)] = (np.int64(robots.did[U(i)]) & LEFT_BAY) | (MOVE_EAST + (want & 3))
             at = robots.at[U(i)]

@@ -177,9 +177,9 @@ def set_reservations(world: World) -> None:
 
 def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
-    durations = resolved.scenario.durations
+    durations, mode = resolved.scenario.durations, resolved.scenario.world.zones
     kinematics = resolved.scenario.fleet.kinematics
-    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn)
+    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, mode)
     robots, occupancy = world.robots, world.traffic.occupancy
     occupancy[:] = floor.occupancy
     on_floor = robots.cell != NIL

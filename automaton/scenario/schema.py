@@ -120,6 +120,22 @@ class WorldRules(Part, frozen=True, kw_only=True):
     following: Annotated[
         bool, Meta(description="A robot may enter a cell that is given up in the same tick.")
     ] = True
+    zones: Annotated[
+        Literal["undirected", "directed", "with-intersections"],
+        Meta(
+            description="The stretches between intersections: one zone each, one for each "
+            "direction of travel, or intersections as zones of their own, too."
+        ),
+    ] = "undirected"
+    slowdown: Annotated[
+        Literal["none", "zones"],
+        Meta(
+            description="zones: a move that starts in a zone with m robots takes m times as long."
+        ),
+    ] = "none"
+    extra_tick: Annotated[
+        float, Meta(ge=0, le=1, description="Probability that a move takes one tick more.")
+    ] = 0.0
 
 
 class Radius(Part, frozen=True, kw_only=True):

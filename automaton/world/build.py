@@ -13,8 +13,8 @@ from automaton.scenario.resolve import Resolved
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import around_home
+from automaton.world.rules import rules_for
 from automaton.world.state import (
-    ACTION_NAMES,
     ACTIONS,
     CLOCK_SIZE,
     DIGEST_EVERY,
@@ -23,7 +23,6 @@ from automaton.world.state import (
     NEED_ALLOCATION,
     NIL,
     NO_STEP,
-    ORDER_LIST,
     SEEN_CHANGES,
     UNDELIVERED,
     UNPARKED,
@@ -39,7 +38,6 @@ from automaton.world.state import (
     RightOfWayAnswers,
     Robots,
     RoutingAnswers,
-    Rules,
     Slots,
     Tally,
     Traffic,
@@ -48,7 +46,6 @@ from automaton.world.state import (
 )
 from automaton.world.waiting import CAUSE_COUNT, COUNTS, CURVE_COLUMNS, Observation
 
-STOPS = {"parked": 0, "delivered": 1, "never": 2}
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
@@ -69,8 +66,9 @@ def build_world(
     route may have; default what the floor may ask for.
     """
     scenario = resolved.scenario
-    durations = scenario.durations
-    floor = floor_for(resolved.plan, scenario.fleet.kinematics, durations.move, durations.turn)
+    kinematics, durations = scenario.fleet.kinematics, scenario.durations
+    zones = scenario.world.zones
+    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones)
     home = homes(resolved, floor, seed)[0][:1]
     orders, slots = build_orders(resolved, floor, seed, int(home[0]))
     occupancy = floor.occupancy.copy()
@@ -83,25 +81,17 @@ def build_world(
     clock[FRESH_ALLOCATION] = n
     clock[SEEN_CHANGES] = NIL
     clock[DIGEST_EVERY] = 1
-    rules = Rules(
-        seed=np.uint64(seed),
-        following=int(scenario.world.following),
-        stop=STOPS[scenario.stop.when],
-        radius=radius_of(scenario.information),
-        duration=duration_table(durations),
-        wait=np.ones(5, np.int32),
-        every=np.zeros(5, np.int32),
-    )
     tally = Tally(
         times=np.zeros((n, ACTIONS, 2), np.int64),
         ticks=np.zeros((n, ACTIONS, 2), np.int64),
+        slowed=np.zeros(n, np.int64),
         illegal=np.zeros(5, np.int64),
         asked=np.zeros(5, np.int64),
     )
-    traffic = build_traffic(n, occupancy)
+    traffic = build_traffic(n, occupancy, floor.grid.zones)
     world = World(
         grid=floor.grid,
-        rules=rules,
+        rules=rules_for(scenario, seed),
         robots=robots,
         orders=orders,
         slots=slots,
@@ -112,18 +102,7 @@ def build_world(
     return world, floor
 
 
-def radius_of(information: Any) -> int:
-    if isinstance(information, str):
-        return NIL if information == "everything" else ORDER_LIST
-    return int(information.radius)
-
-
-def duration_table(durations: Any) -> Array:
-    """(A,) int32: ticks of each action; those without a duration of their own take 1."""
-    return np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
-
-
-def build_traffic(robots: int, occupancy: Array) -> Traffic:
+def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
     crowded = len(occupancy) < CROWDED * robots
     table = 64
     while table < 3 * robots:
@@ -132,6 +111,7 @@ def build_traffic(robots: int, occupancy: Array) -> Traffic:
         occupancy=occupancy,
         want=np.zeros(robots, np.uint8),
         span=np.ones(robots, np.uint16),
+        crowd=np.zeros(zones, np.int32),
         pending=np.zeros((robots, 8), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),
@@ -320,7 +300,7 @@ def build_sight(world: World, floor: Floor) -> World:
         return world
     return world.replaced(
         robots=world.robots.copied(),
-        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy()),
+        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy(), floor.grid.zones),
         tally=world.tally.copied(),
     )
 

@@ -11,6 +11,7 @@ import numpy as np
 from automaton.world.cells import SHELF
 from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
 from automaton.world.state import NIL, Array, Grid, Workspace
+from automaton.world.zones import zones_of
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
@@ -40,14 +41,15 @@ class Floor(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
-    """Build a floor once for each plan, kinematics and cost of driving."""
+def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str) -> Floor:
+    """Build a floor once for each plan, kinematics, cost of driving and mode of zones."""
     headings = HEADINGS[kinematics]
     kind = plan.kind.reshape(-1)
     cells = plan.slots()
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
     rule = rules_of(plan, kinematics)
+    zones = zones_of(plan, mode)
     grid = Grid(
         width=plan.stride,
         headings=headings,
@@ -55,6 +57,8 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
         rule=frozen(rule),
         offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
         slot=frozen(slot),
+        zone=zones.of,
+        zones=zones.count,
     )
     neighbours = cells[:, None].astype(np.int64) + grid.offset[None, :]
     inside = (neighbours >= 0) & (neighbours < kind.size)

@@ -118,6 +118,8 @@ class Grid(Struct):
     )
     offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
     slot: Array  # (C,) int32: the slot in this cell, or NIL
+    zone: Array  # (C, 2) int32: zone of a robot that travels in direction d: [c, d >> 1], or NIL
+    zones: int  # how many there are (automaton.world.zones)
 
 
 class Rules(Struct):
@@ -130,6 +132,8 @@ class Rules(Struct):
     duration: Array  # (A,) int32, ticks of each action
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+    slowdown: int  # 1: a move takes as many times longer as its zone has robots
+    extra_tick: int  # of 2**32 moves, how many take a tick more
 
 
 class Robots(Struct):
@@ -199,6 +203,7 @@ class Traffic(Struct):
     occupancy: Array  # (C,) uint16: claims, room and the rule of a cell (automaton.kernels.motion)
     want: Array  # (n,) uint8: the intent before motion, its outcome after
     span: Array  # (n,) uint16: ticks that the wanted move takes
+    crowd: Array  # (Z,) int32: robots in each zone as the tick began, where zones slow moves down
     pending: Array  # (n, 8) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
@@ -211,6 +216,7 @@ class Tally(Struct):
 
     times: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
+    slowed: Array  # (n,) int64: ticks that moves take beyond duration[MOVE]
     illegal: Array  # (5,) int64: illegal answers by layer
     asked: Array  # (5,) int64: batches that each layer was asked about
 

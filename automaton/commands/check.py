@@ -9,7 +9,15 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.world.cells import DESTINATION, SHELF
+from automaton.units import count
+from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
+
+SLOTS = {  # what a scenario's line counts
+    SHELF: ("shelf", "shelves"),
+    DESTINATION: ("destination",),
+    DOCK: ("dock",),
+    RACK: ("rack",),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,10 +43,7 @@ def run(args: argparse.Namespace) -> int:
 def described(resolved: Resolved) -> str:
     """A good scenario in one line."""
     kinds = resolved.plan.kind
-    counts = (
-        (int(np.count_nonzero(kinds == SHELF)), "shelf", "shelves"),
-        (int(np.count_nonzero(kinds == DESTINATION)), "destination", "destinations"),
-        (resolved.scenario.fleet.robots, "robot", "robots"),
-    )
-    parts = ", ".join(f"{number} {one if number == 1 else many}" for number, one, many in counts)
-    return f"{resolved.scenario.name}: {parts}, ok"
+    parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
+    parts = [part for part in parts if not part.startswith("0 ")]
+    robots = count(resolved.scenario.fleet.robots, "robot")
+    return f"{resolved.scenario.name}: {', '.join([*parts, robots])}, ok"

@@ -118,7 +118,7 @@ def reserve_order(world, record, order, identity):
 
 @kernel
 def reserve_slot(world, record, slot, identity):
-    """Reserve a shelf for a robot's load, or free it (NIL); destinations take any number."""
+    """Reserve a shelf for a robot's load, or free it (NIL); other slots take any number."""
     if world.slots.endless[slot]:
         return
     world.slots.by[slot] = identity

@@ -2,7 +2,7 @@
 
 Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
 reserved it, from a slot beside that robot; it is set down only on an empty shelf that the robot
-reserved, or where it has to go in the end.
+reserved, or where it has to go in the end. Racks are reached from above and below only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from automaton.recording.codes import (
     ZONE,
 )
 from automaton.recording.motion_rules import NONE, Acts, Complaint, Motion
-from automaton.world.cells import KINDS
+from automaton.world.cells import KINDS, RACK
 
 WAITING: Final = 0  # states of an order
 CARRIED: Final = 1
@@ -42,7 +42,10 @@ class Loads:
         self.motion = motion
         self.complain = complain
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        self.endless = [KINDS[motion.kind[cell]].swallows for cell in self.slot_cell]
+        kinds = [KINDS[motion.kind[cell]] for cell in self.slot_cell]
+        self.rack = [kind.code == RACK for kind in kinds]
+        self.dock = [kind.supplies for kind in kinds]
+        self.endless = [kind.swallows or kind.supplies for kind in kinds]
         self.target: list[int] = header["orders"]["target"].tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
         self.state = [WAITING] * len(self.place)
@@ -54,7 +57,9 @@ class Loads:
         self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
         for order, slot in enumerate(self.place):
-            if not KINDS[motion.kind[self.slot_cell[slot]]].slot or self.endless[slot]:
+            if self.dock[slot]:
+                continue
+            if not kinds[slot].slot or self.endless[slot]:
                 complain(0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf")
             if self.content[slot] != NONE:
                 complain(0, "load", [], self.slot_cell[slot], "two loads start on one shelf")
@@ -156,6 +161,8 @@ class Loads:
         offset = self.slot_cell[slot] - self.motion.cell[r]
         if self.motion.cell[r] == NONE or offset not in self.motion.step:
             self.complain(tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it")
+        elif self.rack[slot] and abs(offset) == 1:
+            self.complain(tick, "load", [r], self.slot_cell[slot], "handles a rack from its side")
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]
@@ -183,8 +190,8 @@ class Loads:
             return
         self._beside(tick, r, slot)
         if self.endless[slot]:
-            if self.target[order] != slot:
-                self.complain(tick, "load", [r], cell, "sets down at a foreign destination")
+            if self.target[order] != slot or self.dock[slot]:
+                self.complain(tick, "load", [r], cell, "sets down where its load must not go")
         else:
             if self.content[slot] != NONE:
                 self.complain(tick, "load", [r], cell, "sets down on a full shelf")

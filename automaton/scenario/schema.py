@@ -17,6 +17,9 @@ Text = Annotated[str, Meta(min_length=1)]
 Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
+KindName = Literal[
+    "wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay", "rack", "dock"
+]
 Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
@@ -185,7 +188,7 @@ class LegendEntry(Part, frozen=True, kw_only=True):
     """What a symbol of a picture stands for."""
 
     kind: Annotated[
-        Literal["wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay"],
+        KindName,
         Meta(description="The kind of cell."),
     ]
     capacity: Annotated[

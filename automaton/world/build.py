@@ -10,6 +10,7 @@ from automaton.kernels import draws
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import MOST_EVENTS
 from automaton.scenario.resolve import Resolved
+from automaton.world.cells import DESTINATION
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import around_home
@@ -138,7 +139,8 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tupl
         if scenario.orders.generator == "drawn-loads":
             loaded &= plan.loads.reshape(-1)[floor.slot_cell] == 1
         source = np.flatnonzero(loaded).astype(np.int32)
-        destinations = np.flatnonzero(floor.slot_endless).astype(np.int32)
+        kinds = floor.grid.kind[floor.slot_cell]
+        destinations = np.flatnonzero(kinds == DESTINATION).astype(np.int32)
         choice = np.zeros(len(source), np.int32)
         with np.errstate(over="ignore"):
             draws.draw_many(choice, len(destinations), np.uint64(seed), draws.ORDERS)

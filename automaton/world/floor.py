@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import SHELF
+from automaton.world.cells import EAST, KINDS, RACK, WEST
 from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
 from automaton.world.state import NIL, Array, Grid, Workspace
 from automaton.world.zones import zones_of
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
+ENDLESS = np.array([kind.swallows or kind.supplies for kind in KINDS])  # (kinds,) bool
 FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
 
 
@@ -64,13 +65,14 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str)
     inside = (neighbours >= 0) & (neighbours < kind.size)
     neighbours = np.where(inside, neighbours, 0)
     access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
+    access[np.ix_(kind[cells] == RACK, [EAST, WEST])] = NIL  # racks open upwards and downwards
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
     longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
     return Floor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
-        slot_endless=frozen((kind[cells] != SHELF).astype(np.uint8)),
+        slot_endless=frozen(ENDLESS[kind[cells]].astype(np.uint8)),
         slot_access=frozen(access),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         spaces=[],

@@ -188,10 +188,10 @@ class Orders(Struct):
 
 
 class Slots(Struct):
-    """Cells that hold loads: shelves (one each) and destinations (any number)."""
+    """Cells that hold loads: shelves one each; destinations, racks and docks any number."""
 
     cell: Array  # (s,) int32
-    endless: Array  # (s,) uint8: 1 = a destination
+    endless: Array  # (s,) uint8: 1 = any number of loads: no shelf
     content: Array  # (s,) int32: the order on a shelf, or NIL
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
     access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL

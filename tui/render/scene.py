@@ -34,8 +34,9 @@ LAYERS: Final = ("", "visits", "waiting", "congestion", "flow", "zones")
 HEAT: Final = ("visits", "waiting", "congestion")
 
 # What a cell looks like: its kind, and a detail in the bits above.
-DETAIL_SHIFT: Final = 3
-LOOKS: Final = 8 << 4
+DETAIL_SHIFT: Final = 4
+KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
+LOOKS: Final = 16 << DETAIL_SHIFT
 OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
 ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
 PASSING: Final = 5
@@ -83,7 +84,7 @@ class Floor:
 
     plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
-    slots_endless: NDArray[np.uint8]  # (s,) 1 = a destination
+    slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
     zones: NDArray[np.int16] | None = None  # (C,) zone of a cell, or NIL
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from automaton.world.cells import EAST, KINDS, RACK, WEST
 from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
+from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
 from automaton.world.zones import zones_of
 
@@ -35,8 +36,7 @@ class Floor(NamedTuple):
 
         Simulations may run in threads side by side, so no two share one.
         """
-        cells, headings = self.grid.kind.size, self.grid.headings
-        space = self.spaces.pop() if self.spaces else workspace(cells, headings, self.longest_route)
+        space = self.spaces.pop() if self.spaces else workspace(self.grid, self.longest_route)
         weakref.finalize(user, self.spaces.append, space)
         return space
 
@@ -90,9 +90,10 @@ def rules_of(plan: FloorPlan, kinematics: str) -> Array:
     return rule
 
 
-def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
+def workspace(grid: Grid, longest_route: int) -> Workspace:
     """Scratch for the searches, and room for as many distance fields as fit the budget."""
-    poses = cells * headings
+    cells = grid.kind.size
+    poses = cells * grid.headings
     fields = max(1, min(cells, FIELDS_BYTES // (4 * poses)))
     return Workspace(
         cost=np.zeros(poses, np.int32),
@@ -107,6 +108,7 @@ def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
         field_of=np.full(cells, NIL, np.int32),
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
+        routes=route_space(poses, grid.zones),
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
+from automaton.world.route_space import RouteSpace
 
 Array = NDArray[Any]
 
@@ -316,6 +317,7 @@ class Workspace(Struct):
     field_of: Array  # (C,) int32: the field of a target cell, or NIL
     field_owner: Array  # (K,) int32: the target of a field, or NIL
     field_next: Array  # (1,) int64: the field to overwrite next
+    routes: RouteSpace
 
 
 class Record(Struct):

@@ -8,6 +8,7 @@ from automaton.kernels.drive import replan
 from automaton.kernels.operations import (
     begin,
     drop_route,
+    first_cell,
     lose_tick,
     need_allocation,
     need_route,
@@ -234,8 +235,7 @@ def is_drivable(world, i, steps, length):
     grid, robots = world.grid, world.robots
     if length > steps.shape[0]:
         return False
-    parked_in_bay = robots.cell[i] == NIL
-    cell = np.int64(robots.home[i] if parked_in_bay else robots.cell[i])
+    cell = first_cell(robots, i)
     heading = np.int64(robots.heading[i])
     for s in range(length):
         direction = np.int64(steps[s])

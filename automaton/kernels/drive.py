@@ -40,10 +40,12 @@ from automaton.recording.codes import (
     DID_PICK,
     DID_TRY_DROP,
     DID_WAIT,
+    DROPPED_AT_ONCE,
     DURATION,
     INTO_BAY,
     LEFT_BAY,
     MOVE_EAST,
+    PICKED_AT_ONCE,
     TURN_LEFT,
     TURN_RIGHT,
 )
@@ -52,6 +54,7 @@ from automaton.world.state import (
     BAY_BLOCKED,
     BLOCKED,
     CHARGE,
+    DROP,
     FREE,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -65,6 +68,7 @@ from automaton.world.state import (
     NEED_ROUTE,
     NIL,
     NO_STEP,
+    PICK,
     PICKED,
     PLAN,
     REPLAN,
@@ -170,11 +174,11 @@ def do_goal(world, record, i):
     goal = robots.goal[i]
     if goal == GOAL_PICK:
         robots.blocked[i] = 0
-        pick_up(world, record, i)
+        pick_up(world, record, i, max(np.int64(world.rules.duration[PICK]), 1))
         robots.did[i] = flags | DID_PICK
     elif goal == GOAL_DROP:
         robots.blocked[i] = 0
-        set_down(world, record, i)
+        set_down(world, record, i, max(np.int64(world.rules.duration[DROP]), 1))
         robots.did[i] = flags | DID_DROP
     elif goal == GOAL_PARK:
         world.traffic.want[i] = ARRIVED
@@ -235,12 +239,15 @@ def settle(world, record):
                 robots.hold[U(i)] = HOLD_NONE
                 if at + 1 == robots.length[U(i)]:
                     park_if_home(world, i)
+                    handle_at_once(world, record, i)
             else:
                 after_step(world, i)
+                handle_at_once(world, record, i)
         elif want & LIVE or want == NO_TURN:
             refused(world, record, i)
         elif want & ARRIVED:
             park_if_home(world, i)
+            handle_at_once(world, record, i)
 
 
 @kernel
@@ -264,6 +271,27 @@ def park_if_home(world, i):
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
         robots.heading[i] = entry_heading(world.grid, home)
+
+
+@kernel
+def handle_at_once(world, record, i):
+    """A robot whose move ends at its stand handles its load in the same tick, if that takes none."""
+    robots, duration = world.robots, world.rules.duration
+    picks = robots.goal[i] == GOAL_PICK and duration[PICK] == 0
+    drops = robots.goal[i] == GOAL_DROP and duration[DROP] == 0
+    if not (picks or drops) or robots.cell[i] != robots.stand[i] or robots.action[i] != MOVE:
+        return
+    if robots.busy[i] or robots.at[i] < robots.length[i]:
+        return
+    if robots.withdrawing[i] or robots.try_drop[i]:
+        return
+    no_route_needed(world, i)  # a step of right of way may have asked for one
+    robots.blocked[i] = 0
+    if picks:
+        pick_up(world, record, i, 0)
+    else:
+        set_down(world, record, i, 0)
+    robots.did[i] = np.int64(robots.did[i]) | (PICKED_AT_ONCE if picks else DROPPED_AT_ONCE)
 
 
 @kernel

@@ -16,16 +16,19 @@ from automaton.recording.codes import (
     DID_PICK,
     DID_TRY_DROP,
     DID_WAIT,
+    DROPPED_AT_ONCE,
     DURATION,
     INTO_BAY,
     MOVE_NORTH,
     ORDER_BY,
+    PICKED_AT_ONCE,
     PICKED_UP,
     SET_AT,
     SLOT_BY,
     ZONE,
 )
-from automaton.recording.motion_rules import NONE, Acts, Complaint, Motion
+from automaton.recording.motion_rules import Acts, Complaint, Motion
+from automaton.recording.pace_rules import NONE
 from automaton.world.cells import KINDS, RACK
 
 WAITING: Final = 0  # states of an order
@@ -33,6 +36,23 @@ CARRIED: Final = 1
 DELIVERED: Final = 2
 
 Rows = list[list[int]]  # (tick, code, subject, value)
+
+# Handling on arrival: the flag, what it is like, and the duration that has to be 0.
+AT_ONCE: Final = (
+    (PICKED_AT_ONCE, DID_PICK, "pick"),
+    (DROPPED_AT_ONCE, DID_DROP, "drop"),
+)
+
+
+def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
+    """The changes before the moves of a tick have ended, and those of robots that arrive."""
+    arriving = {r for r, did in acts if did & (PICKED_AT_ONCE | DROPPED_AT_ONCE)}
+    for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
+        if code in (PICKED_UP, SET_AT) and subject in arriving:
+            # How long moves and waits take is told in between.
+            lengths = [row for row in rows[at:] if row[1] == DURATION]
+            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != DURATION]
+    return rows, []
 
 
 class Loads:
@@ -78,18 +98,49 @@ class Loads:
             elif code == DURATION:
                 lengths[subject] = value
                 self._check_length(tick, subject, value, did.get(subject, 0))
-            elif code == ORDER_BY:
-                self._reserve_order(tick, subject, value)
-            elif code == SLOT_BY:
-                self._reserve_slot(tick, subject, value)
-            elif code == PICKED_UP:
-                self._pick(tick, subject, value, did.get(subject, 0))
-                handled.add(subject)
-            elif code == SET_AT:
-                self._drop(tick, subject, value, did.get(subject, 0))
-                handled.add(subject)
+            else:
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
         self._check_acts(tick, did, lengths, handled)
         return lengths
+
+    def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
+        """Carry out what robots do with their loads as they arrive, at the end of a tick."""
+        did: dict[int, int] = {}
+        for r, code in acts:
+            for flag, action, name in AT_ONCE:
+                if code & flag:
+                    did[r] = action
+                    self._check_arrival(tick, r, name)
+        handled: set[int] = set()
+        for _, code, subject, value in rows:
+            if self._exists(code, subject, value):
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
+            else:
+                self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
+        self._check_acts(tick, did, {}, handled)
+
+    def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
+        if code == ORDER_BY:
+            self._reserve_order(tick, subject, value)
+        elif code == SLOT_BY:
+            self._reserve_slot(tick, subject, value)
+        elif code == PICKED_UP:
+            self._pick(tick, subject, value, did.get(subject, 0))
+        elif code == SET_AT:
+            self._drop(tick, subject, value, did.get(subject, 0))
+
+    def _check_arrival(self, tick: int, r: int, name: str) -> None:
+        cell = self.motion.cell[r]
+        if self.motion.given[name]:
+            text = (
+                f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
+            )
+            self.complain(tick, "arrival", [r], cell, text)
+        elif r not in self.motion.arrived:
+            text = "handles its load on arrival, but none of its moves ends in this tick"
+            self.complain(tick, "arrival", [r], cell, text)
 
     def _exists(self, code: int, subject: int, value: int) -> bool:
         robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)

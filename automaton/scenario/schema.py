@@ -12,6 +12,7 @@ import msgspec
 from msgspec import Meta
 
 Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
+TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 Text = Annotated[str, Meta(min_length=1)]
 Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
@@ -68,8 +69,12 @@ class Durations(Part, frozen=True, kw_only=True):
 
     move: Annotated[Ticks, Meta(description="To the next cell.")] = 1
     turn: Annotated[Ticks, Meta(description="By 90 degrees.")] = 1
-    pick: Annotated[Ticks, Meta(description="Take a load from a slot.")] = 1
-    drop: Annotated[Ticks, Meta(description="Set a load down.")] = 1
+    pick: Annotated[
+        TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
+    ] = 1
+    drop: Annotated[
+        TicksOrNone, Meta(description="Set a load down; 0: on arrival, within the move.")
+    ] = 1
     try_drop: Annotated[Ticks, Meta(description="Look whether a load can be set down.")] = 1
 
 

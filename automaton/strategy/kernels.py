@@ -3,11 +3,10 @@
 Strategies import compiled code from here and nowhere else (an import contract holds this).
 """
 
-import numpy as np
-
 from automaton.compiled import kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
+from automaton.kernels.operations import first_cell
 from automaton.kernels.search import (
     FAR,
     begin_search,
@@ -17,7 +16,6 @@ from automaton.kernels.search import (
     mark_goal,
     nearest_mark,
 )
-from automaton.world.state import NIL
 
 __all__ = [
     "ABORTS",
@@ -40,7 +38,5 @@ __all__ = [
 
 @kernel
 def position(view, i):
-    """The cell of a robot, or the home cell through which it leaves its bay."""
-    if view.robots.cell[i] == NIL:
-        return np.int64(view.robots.home[i])
-    return np.int64(view.robots.cell[i])
+    """The cell from which a robot drives on: in a long move the one that it enters, in a bay its home."""
+    return first_cell(view.robots, i)

@@ -3,10 +3,23 @@
 Strategies import compiled code from here and nowhere else (an import contract holds this).
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 from automaton.compiled import kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
+from automaton.kernels.routes.forecast import foresee, foresee_one
+from automaton.kernels.routes.presence import (
+    OWN_PARAMETERS,
+    forget,
+    forget_all,
+    row_size,
+    shared_size,
+)
+from automaton.kernels.routes.timed import find_in_time
 from automaton.kernels.search import (
     FAR,
     begin_search,
@@ -16,10 +29,13 @@ from automaton.kernels.search import (
     mark_goal,
     nearest_mark,
 )
+from automaton.strategy.layer import memory_of
+from automaton.world.state import Memory, World
 
 __all__ = [
     "ABORTS",
     "FAR",
+    "OWN_PARAMETERS",
     "STRATEGY",
     "WITHDRAWALS",
     "begin_search",
@@ -27,7 +43,13 @@ __all__ = [
     "distance",
     "draw",
     "draw_between",
+    "find_in_time",
     "find_path",
+    "forecast_memory",
+    "foresee",
+    "foresee_one",
+    "forget",
+    "forget_all",
     "has_room",
     "kernel",
     "mark_goal",
@@ -40,3 +62,13 @@ __all__ = [
 def position(view, i):
     """The cell from which a robot drives on: in a long move the one that it enters, in a bay its home."""
     return first_cell(view.robots, i)
+
+
+def forecast_memory(view: World, horizon: int, own: Sequence[int] = ()) -> Memory:
+    """Memory for `foresee` over so many ticks, at most 65,535; nothing in it outlasts a call.
+
+    `own`: further parameters, in memory.parameters[OWN_PARAMETERS:].
+    """
+    zones = view.grid.zones
+    shared = shared_size(zones, horizon)
+    return memory_of(view, row_size(horizon), shared, parameters=(horizon, zones, *own))

@@ -109,9 +109,9 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         shape = self.shape
         kind = bordered(shape.rows, shape.columns)
         draw(kind[1:-1, 1:-1], shape)
-        leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
-        capacity = np.where(kind == FLOOR, self.capacity, 1).astype(np.uint8)
-        return floor_plan(kind, leave, capacity)
+        free = kind == FLOOR
+        leave = np.where(free, ALL_EXITS, 0).astype(np.uint8)
+        return floor_plan(kind, leave, np.where(free, self.capacity, 1).astype(np.uint8))
 
 
 def draw(floor: CellBytes, shape: Shape) -> None:

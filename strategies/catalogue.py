@@ -75,6 +75,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             NoParameters,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
+        "first-come": Entry(
+            "strategies.allocation.first_come:FirstCome",
+            NoParameters,
+            "oldest unreserved order, carried to its destination",
+        ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",
             NoParameters,

@@ -64,6 +64,8 @@ class OrderBook:
     target: Array
     by: Array
     released: Array
+    dispatched: Array
+    dispatched_from: Array
     delivered: Array
     legs: Array
 

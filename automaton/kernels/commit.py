@@ -47,6 +47,7 @@ from automaton.world.state import (
     SET_DOWN,
     STEP,
     TAKE,
+    TICK,
     WAIT,
     WAITING,
     WITHDRAW,
@@ -181,6 +182,9 @@ def take(world, record, i, order, stand):
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
         robots.order[i] = order
+        orders.dispatched[order] = world.clock[TICK]
+        in_bay = robots.cell[i] == NIL
+        orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     set_goal(world, i, GOAL_PICK, stand)
 

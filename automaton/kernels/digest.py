@@ -1,8 +1,9 @@
 """The digest of a state: 64 bits that are equal exactly when the states are, whatever the storage.
 
 Per array the sum mod 2^64 of hash(array, identity of the element, value): robots by identity,
-orders and slots by index. A pure function of the state after a tick; strategy memory, scratch and
-what follows from other arrays (occupancy) are left out.
+orders and slots by index. A pure function of the state after a tick; strategy memory, scratch,
+what follows from other arrays (occupancy) and what is kept for metrics (tallies, when and from
+where an order was taken) are left out.
 """
 
 import numpy as np

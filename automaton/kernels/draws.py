@@ -54,7 +54,7 @@ def draw_between(low, high, seed, stream, tick, robot):
 
 
 @kernel
-def draw_many(out, count, seed, stream):
-    """out[i] = a uniform integer below `count`, addressed by (stream, 0, i)."""
+def draw_many(out, count, seed, stream, tick):
+    """out[i] = a uniform integer below `count`, addressed by (stream, tick, i)."""
     for i in range(out.shape[0]):
-        out[i] = draw_between(0, count - 1, seed, stream, 0, i)
+        out[i] = draw_between(0, count - 1, seed, stream, tick, i)

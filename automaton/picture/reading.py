@@ -20,9 +20,9 @@ from automaton.picture.robots import NEEDS, NUMBERS, name_of, read_robot
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.build import occupy_starts
 from automaton.world.floor import floor_for
 from automaton.world.plan import FloorPlan
+from automaton.world.starts import occupy_starts
 from automaton.world.state import (
     CARRIED,
     CHANGES,

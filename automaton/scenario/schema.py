@@ -44,10 +44,11 @@ class Fleet(Part, frozen=True, kw_only=True):
         ),
     ] = "differential"
     start: Annotated[
-        Literal["bays", "random"] | tuple[Pair, ...] | None,
+        Literal["bays", "random", "stands"] | tuple[Pair, ...] | None,
         Meta(
-            description="Where robots begin: bays, random, or a list of cells. Left out: where the "
-            "picture draws robots, else in bays if the floor has any, else random."
+            description="Where robots begin: bays, random, stands (in front of racks drawn at "
+            "random), or a list of cells. Left out: where the picture draws robots, else in bays "
+            "if the floor has any, else random."
         ),
     ] = None
 
@@ -79,12 +80,12 @@ class Durations(Part, frozen=True, kw_only=True):
 
 
 class OrderLine(Part, frozen=True, kw_only=True):
-    """One order: bring the load of a shelf to a slot."""
+    """One order: bring a load from one slot to another."""
 
-    source: Annotated[Pair, Meta(description="The shelf with the load.")] = msgspec.field(
+    source: Annotated[Pair, Meta(description="The shelf or dock with the load.")] = msgspec.field(
         name="from"
     )
-    target: Annotated[Pair, Meta(description="The shelf or destination to bring it to.")] = (
+    target: Annotated[Pair, Meta(description="The shelf, destination or rack to bring it to.")] = (
         msgspec.field(name="to")
     )
 
@@ -93,11 +94,17 @@ class Orders(Part, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders or a list of them."""
 
     generator: Annotated[
-        Literal["full-shelves", "drawn-loads"] | None,
+        Literal["full-shelves", "drawn-loads", "dock-to-rack"] | None,
         Meta(
             description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
-            "shelves drawn as $ do. Each is brought to a destination drawn at random."
+            "shelves drawn as $ do. Each is brought to a destination drawn at random. "
+            "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
+            "random."
         ),
+    ] = None
+    count: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Meta(description="dock-to-rack: how many orders there are."),
     ] = None
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         msgspec.field(name="list", default=None)
@@ -108,6 +115,10 @@ class Orders(Part, frozen=True, kw_only=True):
             raise ValueError("orders must have either a generator or a list")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
+        if self.generator == "dock-to-rack" and self.count is None:
+            raise ValueError("the generator dock-to-rack needs a count of orders")
+        if self.generator != "dock-to-rack" and self.count is not None:
+            raise ValueError("count belongs to the generator dock-to-rack")
 
 
 class Strategies(Part, frozen=True, kw_only=True):
@@ -164,6 +175,19 @@ class Stop(Part, frozen=True, kw_only=True):
     ] = 50_000
 
 
+class Measure(Part, frozen=True, kw_only=True):
+    """What the metrics of tasks count: task_time, delay and completions."""
+
+    warm_up: Annotated[
+        int,
+        Meta(
+            ge=0,
+            le=2_000_000_000,
+            description="Ticks at the beginning of a run that they leave out.",
+        ),
+    ] = 0
+
+
 class Scenario(Part, frozen=True, kw_only=True):
     """A scenario of automaton: a floor, a fleet, orders and the strategies that run them."""
 
@@ -171,7 +195,7 @@ class Scenario(Part, frozen=True, kw_only=True):
     summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
     layout: Annotated[
         Parameters,
-        Meta(description="The floor: a generator, a picture or a file."),
+        Meta(description="The floor: a generator, a picture, a file or a matrix."),
     ]
     fleet: Fleet
     units: Units = Units()
@@ -184,9 +208,20 @@ class Scenario(Part, frozen=True, kw_only=True):
         Meta(description="What strategies see: everything, the order list only, or a radius."),
     ] = "everything"
     stop: Stop = Stop()
+    measure: Annotated[
+        Measure | None,
+        Meta(description="Measure the tasks: how long they take, and by how much too long."),
+    ] = None
     seed: Annotated[
         int, Meta(ge=0, le=2**63 - 1, description="Every random draw of a run follows from it.")
     ] = 1
+
+    def __post_init__(self) -> None:
+        if self.measure is not None and self.measure.warm_up >= self.stop.at_most:
+            raise ValueError(
+                f"measure begins after tick {self.measure.warm_up} (warm_up), "
+                f"but the run stops at tick {self.stop.at_most} (stop.at_most)"
+            )
 
 
 class LegendEntry(Part, frozen=True, kw_only=True):
@@ -212,6 +247,22 @@ class PictureLayout(Part, frozen=True, kw_only=True):
 
     picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+
+
+class MatrixLayout(Part, frozen=True, kw_only=True):
+    """A floor of racks and docks as a CSV file of codes."""
+
+    matrix: Annotated[
+        Text,
+        Meta(
+            description="Path, relative to the scenario. Codes: -1 wall, 0 free, 50 intersection, "
+            "100 rack, 200 dock."
+        ),
+    ]
+    capacity: Annotated[
+        Literal[0, 1, 2],
+        Meta(description="Robots at a time in a free cell: any number (0), 1, or 2."),
+    ] = 0
 
 
 class FileLayout(Part, frozen=True, kw_only=True):

@@ -6,15 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.kernels import draws
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import MOST_EVENTS
 from automaton.scenario.resolve import Resolved
-from automaton.world.cells import DESTINATION
+from automaton.world.demand import build_orders
 from automaton.world.floor import Floor, floor_for, frozen
-from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import around_home
 from automaton.world.rules import rules_for
+from automaton.world.starts import first_headings, homes, occupy_starts
 from automaton.world.state import (
     ACTIONS,
     CLOCK_SIZE,
@@ -32,14 +30,11 @@ from automaton.world.state import (
     Array,
     Asked,
     ChargingAnswers,
-    Grid,
     Memory,
-    Orders,
     Record,
     RightOfWayAnswers,
     Robots,
     RoutingAnswers,
-    Slots,
     Tally,
     Traffic,
     World,
@@ -121,54 +116,6 @@ def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
     )
 
 
-def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
-    """Orders by slot (table order) or as listed; targets depend on the seed and the order alone.
-
-    Slots are served from the cells that robots can reach from `home`, and come back from.
-    """
-    plan, scenario = resolved.plan, resolved.scenario
-    slot_of = floor.grid.slot
-    if scenario.orders.listed is not None:
-        pairs = [
-            (plan.cell(*line.source), plan.cell(*line.target)) for line in scenario.orders.listed
-        ]
-        source = slot_of[[pair[0] for pair in pairs]]
-        target = slot_of[[pair[1] for pair in pairs]]
-    else:
-        loaded = floor.slot_endless == 0
-        if scenario.orders.generator == "drawn-loads":
-            loaded &= plan.loads.reshape(-1)[floor.slot_cell] == 1
-        source = np.flatnonzero(loaded).astype(np.int32)
-        kinds = floor.grid.kind[floor.slot_cell]
-        destinations = np.flatnonzero(kinds == DESTINATION).astype(np.int32)
-        choice = np.zeros(len(source), np.int32)
-        with np.errstate(over="ignore"):
-            draws.draw_many(choice, len(destinations), np.uint64(seed), draws.ORDERS)
-        target = destinations[choice]
-    m = len(source)
-    mask = around_home(plan, home, scenario.fleet.kinematics == "rail")
-    content = np.full(len(floor.slot_cell), NIL, np.int32)
-    content[source] = np.arange(m, dtype=np.int32)
-    orders = Orders(
-        state=np.zeros(m, np.uint8),
-        place=source.astype(np.int32).copy(),
-        source=source.astype(np.int32),
-        target=target.astype(np.int32),
-        by=np.full(m, NIL, np.int32),
-        released=np.zeros(m, np.int32),
-        delivered=np.full(m, NIL, np.int32),
-        legs=np.zeros(m, np.int32),
-    )
-    slots = Slots(
-        cell=floor.slot_cell,
-        endless=floor.slot_endless,
-        content=content,
-        by=np.full(len(content), NIL, np.int32),
-        access=np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32),
-    )
-    return orders, slots
-
-
 def build_robots(
     resolved: Resolved,
     floor: Floor,
@@ -224,44 +171,6 @@ def build_robots(
         step=np.full(n, NO_STEP, np.uint8),
         did=zero8.copy(),
     )
-
-
-def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
-    """(n,) home cells and (n,) bays by identity; NIL where a robot parks on the floor itself."""
-    n = resolved.scenario.fleet.robots
-    none = np.full(n, NIL, np.int32)
-    if resolved.start == "bays":
-        bays = resolved.plan.bays[:n]
-        return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
-    if resolved.start == "random":
-        return random_cells(resolved.plan, n, seed), none
-    return np.array(resolved.start, np.int32), none
-
-
-def random_cells(plan: FloorPlan, n: int, seed: int) -> Array:
-    """n different drivable cells: those of the least draws, in the order of their draws."""
-    cells = np.flatnonzero(DRIVABLE[plan.kind.reshape(-1)])
-    keys = np.zeros(len(cells), np.int64)
-    with np.errstate(over="ignore"):
-        draws.draw_many(keys, 2**31, np.uint64(seed), draws.STARTS)
-    chosen: Array = cells[np.argsort(keys, kind="stable")[:n]].astype(np.int32)
-    return chosen
-
-
-def first_headings(grid: Grid, cells: Array) -> Array:
-    """(n,) uint8: vertical where the cell leads south or north, else horizontal."""
-    rule = grid.rule[cells]
-    choices = [(rule >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
-    direction = np.select(choices, [1, 3, 0, 2], 0)
-    headings: Array = (direction & (grid.headings - 1)).astype(np.uint8)
-    return headings
-
-
-def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -> None:
-    capacity = (grid.rule[cells].astype(np.int64) >> 5) & 3
-    lane = headings.astype(np.int64) >> 1
-    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 96), 32 << lane], 0)
-    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))
 
 
 def build_buffers(world: World) -> Buffers:

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import EAST, KINDS, RACK, WEST
+from automaton.world.cells import KINDS
 from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
+from automaton.world.reach import slot_access
 from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
 from automaton.world.zones import zones_of
@@ -61,11 +62,6 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str)
         zone=zones.of,
         zones=zones.count,
     )
-    neighbours = cells[:, None].astype(np.int64) + grid.offset[None, :]
-    inside = (neighbours >= 0) & (neighbours < kind.size)
-    neighbours = np.where(inside, neighbours, 0)
-    access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
-    access[np.ix_(kind[cells] == RACK, [EAST, WEST])] = NIL  # racks open upwards and downwards
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
     longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
@@ -73,7 +69,7 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str)
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
         slot_endless=frozen(ENDLESS[kind[cells]].astype(np.uint8)),
-        slot_access=frozen(access),
+        slot_access=slot_access(plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         spaces=[],
         longest_route=longest_route,

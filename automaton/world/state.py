@@ -184,6 +184,8 @@ class Orders(Struct):
     target: Array  # (m,) int32: slot to which it must go
     by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     released: Array  # (m,) int32: tick from which it is known
+    dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
+    dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     delivered: Array  # (m,) int32: tick of delivery, or NIL
     legs: Array  # (m,) int32: times it was picked up
 

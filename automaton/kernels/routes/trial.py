@@ -31,30 +31,38 @@ COLUMNS = 7
 
 
 @kernel
-def draw_tasks(trial, seed, number, racks, docks):
-    """trial.task[r] = start, pick-up and drop-off cell of robot r in the trial of that number."""
-    for r in range(trial.task.shape[0]):
-        for k in range(3):
-            cells = docks if k == PICK else racks
-            last = cells.shape[0] - 1
-            trial.task[r, k] = cells[draw_between(0, last, seed, TRIALS, number, 3 * r + k)]
+def draw_tasks(seed, racks, docks, tasks):
+    """tasks: (trials, r, 3) int32, the start, pick-up and drop-off cell of each robot.
+
+    racks, docks: the cells from which each rack and each dock is served.
+    """
+    for number in range(tasks.shape[0]):
+        for r in range(tasks.shape[1]):
+            for k in range(3):
+                cells = docks if k == PICK else racks
+                last = cells.shape[0] - 1
+                tasks[number, r, k] = cells[draw_between(0, last, seed, TRIALS, number, 3 * r + k)]
 
 
 @kernel
-def foresee(grid, duration, space, trial, ties, seed, number, keep, add):
-    """trial.actual = others in each zone, by their plain A*; space.count = how many are foreseen."""
-    trial.actual[:] = 0
-    space.count[:] = 0
-    for r in range(1, trial.task.shape[0]):
-        used = trial.used
-        used[:] = 0
-        pose = np.int64(trial.task[r, START])
-        for k in (PICK, DROP):
-            pose = search(grid, duration, space, ties, seed, pose, trial.task[r, k], False)
-            add_zones(grid, space, pose, used)
-        count_zones(used, trial.actual)
-        blur(used, grid.zones, keep, add, seed, number, r)
-        count_zones(used, space.count)
+def foresee(grid, duration, space, trial, ties, seed, tasks, keep, add, foreseen):
+    """foreseen: (trials, Z) int32, others whose plain A* uses a zone, seen as `blur` sees them."""
+    for number in range(tasks.shape[0]):
+        foreseen[number] = 0
+        for r in range(1, tasks.shape[1]):
+            use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
+            blur(trial.used, grid.zones, keep, add, seed, number, r)
+            count_zones(trial.used, foreseen[number])
+
+
+@kernel
+def use_zones(grid, duration, space, trial, ties, seed, task):
+    """trial.used = the zones of both legs of a task by plain A*."""
+    trial.used[:] = 0
+    pose = np.int64(task[START])
+    for k in (PICK, DROP):
+        pose = search(grid, duration, space, ties, seed, pose, np.int64(task[k]), False)
+        add_zones(grid, space, pose, trial.used)
 
 
 @kernel
@@ -143,32 +151,42 @@ def drive_dynamic(grid, duration, space, trial, ties, seed, closing, row):
 
 
 @kernel
-def run_trials(
-    grid, duration, space, trial, racks, docks, ties, seed, keep, add, most, rule, dynamic, out
-):
-    """out: (trials, COLUMNS) int64; robot 0 chooses by what it foresees, and drives what is true.
+def run_trials(grid, duration, space, trial, ties, seed, tasks, foreseen, most, rule, dynamic, out):
+    """out: (trials, COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
 
-    racks, docks: access cells to draw from; keep, add: of `blur`; most, rule: of `choose_threshold`.
+    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most, rule: of
+    `choose_threshold`; dynamic: 1 for that reading.
     """
-    for number in range(out.shape[0]):
-        draw_tasks(trial, seed, number, racks, docks)
-        foresee(grid, duration, space, trial, ties, seed, number, keep, add)
-        start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
-        threshold = choose_threshold(
-            grid, duration, space, ties, seed, start, pick, drop, most, rule
-        )
-        close_zones(grid, space, threshold, start, pick, drop)
-        for column in (0, CHOSEN):
-            closing = column == CHOSEN and threshold != PLAIN
-            row = out[number, column : column + CHOSEN]
-            if dynamic:
-                drive_dynamic(grid, duration, space, trial, ties, seed, closing, row)
-            else:
-                drive_static(grid, duration, space, trial, ties, seed, closing, row)
-            if column == 0:
-                for k in range(trial.length[0]):
-                    trial.plain[k] = trial.route[0, k]
-        out[number, TAKEN] = differs(trial, out[number, DISTANCE])
+    for number in range(tasks.shape[0]):
+        trial.actual[:] = 0
+        for r in range(tasks.shape[1]):
+            for k in range(3):
+                trial.task[r, k] = tasks[number, r, k]
+            if r > 0:
+                use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
+                count_zones(trial.used, trial.actual)
+        for zone in range(space.count.shape[0]):
+            space.count[zone] = foreseen[number, zone]
+        run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, out[number])
+
+
+@kernel
+def run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, row):
+    """row: (COLUMNS,) of the trial with trial.task, trial.actual and space.count."""
+    start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
+    threshold = choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule)
+    close_zones(grid, space, threshold, start, pick, drop)
+    for column in (0, CHOSEN):
+        closing = column == CHOSEN and threshold != PLAIN
+        part = row[column : column + CHOSEN]
+        if dynamic:
+            drive_dynamic(grid, duration, space, trial, ties, seed, closing, part)
+        else:
+            drive_static(grid, duration, space, trial, ties, seed, closing, part)
+        if column == 0:
+            for k in range(trial.length[0]):
+                trial.plain[k] = trial.route[0, k]
+    row[TAKEN] = differs(trial, row[DISTANCE])
 
 
 @kernel

@@ -117,5 +117,5 @@ def test_a_matrix_of_several_scenarios_or_at_a_bad_place_is_refused(tmp_path, ca
     assert main(["check", file, "--matrix", str(tmp_path)]) == 2
     assert "this is no ordinary file" in capsys.readouterr().err
     assert main(["check", "tabletop-1", "--matrix", str(tmp_path / "x.csv")]) == 2
-    assert "no code for the track" in capsys.readouterr().err
+    assert "no code for the turntable" in capsys.readouterr().err
     assert not (tmp_path / "x.csv").exists()

@@ -60,8 +60,8 @@ def _check_stands(document: Document, robots: int, plan: FloorPlan) -> None:
         )
     limited = (plan.capacity.flat[stands] != UNLIMITED).any()
     if limited and robots > len(stands):
-        cells = _count(len(stands), "cell")
-        raise document.error(ROBOTS, f"{_robots(robots)} but {cells} lie in front of racks")
+        room = f"in front of racks there is room for {len(stands)}"
+        raise document.error(ROBOTS, f"{_robots(robots)} but {room}")
 
 
 def _drawn_start(document: Document, robots: int, plan: FloorPlan) -> Start:

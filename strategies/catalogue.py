@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -39,6 +39,49 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = 2
     withdraw: Span = (1, 12)  # moves
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
+
+
+class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which of several paths of equal cost A* finds."""
+
+    ties: Annotated[
+        Literal["fifo", "larger_g", "random"],
+        Meta(
+            description="Of cells with the same estimate it looks first at the one found first "
+            "(fifo), farthest from the start (larger_g), or drawn by seed and leg (random)."
+        ),
+    ] = "larger_g"
+
+
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What is foreseen of the others, and how many of them are too many."""
+
+    predictor: Annotated[
+        Literal["exact", "noisy"],
+        Meta(
+            description="exact: the zones on the others' A* paths; noisy: some of them missed and "
+            "others added, by precision and recall."
+        ),
+    ] = "exact"
+    precision: Annotated[
+        Share | None, Meta(description="noisy: how many of the zones foreseen are right.")
+    ] = None
+    recall: Annotated[
+        Share | None, Meta(description="noisy: how many of the zones used are foreseen.")
+    ] = None
+    most_threshold: Annotated[
+        int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
+    ] = 6
+
+    def __post_init__(self) -> None:
+        given = [value is not None for value in (self.precision, self.recall)]
+        if self.predictor == "noisy" and not all(given):
+            raise ValueError("predictor noisy needs precision and recall")
+        if self.predictor != "noisy" and any(given):
+            raise ValueError("precision and recall are for predictor noisy alone")
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -91,6 +134,16 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.routing.shortest:Shortest",
             NoParameters,
             "the path of least ticks, turns included",
+        ),
+        "astar": Entry(
+            "strategies.routing.astar:AStar",
+            Ties,
+            "A*: a path of least ticks, one of several by a tie rule",
+        ),
+        "traffic-avoidance": Entry(
+            "strategies.routing.traffic_avoidance:TrafficAvoidance",
+            Avoidance,
+            "A* around zones where many others are foreseen (Shaji Bhattathiri, Li & Kuhl)",
         ),
         "congestion": Entry(
             "strategies.routing.congestion:Congestion",

@@ -9,13 +9,20 @@ import numpy as np
 from naive_motion import luck
 
 from automaton.kernels.motion import LIVE, MOVED
-from automaton.recording.codes import DID_BAY_BLOCKED, INTO_BAY, LEFT_BAY
+from automaton.recording.codes import (
+    DID_BAY_BLOCKED,
+    DROPPED_AT_ONCE,
+    INTO_BAY,
+    LEFT_BAY,
+    PICKED_AT_ONCE,
+)
 from automaton.world.state import LAYERS, NIL, TICK, World
 
 WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
     *("priority decides", "move of several ticks", "turn on two lanes", "two in an aisle"),
     *("three without limit", "drove on capacity 0", "drove on capacity 1", "drove on capacity 2"),
+    *("move in a slow zone", "picked up on arrival", "set down on arrival"),
     *("left a bay", "went into a bay", "bay blocked"),
     *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
 )
@@ -114,6 +121,9 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
         reached["three without limit"] += capacity[cell] == 0 and number >= 3
     turning = (robots.claim != NIL) & (robots.claim == robots.cell)
     reached["turn on two lanes"] += int(turning.sum())
+    reached["move in a slow zone"] += int(world.tally.slowed.any())
+    reached["picked up on arrival"] += int((robots.did & PICKED_AT_ONCE != 0).sum())
+    reached["set down on arrival"] += int((robots.did & DROPPED_AT_ONCE != 0).sum())
     did = robots.did[robots.bay != NIL]
     reached["left a bay"] += int((did & LEFT_BAY != 0).sum())
     reached["went into a bay"] += int((did & INTO_BAY != 0).sum())

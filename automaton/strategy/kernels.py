@@ -11,7 +11,11 @@ from automaton.compiled import kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
+from automaton.kernels.routes.astar import astar, search
+from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
 from automaton.kernels.routes.forecast import foresee, foresee_one
+from automaton.kernels.routes.frontier import TIES
+from automaton.kernels.routes.noise import CERTAIN, blur, false_alarms
 from automaton.kernels.routes.presence import (
     OWN_PARAMETERS,
     forget,
@@ -19,6 +23,7 @@ from automaton.kernels.routes.presence import (
     row_size,
     shared_size,
 )
+from automaton.kernels.routes.replay import add_zones, count_zones, has_zone, size_of
 from automaton.kernels.routes.timed import find_in_time
 from automaton.kernels.search import (
     FAR,
@@ -34,15 +39,26 @@ from automaton.world.state import Memory, World
 
 __all__ = [
     "ABORTS",
+    "CERTAIN",
     "FAR",
+    "LEAST_TIME",
     "OWN_PARAMETERS",
+    "PLAIN",
     "STRATEGY",
+    "TIES",
     "WITHDRAWALS",
+    "add_zones",
+    "astar",
     "begin_search",
+    "blur",
+    "choose_threshold",
+    "close_zones",
+    "count_zones",
     "descend",
     "distance",
     "draw",
     "draw_between",
+    "false_alarms",
     "find_in_time",
     "find_path",
     "forecast_memory",
@@ -51,10 +67,13 @@ __all__ = [
     "forget",
     "forget_all",
     "has_room",
+    "has_zone",
     "kernel",
     "mark_goal",
     "nearest_mark",
     "position",
+    "search",
+    "size_of",
 ]
 
 

@@ -52,16 +52,34 @@ def delay_of(grid, duration, space, pose, count):
 
 
 @kernel
+def has_zone(used, zone):
+    """1 if a zone is in a set, else 0."""
+    return (used[zone >> 6] >> (zone & (WORD - 1))) & 1
+
+
+@kernel
+def size_of(used):
+    """How many zones are in a set."""
+    size = 0
+    for word in range(used.shape[0]):
+        bits = used[word]
+        while bits != 0:
+            bits &= bits - 1
+            size += 1
+    return size
+
+
+@kernel
 def count_zones(used, count):
     """count[z] += 1 for each zone of a set."""
     for word in range(used.shape[0]):
         bits = used[word]
-        zone = word * WORD
-        while bits != 0:
-            if bits & 1:
-                count[zone] += 1
-            zone += 1
-            bits = (bits >> 1) & np.int64(0x7FFF_FFFF_FFFF_FFFF)
+        for k in range(WORD):
+            if bits == 0:
+                break
+            if (bits >> k) & 1:
+                count[word * WORD + k] += 1
+                bits &= bits - 1
 
 
 @kernel
@@ -69,6 +87,6 @@ def count_common(used, count):
     """The sum of count[z] over the zones of a set."""
     common = 0
     for zone in range(count.shape[0]):
-        if (used[zone >> 6] >> (zone & (WORD - 1))) & 1:
+        if has_zone(used, zone):
             common += np.int64(count[zone])
     return common

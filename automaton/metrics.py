@@ -55,13 +55,14 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked": ("share", "robot ticks lost to other robots and to illegal answers / active ticks"),
     "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
-    "delay": ("ticks", "of task_time, what the same task takes less on an empty floor"),
+    "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
     "completions": ("orders/1000 ticks", "deliveries by time and robot, after the warm-up"),
     "lost_waiting": ("ticks", "in waits before a held cell"),
     "lost_refused": ("ticks", "in retries and steps that were refused"),
     "lost_withdrawing": ("ticks", "in which a withdrawal was decided"),
     "lost_bay": ("ticks", "in the bay because the home cell was held"),
     "lost_illegal": ("ticks", "after illegal answers of a strategy"),
+    "slowed": ("ticks", "that moves begun take longer, in slow zones and by chance"),
     "withdrawals": ("times", "withdrawals begun"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
@@ -79,7 +80,7 @@ def executed_ticks(world: World) -> Array:
 def metrics_of(run: Measured) -> dict[str, float | int]:
     """All metrics of the fleet, by the names of GLOSSARY.
 
-    Those of tasks are there if the scenario measures tasks.
+    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer.
     """
     world = run.world
     elapsed = int(world.clock[TICK])
@@ -98,8 +99,16 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
         "withdrawals": int(world.tally.times[:, WITHDRAW].sum()),
         "illegal_answers": int(world.tally.illegal.sum()),
     }
+    if may_slow(world):
+        figures["slowed"] = int(world.tally.slowed.sum())
     figures |= task_figures(run)
     return {name: figures[name] for name in GLOSSARY if name in figures}
+
+
+def may_slow(world: World) -> bool:
+    """Whether moves may take longer than their duration, or did so before the rules were changed."""
+    rules = world.rules
+    return bool(rules.slowdown or rules.extra_tick or world.tally.slowed.any())
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:

@@ -12,6 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_strategies import Mood
 
+from automaton.history.chronicle import Chronicle
+from automaton.metrics import metrics_of
 from automaton.picture import Story
 from automaton.recording.codes import ACTION_MASK, LEFT_BAY, MOVE_NORTH
 from automaton.recording.recorder import MemoryRecorder
@@ -166,7 +168,7 @@ class Watcher:
         self.zones, self.world_rules = case.zones, case.resolved.scenario.world
         self.move = case.resolved.scenario.durations.move
         self.recorder = MemoryRecorder(case.resolved)
-        self.run = Simulation(case.resolved, on_record=self.recorder)
+        self.run = Simulation(case.resolved, on_record=self.recorder, on_observe=Chronicle())
         self.moves: dict[int, Move] = {}
         self.held: set[int] = set()  # robots in the zones that moves began in
         self.free = 0  # moves off an intersection with others on it
@@ -183,7 +185,7 @@ class Watcher:
             if self.run.tick < move.ends:
                 assert (robots.cell[i], robots.claim[i]) == (move.start, move.to)
             else:
-                assert robots.claim[i] == NIL
+                assert robots.claim[i] == self.run.watch.slow_zone[i] == NIL
                 assert robots.cell[i] in (move.to, NIL if robots.parked[i] else move.to)
                 del self.moves[i]
 
@@ -199,6 +201,9 @@ class Watcher:
         to = start + int(world.grid.offset[direction])
         self.moves[i] = Move(start, to, self.run.tick + span - 1)
         self.held.add(1 + others)
+        watch, slowed = self.run.watch, others > 0
+        assert watch.slow_zone[i] == (zone if slowed else NIL)
+        assert not slowed or watch.crowd[i] == 1 + others
         self.free += zone == NIL and int((cell == start).sum()) > 1
 
 
@@ -247,7 +252,8 @@ def test_a_fleet_delivers_everything_in_slow_zones(name: str) -> None:
     quick = Simulation(resolve(name))
     quick.run()
     assert slow.finished and slow.tick > quick.tick
-    assert int(slow.world.tally.slowed.sum()) > 0 == int(quick.world.tally.slowed.sum())
+    assert metrics_of(slow)["slowed"] > 0
+    assert "slowed" not in metrics_of(quick) and not quick.world.tally.slowed.any()
 
 
 def test_slow_zones_cost_nothing_where_nobody_meets() -> None:

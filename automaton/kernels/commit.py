@@ -48,6 +48,7 @@ from automaton.world.state import (
     STEP,
     TAKE,
     TICK,
+    UNPARKED,
     WAIT,
     WAITING,
     WITHDRAW,
@@ -137,6 +138,8 @@ def commit_allocation(world, record, asked, answers):
             choose_slot(world, record, i, slot, stand, np.int64(given.try_drop[k]))
         elif verb == PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
             refuse(world, ALLOCATION, i)
+        elif verb == PARK and world.rules.leave and robots.cell[i] != NIL:
+            leave_floor(world, i, given.ask_again[k])
         elif verb == PARK and robots.parked[i] == 0:
             allocation_done(world, i)
             if robots.goal[i] != GOAL_PARK:
@@ -145,6 +148,21 @@ def commit_allocation(world, record, asked, answers):
             stay_idle(world, i, given.ask_again[k])
         else:
             refuse(world, ALLOCATION, i)
+
+
+@kernel
+def leave_floor(world, i, ask_again):
+    """Robot i parks where it stands, unless it is busy or on a withdrawal."""
+    robots = world.robots
+    if robots.busy[i] or robots.withdrawing[i]:
+        stay_idle(world, i, ask_again)
+        return
+    allocation_done(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[UNPARKED] += 1
+    robots.home[i] = robots.cell[i]
+    set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
 
 
 @kernel

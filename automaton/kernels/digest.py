@@ -10,7 +10,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
-from automaton.world.state import TICK
+from automaton.world.state import NIL, TICK
 
 ROBOT_FIELDS = (
     "cell claim heading travel action busy priority load order slot goal stand stay try_drop "
@@ -68,6 +68,8 @@ def digest_world(world, out, v):
 def digest_robots(r, out, v):
     for i in range(r.cell.shape[0]):
         v[0] = r.cell[i]
+        if r.cell[i] == NIL and r.bay[i] == NIL:
+            v[0] = -2 - r.home[i]  # off the floor, and it comes back there
         v[1] = r.claim[i]
         v[2] = r.heading[i]
         v[3] = r.travel[i]

@@ -92,7 +92,7 @@ def entry_heading(grid, cell):
 
 @kernel
 def leave_bays(world):
-    """Place robots with a task on their home cells if those were empty at the start of the tick."""
+    """Place robots with a task on their home cells if those had room at the start of the tick."""
     robots = world.robots
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -100,7 +100,7 @@ def leave_bays(world):
             continue
         if robots.at[i] >= robots.length[i] and robots.stand[i] != robots.home[i]:
             continue  # its route is still to come
-        if robots.bay[i] != NIL:
+        if robots.cell[i] == NIL:
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, home)
             if not has_room(world.traffic.occupancy, home, heading):
@@ -252,7 +252,7 @@ def settle(world, record):
 
 @kernel
 def park_if_home(world, i):
-    """A robot at home with nothing to do is in its bay, or parked, at the end of the tick."""
+    """A robot at home with nothing to do is in its bay, off the floor, or parked, from now on."""
     robots = world.robots
     home = np.int64(robots.home[i])
     if robots.goal[i] != GOAL_PARK or robots.cell[i] != home or robots.withdrawing[i]:
@@ -267,7 +267,7 @@ def park_if_home(world, i):
     robots.did[i] = np.int64(robots.did[i]) | INTO_BAY
     world.clock[UNPARKED] -= 1
     need_allocation(world, i, FREE)
-    if robots.bay[i] != NIL:
+    if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
         robots.heading[i] = entry_heading(world.grid, home)

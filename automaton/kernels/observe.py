@@ -17,6 +17,7 @@ from automaton.kernels.motion import (
     direction_between,
     resource_of,
 )
+from automaton.kernels.zones import robots_around
 from automaton.recording.codes import (
     ACTION_MASK,
     DID_BAY_BLOCKED,
@@ -146,9 +147,12 @@ def find_wait(world, watch, i):
     watch.cause[i] = NOT_WAITING
     watch.blocker[i] = NIL
     watch.wanted[i] = NIL
+    if robots.claim[i] == NIL:
+        watch.slow_zone[i] = NIL
     want = np.int64(world.traffic.want[i])
     did = np.int64(robots.did[i]) & ACTION_MASK
     if want & MOVED:
+        note_slow_zone(world, watch, i, want)
         return
     if did == DID_WITHDRAW:
         watch.cause[i] = WITHDRAWAL
@@ -172,6 +176,16 @@ def find_wait(world, watch, i):
             find_next_cell(world, watch, i)
     elif did == 0 and robots.parked[i] == 0:
         find_idleness(world, watch, i)
+
+
+@kernel
+def note_slow_zone(world, watch, i, want):
+    """Robot i has begun a move, which is a long one if its zone slows it: it is still in its cell."""
+    if world.rules.slowdown and world.robots.claim[i] != NIL:
+        around = robots_around(world, i, want)
+        if around > 1:
+            watch.slow_zone[i] = world.grid.zone[world.robots.cell[i], (want & 3) >> 1]
+            watch.crowd[i] = around
 
 
 @kernel

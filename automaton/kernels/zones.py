@@ -40,16 +40,24 @@ def slow_down(world):
 @kernel
 def ticks_of_move(world, i, want):
     """What a move of robot i takes if it starts now."""
-    rules, robots = world.rules, world.robots
+    rules = world.rules
     ticks = np.int64(rules.duration[MOVE])
     if rules.slowdown:
-        cell = np.int64(robots.cell[U(i)])
-        zone = np.int64(world.grid.zone[U(cell), U((want & 3) >> 1)])
-        if zone != NIL:
-            came = np.int64(world.grid.zone[U(cell), U(np.int64(robots.travel[U(i)]) >> 1)])
-            counted = came == zone and want & ENTERED == 0
-            ticks *= np.int64(world.traffic.crowd[U(zone)]) + (0 if counted else 1)
+        ticks *= robots_around(world, i, want)
     if rules.extra_tick:
-        bits = draw(rules.seed, EXTRA_TICKS, world.clock[TICK], robots.identity[U(i)])
+        identity = world.robots.identity[U(i)]
+        bits = draw(rules.seed, EXTRA_TICKS, world.clock[TICK], identity)
         ticks += 1 if np.int64(bits >> np.uint64(32)) < rules.extra_tick else 0
     return ticks
+
+
+@kernel
+def robots_around(world, i, want):
+    """Robots that slow a move of robot i out of its cell, itself included; 1 where there is no zone."""
+    cell = np.int64(world.robots.cell[U(i)])
+    zone = np.int64(world.grid.zone[U(cell), U((want & 3) >> 1)])
+    if zone == NIL:
+        return 1
+    came = np.int64(world.grid.zone[U(cell), U(np.int64(world.robots.travel[U(i)]) >> 1)])
+    counted = came == zone and want & ENTERED == 0
+    return np.int64(world.traffic.crowd[U(zone)]) + (0 if counted else 1)

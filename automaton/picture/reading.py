@@ -1,8 +1,8 @@
 """A text as a world: the exact state that `picture_of` has drawn, ready to go on.
 
 Restored is all that a digest covers, so a run continues with the same digests if its strategies
-keep no memory of their own: a strategy's memory starts anew, and so do the counters behind the
-metrics.
+keep no memory of their own: a strategy's memory starts anew, and so does what is
+counted for metrics: tallies, and when and from where an order was taken.
 """
 
 from __future__ import annotations
@@ -126,6 +126,8 @@ def set_robot(world: World, plan: FloorPlan, i: int, facts: Facts, route: Route)
         getattr(robots, name)[i] = facts[name]
     for name in ("cell", "claim", "stand"):
         getattr(robots, name)[i] = _cell(plan, facts[name])
+    if facts["left"] is not None:
+        robots.home[i] = _cell(plan, facts["left"])
     if facts["goal"] == GOAL_PARK:
         robots.stand[i] = robots.home[i]
     robots.slot[i] = _slot(world, plan, facts["slot"])

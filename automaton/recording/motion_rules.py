@@ -3,6 +3,7 @@
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
 Of each tick: bays open, operations begin, all moves happen at once, robots at home park.
+Robots that leave the floor when they are done are at home wherever they stand.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ class Motion:
         self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
         self.pace = Pace(floor, header["seed"])
         self.follow(scenario)
+        self.leave: bool = scenario["fleet"].get("when_done") == "leave"
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
         self.cell: list[int] = robots["cell"].tolist()  # NONE in its bay
@@ -264,11 +266,13 @@ class Motion:
 
     def _park(self, tick: int, r: int) -> None:
         cell = self.cell[r]
+        if self.leave and cell != NONE:
+            self.home[r] = cell
         if cell != self.home[r] or self.free[r] > tick + 1:
             self.complain(tick, "bay", [r], cell, "parks although it does not stand at home")
             return
         self.parked[r] = True
-        if self.bay[r] != NONE:
+        if self.bay[r] != NONE or self.leave:
             self._give(r, cell, self.travel[r])
             self.cell[r] = NONE
             self.heading[r] = self.entry_heading(cell)

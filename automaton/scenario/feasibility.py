@@ -47,6 +47,11 @@ def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
         raise document.error(
             ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
         )
+    if start == "bays" and fleet.when_done == "leave":
+        raise document.error(
+            ("fleet", "when_done"),
+            "fleet.when_done is leave, but robots that begin in bays park there",
+        )
     if start == "stands":
         _check_stands(document, fleet.robots, plan)
     return start

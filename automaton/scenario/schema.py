@@ -51,6 +51,13 @@ class Fleet(Part, frozen=True, kw_only=True):
             "if the floor has any, else random."
         ),
     ] = None
+    when_done: Annotated[
+        Literal["park", "leave"],
+        Meta(
+            description="What robots without work do. park: drive to where they began; leave: "
+            "leave the floor where they stand, and come back there for an order."
+        ),
+    ] = "park"
 
 
 class Units(Part, frozen=True, kw_only=True):

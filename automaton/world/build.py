@@ -240,6 +240,8 @@ def build_observation(world: World, ticks: int) -> Observation:
         blocker=nil.copy(),
         wanted=nil.copy(),
         since=np.zeros(n, np.int64),
+        slow_zone=nil.copy(),
+        crowd=np.zeros(n, np.int32),
         ring=np.zeros(n, np.int32),
         lost=np.zeros((n, CAUSE_COUNT), np.int64),
         busy_before=np.zeros(n, np.uint16),

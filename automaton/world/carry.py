@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
-STATIC: Final = ("identity", "at_index", "home", "bay", "route")
+STATIC: Final = ("identity", "at_index", "bay", "route")
 SCRATCH: Final = ("count", "color", "holder", "holdings", "events", "curve")
 PARTS: Final = ("robots", "orders", "slots", "tally")
 NOT_CARRIED: Final = {

@@ -19,6 +19,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         seed=np.uint64(seed),
         following=int(rules.following),
         stop=STOPS[scenario.stop.when],
+        leave=int(scenario.fleet.when_done == "leave"),
         radius=radius_of(scenario.information),
         duration=duration_table(scenario.durations),
         wait=np.ones(5, np.int32),

@@ -129,6 +129,7 @@ class Rules(Struct):
     seed: Any  # uint64
     following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
     stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
+    leave: int  # 1: a robot with nothing to do leaves the floor where it stands
     radius: int  # how far strategies see, cells (Chebyshev); NIL everything, or ORDER_LIST
     duration: Array  # (A,) int32, ticks of each action
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
@@ -142,7 +143,7 @@ class Robots(Struct):
 
     identity: Array  # (n,) int32, a permutation of 0..n-1
     at_index: Array  # (n,) int32: the storage index of an identity
-    cell: Array  # (n,) int32: where it stands; during a long move the cell left; NIL in a bay
+    cell: Array  # (n,) int32: where it stands, or the cell left by a long move; NIL: off the floor
     claim: Array  # (n,) int32: the cell that a long move enters, else NIL
     heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
     travel: Array  # (n,) uint8: direction in which it entered its cell: its lane at capacity 2
@@ -163,8 +164,8 @@ class Robots(Struct):
     withdrawing: Array  # (n,) int16: moves left of a withdrawal
     blocked: Array  # (n,) uint8: failed retries since the last executed operation
     hold: Array  # (n,) uint8: HOLD_*
-    home: Array  # (n,) int32: cell in which it parks, or through which it enters its bay
-    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor
+    home: Array  # (n,) int32: cell in which it parks, through which it enters its bay, or has left
+    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor, or leaves it
     parked: Array  # (n,) uint8
     zone: Array  # (n,) int32: the zone it serves, set by zoning
     need: Array  # (n,) uint8: NEED_* bits

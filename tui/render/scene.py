@@ -46,13 +46,17 @@ NOTHING: Final = np.zeros(0, np.int32)
 
 
 def looks_of(plan: FloorPlan) -> NDArray[np.uint8]:
-    """(height + 2, width + 2) kind and detail of each cell; shelves are empty."""
+    """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
+
+    How many robots a cell of floor holds is a detail only where cells differ in it.
+    """
     kind, exits = plan.kind, plan.exits
     detail = np.zeros_like(kind)
     rails = (kind == TRACK) | (kind == TURNTABLE)
     detail[rails] = exits[rails]
-    detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
-    detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
+    if len(np.unique(plan.capacity[kind == FLOOR])) > 1:  # else there is nothing to tell apart
+        detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
+        detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
     for direction in range(4):
         detail[(kind == FLOOR) & _one_way(exits, direction)] = ONE_WAY + direction
     detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE

@@ -83,6 +83,10 @@ class Traffic:
     def place(self, name: str) -> tuple[int, int]:
         return self.plan.xy(int(self.world.robots.cell[self.index(name)]))
 
+    def put(self, name: str, place: tuple[int, int]) -> None:
+        """Move a robot by hand."""
+        self.world.robots.cell[self.index(name)] = self.plan.cell(*place)
+
     def send(self, i: int, route: list[int]) -> None:
         """Give a robot a route, at whose end it does nothing."""
         robots = self.world.robots

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.bench import PARTS, layers, loop, routes, tabletop
+from automaton.bench import PARTS, layers, loop, plans, routes, tabletop
 from automaton.bench.floors import open_floor, scene
 from automaton.bench.measurement import Measurement, rounded, take
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.bench.step import OPEN, Case, prepare, storage_of, walking_fleet
 from automaton.commands import main
 from automaton.commands.bench import chosen, measurements
+from automaton.kernels.routes.frontier import LARGER_G
 from automaton.world.cells import UNLIMITED
 from automaton.world.state import ALLOCATION, NIL, ZONING, World
 
@@ -31,6 +32,15 @@ USUAL = [
     "step 100,000 on 1000x1000, mixed, a tenth of moves 2-3 ticks",
     "table-top run",
     "routes driven without decisions",
+    "A* leg on 100x100",
+    "A* leg on 100x100, fifo",
+    "avoidance plan on 100x100",
+    "A* leg on 300x300",
+    "A* leg on 300x300, fifo",
+    "avoidance plan on 300x300",
+    "A* leg on 1000x1000",
+    "A* leg on 1000x1000, fifo",
+    "avoidance plan on 1000x1000",
     "layer asked every tick, compiled",
     "layer asked every tick, Python",
     "loop, idle fleet",
@@ -177,6 +187,8 @@ def test_every_sampler_returns_a_figure() -> None:
     assert prepare(CROWDED._replace(robots=20_000, side=200))() > 0
     assert routes.prepare(60, 10, 30)() > 0
     assert tabletop.prepare([1])() > 0
+    assert plans.prepare_legs(30, LARGER_G, 10)() > 0
+    assert plans.prepare_avoidance(30, 10)() > 0
     assert loop.prepare_loop(1000)() > 0
     assert loop.prepare_digest(10)() > 0
     for strategy in (layers.COMPILED, layers.IN_PYTHON):

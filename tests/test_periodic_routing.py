@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from staged_runs import STEPS, Staged
 
+from automaton.history.snapshot import take_snapshot
 from automaton.recording.frames import TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
@@ -149,6 +150,12 @@ def test_nobody_else_is_asked() -> None:
     floor.tick(2)
     asked = {(name, reason == PERIODIC) for tick, name, reason, _ in strategy.asked if tick == 2}
     assert asked == {("A", True), ("D", False)}
+
+
+def test_the_route_that_is_shown_begins_where_a_long_move_ends() -> None:
+    floor = Staged("A...", {"A": "EEE"}, durations=Durations(move=3)).tick(2)
+    shown = [floor.plan.xy(cell) for cell in take_snapshot(floor.run, selected=0).route.tolist()]
+    assert place(floor, "A") == (0, 0) and shown == [(2, 0), (3, 0)]
 
 
 # Whole runs

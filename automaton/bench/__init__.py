@@ -20,6 +20,7 @@ PARTS: Final[dict[str, Part]] = {
     "step": Part("automaton.bench.step", True, "the bare step: occupancy rules alone"),
     "tabletop": Part("automaton.bench.tabletop", True, "whole runs of the table-top warehouse"),
     "routes": Part("automaton.bench.routes", True, "the loop, driving routes without decisions"),
+    "plans": Part("automaton.bench.plans", True, "A* and traffic avoidance on three warehouses"),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
     "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),

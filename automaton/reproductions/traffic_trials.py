@@ -23,10 +23,11 @@ from automaton.world.floor import Floor, floor_for
 from automaton.world.route_space import RouteSpace, TrialSpace, route_space, trial_space
 from automaton.world.state import ACTIONS, NIL, Array, Grid
 
+SIDE: Final = 100  # cells
 ROBOTS: Final = 6  # five are active, one is dispatched
 TRIALS: Final = 100  # of a seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
-USED_SHARE: Final = 27.5 / 522  # of the zones, by one task: what the noise reckons with
+USED_SHARE: Final = 27.5 / 522  # of the zones, by a task (ties random): what the noise reckons with
 
 
 class Warehouse(NamedTuple):
@@ -34,8 +35,8 @@ class Warehouse(NamedTuple):
 
     grid: Grid
     duration: Array  # (A,) int32
-    racks: Array  # (5769,) int32: the cell from which each rack is served
-    docks: Array  # (64,) int32
+    racks: Array  # (k,) int32: the cell from which each rack is served
+    docks: Array  # (k,) int32
     space: RouteSpace
     trial: TrialSpace
 
@@ -53,9 +54,9 @@ class Setting:
 
 
 @cache
-def warehouse() -> Warehouse:
-    """The warehouse E1 with its zones undirected; one tick for a move, none for picking."""
-    plan = generator_type("racks")(preset="E1").build()  # type: ignore[attr-defined]
+def warehouse(side: int = SIDE) -> Warehouse:
+    """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
+    plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
     floor = floor_for(plan, "omni", 1, 1, "undirected")
     duration = np.ones(ACTIONS, np.int32)
     duration.setflags(write=False)
@@ -77,9 +78,9 @@ def stands(floor: Floor, kind: int) -> Array:
     return found.astype(np.int32)
 
 
-def tasks_of(where: Warehouse, seed: int) -> Array:
-    """(TRIALS, ROBOTS, 3) int32: start, pick-up and drop-off cells."""
-    tasks = np.zeros((TRIALS, ROBOTS, 3), np.int32)
+def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
+    """(trials, ROBOTS, 3) int32: start, pick-up and drop-off cells."""
+    tasks = np.zeros((trials, ROBOTS, 3), np.int32)
     with np.errstate(over="ignore"):
         trial.draw_tasks(np.uint64(seed), where.racks, where.docks, tasks)
     return tasks

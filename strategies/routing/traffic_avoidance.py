@@ -1,9 +1,9 @@
 """Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are foreseen.
 
-A robot that gets a task foresees which zones the others use: those on the A* paths of what is left of
-their tasks, as if nobody delayed them, or a noisy version of that. It plans both legs of its own task
-at once, with the zones of A or more others closed for A = 1, 2, ..., and keeps the plan that takes the
-least time by what it foresees.
+A robot that gets a task foresees which zones the others use. All it knows of them is where their
+tasks began, pick up and set down: it foresees the zones on the A* paths of the whole task, as if nobody
+delayed them, or a noisy version of those. It plans both legs of its own task at once, with the zones
+of A or more others closed for A = 1, 2, ..., and keeps the plan that takes the least time so.
 """
 
 import numpy as np
@@ -36,8 +36,8 @@ PRECISION = 2  # in units of 1 / CERTAIN
 RECALL = 3
 
 # memory.own
-STAND = 0  # the zones foreseen of a robot hold while it drives to this cell ...
-NEXT = 1  # ... and then to this one
+STAND = 0  # the zones foreseen of a robot are those of its way to this cell ...
+NEXT = 1  # ... and on to this one
 PLAN_FROM = 2  # the leg that was planned before its time
 PLAN_TO = 3
 SETS = 4  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
@@ -61,7 +61,7 @@ def next_stand(view, i):
 
 @kernel
 def foresee(view, memory, space, i):
-    """Replay what is left of robot i's task from where it is, and remember the zones it uses."""
+    """Replay robot i's task from where it is now, and remember the zones that it uses."""
     own, given = memory.own, memory.parameters
     used, _ = sets_of(memory, i)
     used[:] = 0
@@ -90,19 +90,31 @@ def foresee(view, memory, space, i):
 
 
 @kernel
+def is_on_second_leg(view, memory, i):
+    """Whether robot i has its load and brings it where it was foreseen to."""
+    return view.robots.load[i] != NIL and memory.own[i, NEXT] == view.robots.stand[i]
+
+
+@kernel
+def is_foreseen(view, memory, i):
+    """Whether the zones foreseen of robot i are those of its present task."""
+    own = memory.own
+    same = own[i, STAND] == view.robots.stand[i] and own[i, NEXT] == next_stand(view, i)
+    return same or is_on_second_leg(view, memory, i)
+
+
+@kernel
 def count_others(view, memory, space, i):
     """space.routes.count = how many others are foreseen in each zone.
 
-    Others are foreseen once for each goal. With limited sight nothing is remembered about them.
+    Each is foreseen once for a task. With limited sight nothing is remembered about others.
     """
     count = space.routes.count
     count[:] = 0
     for j in range(view.robots.cell.shape[0]):
         if j == i or view.robots.stand[j] == NIL:
             continue
-        stand, then = view.robots.stand[j], next_stand(view, j)
-        known = memory.own[j, STAND] == stand and memory.own[j, NEXT] == then
-        if not known or view.rules.radius > 0:
+        if not is_foreseen(view, memory, j) or view.rules.radius > 0:
             foresee(view, memory, space, j)
         used, _ = sets_of(memory, j)
         count_zones(used, count)
@@ -172,8 +184,10 @@ def plan(view, memory, space, i, steps):
 
 @kernel
 def decide(view, asked, answers, memory, space):
-    for k in range(asked.count[0]):  # first, so that all are foreseen from where they are now
-        foresee(view, memory, space, np.int64(asked.robot[k]))
+    for k in range(asked.count[0]):  # first: tasks that begin now, all from where they begin
+        i = np.int64(asked.robot[k])
+        if not is_on_second_leg(view, memory, i):
+            foresee(view, memory, space, i)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         steps = answers.routing.steps[k]

@@ -1,8 +1,7 @@
 """What each robot is going to do, as far as it is known: its route, then the rest of its task.
 
-A plan begins where the robot is free for its next step and consists of directions, of the work at
-its stand, and of the way with its load to the order's target: the path of plain A*, which each row
-of memory.own keeps until another one is needed (searching is 50 times dearer than reading it).
+A plan begins where the robot is free for its next step. It consists of directions, of the work at
+the stand, and of the way with the load to the order's target, for which the path of plain A* stands.
 """
 
 import numpy as np
@@ -15,10 +14,6 @@ from automaton.kernels.routes.presence import (
     COLUMNS,
     FREE,
     HEADING,
-    KEPT_FROM,
-    KEPT_STEPS,
-    KEPT_TO,
-    PACKED,
     PLACE,
     SINCE,
     STEP,
@@ -90,19 +85,6 @@ def append_rest(view, space, memory, i, heading):
 @kernel
 def append_path(view, space, memory, i, pose, target):
     """Add the path of plain A* from a pose to a cell."""
-    row = memory.own[i]
-    kept = memory.own[i, COLUMNS + 2 * most_steps(memory) :]
-    if row[KEPT_FROM] != pose or row[KEPT_TO] != target + 1:
-        row[KEPT_FROM] = pose
-        row[KEPT_TO] = target + 1
-        row[KEPT_STEPS] = keep_path(view, space, pose, target, kept, most_steps(memory))
-    for s in range(row[KEPT_STEPS]):
-        append(memory, i, (kept[s // PACKED] >> (2 * (s % PACKED))) & 3)
-
-
-@kernel
-def keep_path(view, space, pose, target, kept, most):
-    """Search, and write the first `most` directions into `kept`; returns how many there are."""
     rules = view.rules
     length = astar(
         view.grid,
@@ -115,13 +97,8 @@ def keep_path(view, space, pose, target, kept, most):
         False,
         space.steps,
     )
-    length = max(min(length, most), 0)
-    for first in range(0, length, PACKED):
-        word = np.int64(0)
-        for s in range(first, min(first + PACKED, length)):
-            word |= np.int64(space.steps[s]) << (2 * (s - first))
-        kept[first // PACKED] = word
-    return length
+    for s in range(length):
+        append(memory, i, np.int64(space.steps[s]))
 
 
 @kernel

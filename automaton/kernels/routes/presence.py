@@ -2,8 +2,8 @@
 
 memory.shared   the counts of the zones, four ticks to a word; then room for a replay. All of it is
                 zero between two calls of a strategy.
-memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, its visits
-                to zones (what it adds to the counts), and a path that is kept (kernels.routes.plans).
+memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
+                visits to zones, which are what it adds to the counts.
 
 A visit is zone << 32 | first tick << 16 | tick in which it is over.
 """
@@ -26,10 +26,7 @@ ZONE = 6  # where it is counted, or NIL
 SINCE = 7  # the tick in which it came there
 VISITS = 8
 LINK = 9  # the robot whose step begins in the same tick, plus one
-KEPT_FROM = 10  # the path that is kept: from a pose
-KEPT_TO = 11  # to a cell, plus one
-KEPT_STEPS = 12
-COLUMNS = 13
+COLUMNS = 10
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
@@ -37,13 +34,10 @@ MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
 MOST_TICKS = MASK  # of a horizon
 
-PACKED = 31  # kept directions in a word
-
 
 def row_size(horizon: int) -> int:
     """Columns of memory.own for a horizon of so many ticks."""
-    steps = horizon + 2
-    return COLUMNS + 2 * steps + -(-steps // PACKED)
+    return COLUMNS + 2 * (horizon + 2)
 
 
 def shared_size(zones: int, horizon: int) -> int:

@@ -144,4 +144,6 @@ REPRODUCTION: Final = Reproduction(
     claims=CLAIMS,
     remarks=REMARKS,
     seeds=3,
+    claims_title="Claims",
+    remarks_title="Remarks",
 )

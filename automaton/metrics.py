@@ -7,8 +7,9 @@ by cycles (MOVE, TURN and WAIT without load over all active cycles).
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any
 
+from automaton.tasks import Measured, task_figures
 from automaton.world.state import (
     ACTION_NAMES,
     BAY_BLOCKED,
@@ -53,21 +54,18 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
     "utilization": ("share", "active ticks / all robot ticks"),
     "blocked": ("share", "robot ticks lost to other robots and to illegal answers / active ticks"),
+    "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
+    "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
+    "completions": ("orders/1000 ticks", "deliveries by time and robot, after the warm-up"),
     "lost_waiting": ("ticks", "in waits before a held cell"),
     "lost_refused": ("ticks", "in retries and steps that were refused"),
     "lost_withdrawing": ("ticks", "in which a withdrawal was decided"),
     "lost_bay": ("ticks", "in the bay because the home cell was held"),
     "lost_illegal": ("ticks", "after illegal answers of a strategy"),
+    "slowed": ("ticks", "that moves begun take longer, in slow zones and by chance"),
     "withdrawals": ("times", "withdrawals begun"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
-
-
-class Run(Protocol):
-    """What metrics need of a simulation."""
-
-    @property
-    def world(self) -> World: ...
 
 
 def executed_ticks(world: World) -> Array:
@@ -79,8 +77,11 @@ def executed_ticks(world: World) -> Array:
     return ticks
 
 
-def metrics_of(run: Run) -> dict[str, float | int]:
-    """All metrics of the fleet, by the names of GLOSSARY."""
+def metrics_of(run: Measured) -> dict[str, float | int]:
+    """All metrics of the fleet, by the names of GLOSSARY.
+
+    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer.
+    """
     world = run.world
     elapsed = int(world.clock[TICK])
     figures = _shares(world.tally.times.sum(0), executed_ticks(world).sum(0))
@@ -98,10 +99,19 @@ def metrics_of(run: Run) -> dict[str, float | int]:
         "withdrawals": int(world.tally.times[:, WITHDRAW].sum()),
         "illegal_answers": int(world.tally.illegal.sum()),
     }
-    return {name: figures[name] for name in GLOSSARY}
+    if may_slow(world):
+        figures["slowed"] = int(world.tally.slowed.sum())
+    figures |= task_figures(run)
+    return {name: figures[name] for name in GLOSSARY if name in figures}
 
 
-def metrics_by_robot(run: Run) -> list[dict[str, Any]]:
+def may_slow(world: World) -> bool:
+    """Whether moves may take longer than their duration, or did so before the rules were changed."""
+    rules = world.rules
+    return bool(rules.slowdown or rules.extra_tick or world.tally.slowed.any())
+
+
+def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization."""
     world = run.world
     elapsed = int(world.clock[TICK])
@@ -116,7 +126,7 @@ def metrics_by_robot(run: Run) -> list[dict[str, Any]]:
     return rows
 
 
-def illegal_by_layer(run: Run) -> dict[str, int]:
+def illegal_by_layer(run: Measured) -> dict[str, int]:
     """Illegal answers that each layer's strategy gave."""
     return dict(zip(LAYERS, (int(count) for count in run.world.tally.illegal), strict=True))
 

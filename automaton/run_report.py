@@ -93,7 +93,7 @@ def metrics_table(outcome: Outcome, tick: Unit) -> Table:
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
     for name, (kind, meaning) in GLOSSARY.items():
-        if name.startswith(LOST):
+        if name.startswith(LOST) or name not in outcome.metrics:
             continue
         value, in_unit = in_units(outcome.metrics[name], kind, tick)
         table.add_row(name, value, in_unit, meaning)

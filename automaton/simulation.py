@@ -29,6 +29,7 @@ from automaton.world.state import (
     DECIDED,
     FINISHED,
     LAYERS,
+    NIL,
     OBSERVING,
     RECORDED,
     RECORDING,
@@ -68,6 +69,8 @@ class Simulation:
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
         self.space = floor.borrow_space(self)
+        # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
+        self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         self.seen = build_sight(self.world, floor)
         self.view: World = self.seen.read_only()
         self.batch, self.asked, self.answers = build_buffers(self.world)

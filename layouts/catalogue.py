@@ -7,4 +7,5 @@ from typing import Final
 # name: "module:Class"; a class is a msgspec struct of parameters with `build() -> FloorPlan`.
 GENERATORS: Final[dict[str, str]] = {
     "tabletop": "layouts.tabletop:Tabletop",
+    "racks": "layouts.racks:Racks",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -41,6 +41,73 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
 
 
+class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which of several paths of equal cost A* finds."""
+
+    ties: Annotated[
+        Literal["fifo", "larger_g", "random"],
+        Meta(
+            description="Of cells with the same estimate it looks first at the one found first "
+            "(fifo), farthest from the start (larger_g), or drawn by seed and leg (random)."
+        ),
+    ] = "larger_g"
+
+
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A network of one's own."""
+
+    network: Annotated[
+        str, Meta(min_length=1, description="A file written by `automaton train traffic`.")
+    ]
+
+
+class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What is foreseen of the others, and how many of them are too many."""
+
+    predictor: Annotated[
+        Literal["exact", "noisy", "network"] | NetworkFile,
+        Meta(
+            description="exact: the zones on the others' A* paths; noisy: some of them missed and "
+            "others added, by precision and recall; network: what a trained network says, the "
+            "shipped one, for warehouse-100, or that of a file."
+        ),
+    ] = "exact"
+    precision: Annotated[
+        Share | None, Meta(description="noisy: how many of the zones foreseen are right.")
+    ] = None
+    recall: Annotated[
+        Share | None, Meta(description="noisy: how many of the zones used are foreseen.")
+    ] = None
+    most_threshold: Annotated[
+        int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
+    ] = 6
+
+    def __post_init__(self) -> None:
+        given = [value is not None for value in (self.precision, self.recall)]
+        if self.predictor == "noisy" and not all(given):
+            raise ValueError("predictor noisy needs precision and recall")
+        if self.predictor != "noisy" and any(given):
+            raise ValueError("precision and recall are for predictor noisy alone")
+
+
+class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far routes go round the robots that the plans of all foretell."""
+
+    beta: Annotated[
+        float,
+        Meta(ge=0, le=100, description="moves that it is worth to meet one robot less in a zone"),
+    ] = 2.0
+    every: Annotated[
+        int, Meta(ge=0, le=1_000_000, description="ticks after which all plan anew; 0 never")
+    ] = 20
+    horizon: Annotated[
+        int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
+    ] = 500
+
+
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {},
     "charging": {},
@@ -60,6 +127,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             NoParameters,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
+        "first-come": Entry(
+            "strategies.allocation.first_come:FirstCome",
+            NoParameters,
+            "oldest unreserved order, carried to its destination",
+        ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",
             NoParameters,
@@ -71,6 +143,21 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.routing.shortest:Shortest",
             NoParameters,
             "the path of least ticks, turns included",
+        ),
+        "astar": Entry(
+            "strategies.routing.astar:AStar",
+            Ties,
+            "A*: a path of least ticks, one of several by a tie rule",
+        ),
+        "traffic-avoidance": Entry(
+            "strategies.routing.traffic_avoidance:TrafficAvoidance",
+            Avoidance,
+            "A* around zones where many others are foreseen (Shaji Bhattathiri, Li & Kuhl)",
+        ),
+        "congestion": Entry(
+            "strategies.routing.congestion:Congestion",
+            SharedPlans,
+            "around the traffic that all robots' plans foretell, zone by zone and tick by tick",
         ),
     },
     "right_of_way": {

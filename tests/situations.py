@@ -9,14 +9,22 @@ import numpy as np
 from naive_motion import luck
 
 from automaton.kernels.motion import LIVE, MOVED
-from automaton.recording.codes import DID_BAY_BLOCKED, INTO_BAY, LEFT_BAY
+from automaton.recording.codes import (
+    DID_BAY_BLOCKED,
+    DROPPED_AT_ONCE,
+    INTO_BAY,
+    LEFT_BAY,
+    PICKED_AT_ONCE,
+)
 from automaton.world.state import LAYERS, NIL, TICK, World
 
 WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
     *("priority decides", "move of several ticks", "turn on two lanes", "two in an aisle"),
     *("three without limit", "drove on capacity 0", "drove on capacity 1", "drove on capacity 2"),
+    *("move in a slow zone", "picked up on arrival", "set down on arrival"),
     *("left a bay", "went into a bay", "bay blocked"),
+    *("left the floor", "came back to the floor", "kept off the floor"),
     *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
 )
 
@@ -114,10 +122,18 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
         reached["three without limit"] += capacity[cell] == 0 and number >= 3
     turning = (robots.claim != NIL) & (robots.claim == robots.cell)
     reached["turn on two lanes"] += int(turning.sum())
+    reached["move in a slow zone"] += int(world.tally.slowed.any())
+    reached["picked up on arrival"] += int((robots.did & PICKED_AT_ONCE != 0).sum())
+    reached["set down on arrival"] += int((robots.did & DROPPED_AT_ONCE != 0).sum())
     did = robots.did[robots.bay != NIL]
     reached["left a bay"] += int((did & LEFT_BAY != 0).sum())
     reached["went into a bay"] += int((did & INTO_BAY != 0).sum())
     reached["bay blocked"] += int((did == DID_BAY_BLOCKED).sum())
+    did = robots.did[robots.bay == NIL]
+    gone = robots.cell[robots.bay == NIL] == NIL
+    reached["left the floor"] += int((gone & (did & INTO_BAY != 0)).sum())
+    reached["came back to the floor"] += int((did & LEFT_BAY != 0).sum())
+    reached["kept off the floor"] += int((did == DID_BAY_BLOCKED).sum())
 
 
 def count_illegal(world: World, reached: Counter[str]) -> None:

@@ -34,6 +34,7 @@ class Staged:
         *,
         kinematics: str = "omni",
         following: bool = True,
+        rules: WorldRules | None = None,
         durations: Durations | None = None,
         strategies: Mapping[str, Strategy] | None = None,
         storage: Sequence[int] | None = None,
@@ -49,7 +50,7 @@ class Staged:
             fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
             durations=durations or Durations(),
             orders=Orders(generator="drawn-loads"),
-            world=WorldRules(following=following),
+            world=rules or WorldRules(following=following),
             stop=Stop(when="never", at_most=10_000),
         )
         self.answers: Any = (strategies or {}).get("right_of_way")

@@ -121,8 +121,11 @@ def test_robots_start_on_free_cells_of_their_own(
 
 
 ORDERS = [
-    ("[{from: [0, 0], to: [5, 0]}]", "an order begins at a shelf; [0, 0] is a turntable"),
-    ("[{from: [1, 1], to: [0, 0]}]", "an order ends at a shelf or a destination"),
+    ("[{from: [0, 0], to: [5, 0]}]", "an order begins at a shelf or a dock; [0, 0] is a turntable"),
+    (
+        "[{from: [1, 1], to: [0, 0]}]",
+        "an order ends at a shelf, a destination or a rack; [0, 0] is",
+    ),
     ("[{from: [1, 1], to: [1, 1]}]", "ends where it begins"),
     ("[{from: [1, 1], to: [9, 0]}]", "[9, 0] lies outside the floor"),
     ("[{from: [1, 1]}]", "the key 'to' is missing in orders.list[0]"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from typing import Any
@@ -139,7 +140,7 @@ def test_list_names_everything_with_one_line_each(capsys: pytest.CaptureFixture[
 def test_list_as_text_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     out = capsys.readouterr().out
-    assert "\n  tabletop-mini  The small table-top" in out
+    assert re.search(r"\n  tabletop-mini +The small table-top", out)
     assert any(line.split()[:2] == ["cooperative", "allocation"] for line in out.splitlines())
 
 

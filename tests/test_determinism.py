@@ -82,6 +82,14 @@ def test_with_the_jit_off_the_world_is_the_same(allocation: str) -> None:
     assert compiled.startswith("400 ")
 
 
+def test_with_the_jit_off_zones_are_as_slow() -> None:
+    rules = ("world.slowdown=zones", "world.zones=directed", "world.extra_tick=0.3")
+    settings = (*rules, "durations.pick=0", "durations.drop=0")
+    compiled = told("crossing", 60, *settings)
+    assert told("crossing", 60, *settings, NUMBA_DISABLE_JIT="1") == compiled
+    assert compiled.startswith("60 ")
+
+
 @pytest.mark.parametrize("information", ["everything", "orders", "radius"])
 @pytest.mark.parametrize("allocation", ALLOCATIONS)
 def test_how_robots_are_stored_does_not_matter(allocation: str, information: str) -> None:
@@ -205,7 +213,8 @@ def test_a_route_that_differs_in_one_step_has_another_digest() -> None:
 
 def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
     run = simulation("tabletop-mini")
-    left_out = {  # constant, storage, or told by others
+    left_out = {  # constant, storage, told by others, or kept for metrics
+        *("dispatched", "dispatched_from"),
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did"),
         *("cell", "endless", "access"),
     }

@@ -6,7 +6,7 @@ import pytest
 from staged_runs import Staged
 
 from automaton.history.explanation import doing, explain
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, WorldRules
 from automaton.world.state import ACTION_NAMES, MOVE, NIL
 from automaton.world.waiting import CAUSES, HEAD_ON
 
@@ -57,6 +57,17 @@ def test_who_does_not_wait_says_what_it_does() -> None:
     assert len(found.chain) == 1 and found.cycle == NIL and found.chain[0].cause == ""
     floor.world.robots.parked[0] = 1
     assert doing(floor.snapshot(), 0) == "is parked"
+
+
+def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
+    """B stands on an intersection, where nothing slows it."""
+    rules = WorldRules(slowdown="zones")
+    floor = Staged("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
+    assert why(floor, "C") == ["robot 2 drives"]
+    floor = Staged("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
+    assert why(floor, "C") == ["robot 2 drives for 1 more tick: slow zone 2 with 2 robots"]
+    assert why(floor, "A") == ["robot 0 drives"]
+    assert why(floor.tick(), "C") == ["robot 2 drives"], "it has arrived"
 
 
 @pytest.mark.parametrize("action", range(len(ACTION_NAMES)))

@@ -40,7 +40,7 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         "tick 600",
     ):
         assert words in said_then
-    for name in GLOSSARY:
+    for name in metrics:
         assert name in said_then
 
 

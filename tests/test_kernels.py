@@ -18,9 +18,16 @@ import sys
 from numba.core.dispatcher import Dispatcher
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
+from automaton.bench import plans
+from automaton.reproductions.traffic_trials import Setting, exact, run_seed
 for allocation in ("independent", "cooperative", "adaptive"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.allocation={allocation}"]))
     simulation.run()
+for routing in ("astar", "traffic-avoidance"):
+    simulation = Simulation(resolve("tabletop-mini", [f"strategy.routing={routing}"]))
+    simulation.run()
+run_seed(Setting(exact), 1)
+plans.prepare_avoidance(30, 1)()
 kernels = {
     kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))
     for kernel in vars(module).values() if isinstance(kernel, Dispatcher)

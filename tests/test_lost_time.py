@@ -20,10 +20,12 @@ from automaton.recording.codes import (
     DID_ILLEGAL,
     DID_PICK,
     DID_WITHDRAW,
+    DROPPED_AT_ONCE,
     INTO_BAY,
     LEFT_BAY,
     MOVE_EAST,
     MOVE_NORTH,
+    PICKED_AT_ONCE,
 )
 from automaton.recording.frames import TICKS
 from automaton.recording.recorder import MemoryRecorder
@@ -110,7 +112,7 @@ def recount(recorder: MemoryRecorder, offset: Any, cells: int) -> tuple[Any, Any
     for frame in recorder.recording().frames:
         for row in frame.content["did"] if frame.kind == TICKS else ():
             for robot, did in enumerate(row.tolist()):
-                if did & LEFT_BAY:
+                if did & LEFT_BAY and header["bay"][robot] != NIL:  # else back where it left
                     place[robot] = int(header["home"][robot])
                 direction = (did & ACTION_MASK) - MOVE_EAST
                 if 0 <= direction < 4:
@@ -124,8 +126,10 @@ def expected_events(did: int, robot: int) -> list[tuple[int, int]]:
     """The events that a recorded action alone tells of."""
     codes = {DID_PICK: PICKED_UP, DID_CHARGE: CHARGED, DID_ILLEGAL: REFUSED_ANSWER}
     codes |= {DID_WITHDRAW: WITHDREW, DID_DROP: DELIVERED_AT}
+    codes |= {PICKED_AT_ONCE: PICKED_UP, DROPPED_AT_ONCE: DELIVERED_AT}
     told = [OUT_OF_BAY] if did & LEFT_BAY else []
     told += [codes[did & ACTION_MASK]] if did & ACTION_MASK in codes else []
+    told += [codes[flag] for flag in (PICKED_AT_ONCE, DROPPED_AT_ONCE) if did & flag]
     told += [PARKED] if did & INTO_BAY else []
     return [(code, robot) for code in told]
 
@@ -157,7 +161,7 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
             told.update((run.tick, *event) for event in expected_events(did, who))
             if robots.order[i] != orders[who]:
                 told[run.tick, TOOK, who] += robots.order[i] != NIL
-                ended = did & ACTION_MASK == DID_DROP
+                ended = did & ACTION_MASK == DID_DROP or did & DROPPED_AT_ONCE
                 told[run.tick, GAVE_BACK, who] += orders[who] != NIL and not ended
                 orders[who] = int(robots.order[i])
         curve = chronicle.curve.rows[run.tick - 1]

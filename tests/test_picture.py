@@ -76,6 +76,7 @@ def test_pictures_of_shipped_scenarios(name: str, tick: int, grid_snapshot: Grid
         ("durations.move=3", "durations.turn=5", "fleet.robots=4"),
         ("world.following=false", "seed=7"),
         ("strategy.right_of_way=wait", "durations.move=2"),
+        ("world.slowdown=zones", "world.extra_tick=0.2", "durations.pick=0", "durations.drop=0"),
     ],
 )
 def test_a_picture_restores_the_world_in_every_tick(name: str, settings: tuple[str, ...]) -> None:

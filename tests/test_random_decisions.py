@@ -25,6 +25,7 @@ from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRul
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
 from automaton.world.plan import FloorPlan
+from automaton.world.zones import MODES
 
 EXAMPLES = 2000
 TICKS = 24
@@ -107,15 +108,34 @@ def moods(draw: Any, layer: str, busy: bool) -> Mood:
 
 
 @st.composite
-def scenarios(draw: Any, robots: int, busy: bool) -> Scenario:
+def rules(draw: Any) -> WorldRules:
+    slow = draw(st.integers(0, 2)) == 2
+    return WorldRules(
+        following=draw(st.sampled_from([True, True, False])),
+        zones=draw(st.sampled_from(MODES)) if slow else "undirected",
+        slowdown="zones" if slow else "none",
+        extra_tick=draw(st.sampled_from([0.5, 0.0])) if slow else 0.0,
+    )
+
+
+@st.composite
+def scenarios(draw: Any, robots: int, busy: bool, bays: bool) -> Scenario:
+    leaves = not busy and not bays and draw(st.integers(0, 2)) == 2
     ticks = st.just(1) if busy else st.integers(1, 3)
     kinematics = "omni" if busy else draw(st.sampled_from(["rail", "differential", "omni"]))
     return Scenario(
         name="case",
         layout={},
-        fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
-        durations=Durations(move=draw(ticks), turn=draw(ticks), pick=draw(ticks), drop=draw(ticks)),
-        world=WorldRules(following=busy or draw(st.sampled_from([True, True, False]))),
+        fleet=Fleet(  # type: ignore[arg-type]
+            robots=robots, kinematics=kinematics, when_done="leave" if leaves else "park"
+        ),
+        durations=Durations(
+            move=draw(ticks),
+            turn=draw(ticks),
+            pick=draw(st.integers(0, 3)),
+            drop=draw(st.integers(0, 3)),
+        ),
+        world=WorldRules() if busy else draw(rules()),
         stop=Stop(when="never", at_most=TICKS),
         seed=draw(st.integers(0, 2**32)),
     )
@@ -134,7 +154,7 @@ def cases(draw: Any) -> Case:
     picks = {"zoning": Pick("none", NoParameters())}
     for layer, name in STRATEGIES.items():
         picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
-    scenario = draw(scenarios(n, busy))
+    scenario = draw(scenarios(n, busy, start == "bays"))
     resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
 

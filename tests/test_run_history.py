@@ -161,6 +161,8 @@ CHANGES = {
     "sight": ("information={radius: 2}",),
     "the order list": ("information=orders",),
     "following": ("world.following=false",),
+    "slow zones": ("world={slowdown: zones, zones: directed, extra_tick: 0.1}",),
+    "picks of no time": ("durations={pick: 0, drop: 0}",),
     "the stop": ("stop={when: never, at_most: 650}",),
 }
 

@@ -26,8 +26,8 @@ ROBOTS = (
     *(styles.WAITS, styles.FAULT, styles.SELECTED),
 )
 CELLS = (
-    *(styles.WALL, styles.SHELF, styles.BAY, styles.TURNTABLE),
-    *(styles.CHARGER, styles.DESTINATION, styles.LOAD),
+    *(styles.WALL, styles.RACK, styles.SHELF, styles.BAY, styles.TURNTABLE),
+    *(styles.CHARGER, styles.DESTINATION, styles.DOCK, styles.LOAD),
 )
 WRITTEN = (styles.TEXT, styles.DIM, styles.DONE, styles.ROUTE)
 HEAT = range(HEAT_0, HEAT_0 + 9)
@@ -201,6 +201,7 @@ def test_robots_are_told_by_shape_in_every_direction(glyphs: GlyphSet) -> None:
     robots = (*glyphs.robot, *glyphs.loaded, glyphs.parked, glyphs.fault)
     cells = (
         *(glyphs.floor, glyphs.wall, glyphs.turntable, glyphs.shelf, glyphs.load),
+        *(glyphs.rack, glyphs.dock),
         *(glyphs.destination, glyphs.charger, glyphs.bay, glyphs.passing, glyphs.unlimited),
         *(*glyphs.track, glyphs.crossing, *glyphs.one_way, glyphs.route, glyphs.stand),
     )

@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.recording.frames import Recording, read_recording
 from automaton.recording.header import resolved_of
 from automaton.scenario.resolve import Resolved
-from automaton.world.cells import DESTINATION
+from automaton.world.cells import SHELF
 from tui.render.scene import Floor
 from tui.titles import Head, heads_of, title_of
 
@@ -86,5 +86,5 @@ def recorded(*paths: Path) -> Opening:
 def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
     cells = resolved.plan.slots()
-    endless = (resolved.plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
+    endless = (resolved.plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
     return Floor(resolved.plan, cells, endless, HEADINGS[resolved.scenario.fleet.kinematics])

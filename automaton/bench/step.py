@@ -15,8 +15,9 @@ import numpy as np
 from automaton.bench.floors import mixed_floor, open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
-from automaton.world.build import build_world, random_cells
+from automaton.world.build import build_world
 from automaton.world.plan import FloorPlan
+from automaton.world.starts import random_cells
 from automaton.world.state import Array, World
 
 SEED = 1

@@ -22,6 +22,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
+    "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
     "check": ("automaton.commands.check", "check scenario files"),
     "schema": ("automaton.commands.schema", "print the JSON Schema of scenario files"),

@@ -4,25 +4,44 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 import numpy as np
 
 from automaton.errors import InputError
+from automaton.scenario.matrices import write_matrix
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.world.cells import DESTINATION, SHELF
+from automaton.units import count
+from automaton.whole_file import refusal, written
+from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
+
+SLOTS = {  # what a scenario's line counts
+    SHELF: ("shelf", "shelves"),
+    DESTINATION: ("destination",),
+    DOCK: ("dock",),
+    RACK: ("rack",),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
     parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or a shipped scenario")
+    parser.add_argument(
+        "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Print a line for each good file and a sentence for each bad one; 2 if any is bad."""
     bad = 0
+    if args.matrix is not None and len(args.file) != 1:
+        raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
         try:
-            print(described(resolve(file)))
+            resolved = resolve(file)
+            if args.matrix is not None:
+                export_matrix(resolved, args.matrix)
+            print(described(resolved))
         except InputError as error:
             if args.debug:
                 raise
@@ -32,13 +51,19 @@ def run(args: argparse.Namespace) -> int:
     return 2 if bad else 0
 
 
+def export_matrix(resolved: Resolved, path: Path) -> None:
+    """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
+    text = write_matrix(resolved.plan)
+    if path.exists() and not path.is_file():
+        raise refusal("this is no ordinary file", path)
+    with written(path) as file:
+        file.write(text.encode())
+
+
 def described(resolved: Resolved) -> str:
     """A good scenario in one line."""
     kinds = resolved.plan.kind
-    counts = (
-        (int(np.count_nonzero(kinds == SHELF)), "shelf", "shelves"),
-        (int(np.count_nonzero(kinds == DESTINATION)), "destination", "destinations"),
-        (resolved.scenario.fleet.robots, "robot", "robots"),
-    )
-    parts = ", ".join(f"{number} {one if number == 1 else many}" for number, one, many in counts)
-    return f"{resolved.scenario.name}: {parts}, ok"
+    parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
+    parts = [part for part in parts if not part.startswith("0 ")]
+    robots = count(resolved.scenario.fleet.robots, "robot")
+    return f"{resolved.scenario.name}: {', '.join([*parts, robots])}, ok"

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from automaton.reproductions.claims import Judged, JudgedClaim
     from automaton.reproductions.study import Reproduced
 
-SEEDS = 60
 Listeners = tuple[Callable[[int], None] | None, Callable[[int], None] | None]
 
 
@@ -27,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton reproduce`."""
     parser.add_argument("name", metavar="NAME", help="a published table, such as tabletop")
     parser.add_argument(
-        "--seeds", type=int, default=SEEDS, metavar="N", help=f"seeds 1..N, default {SEEDS}"
+        "--seeds", type=int, metavar="N", help="seeds 1..N, default as many as the table needs"
     )
     parser.add_argument(
         "--strategies",
@@ -54,9 +53,8 @@ def run(args: argparse.Namespace) -> int:
     names = (name.strip() for name in args.strategies.split(","))
     strategies = list(dict.fromkeys(name for name in names if name))
     with progress() as (on_start, on_done):
-        reproduced = reproduce(
-            reproduction, args.seeds, strategies, args.workers, on_start, on_done
-        )
+        seeds = args.seeds or reproduction.seeds
+        reproduced = reproduce(reproduction, seeds, strategies, args.workers, on_start, on_done)
     samples, printed = reproduced.samples(), reproduced.published()
     judged = [judge(claim, samples, printed) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
@@ -68,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         print_reproduced(reproduced, known)
     if reproduced.unfinished:
         sys.stdout.flush()
-        runs = len(reproduced.cases) * reproduced.seeds
+        runs = reproduced.repetitions
         unfinished = f"{reproduced.unfinished:,} of {runs:,} runs did not finish"
         print(f"automaton: {unfinished}", file=sys.stderr)
         return 1
@@ -105,7 +103,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
     return {
         "name": reproduced.reproduction.name,
         "seeds": reproduced.seeds,
-        "runs": len(reproduced.cases) * reproduced.seeds,
+        "runs": reproduced.repetitions,
         "unfinished": reproduced.unfinished,
         "rows": [
             {

@@ -199,7 +199,8 @@ def _fields(
     plan: FloorPlan,
     steps: Array,
 ) -> Fields:
-    cell = np.where(robots.cell == NIL, robots.bay, robots.cell)
+    off = np.where(robots.bay == NIL, robots.home, robots.bay)
+    cell = np.where(robots.cell == NIL, off, robots.cell)
     return {
         "robot": number,
         "x": cell % plan.stride - 1,

@@ -85,4 +85,8 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "charge": "charges",
     }
     text = texts.get(action, "is about to go on")
-    return f"{text} for {busy} more tick{'s' if busy != 1 else ''}" if busy else text
+    if busy:
+        text += f" for {busy} more tick{'s' if busy != 1 else ''}"
+    if fleet.slow_zone[robot] != NIL:
+        text += f": slow zone {fleet.slow_zone[robot]} with {fleet.crowd[robot]} robots"
+    return text

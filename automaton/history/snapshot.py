@@ -15,7 +15,9 @@ FLEET: Final = (  # fields of world.robots
     *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
     *("goal", "stand", "home", "bay", "parked", "zone", "blocked", "withdrawing"),
 )
-WATCHED: Final = ("cause", "blocker", "wanted", "since", "ring", "lost")  # of the observation
+WATCHED: Final = (  # fields of the observation
+    *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,8 @@ class Fleet:
     blocker: Array
     wanted: Array
     since: Array
+    slow_zone: Array
+    crowd: Array
     ring: Array
     lost: Array
 
@@ -62,6 +66,8 @@ class OrderBook:
     target: Array
     by: Array
     released: Array
+    dispatched: Array
+    dispatched_from: Array
     delivered: Array
     legs: Array
 
@@ -125,6 +131,7 @@ def _route(simulation: Simulation, selected: int) -> Array:
         return np.zeros(0, np.int32)
     i = robots.at_index[selected]
     start = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
+    start = start if robots.claim[i] == NIL else robots.claim[i]
     steps = robots.route[i, robots.at[i] : robots.length[i]]
     cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
     return cells

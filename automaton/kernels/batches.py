@@ -3,10 +3,9 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.operations import no_route_needed
+from automaton.kernels.operations import first_cell, no_route_needed
 from automaton.world.state import (
     ALLOCATION,
-    AROUND,
     CHANGES,
     FRESH_ALLOCATION,
     HOLD_ASK,
@@ -83,8 +82,20 @@ def batch_allocation(world, asked):
 
 
 @kernel
+def is_on_its_way(world, i):
+    """Whether robot i has a plan, whatever it does now, that can still be made anew."""
+    robots = world.robots
+    if robots.stand[i] == NIL or robots.need[i] & NEED_ROUTE or robots.withdrawing[i]:
+        return False
+    return robots.try_drop[i] == 0 and first_cell(robots, i) != robots.stand[i]
+
+
+@kernel
 def batch_routing(world, asked):
-    """Robots with a new goal or a plan to be made anew, once they are free to drive."""
+    """Robots with a new goal or a plan to be made anew, once they are free to drive.
+
+    A strategy that asked for this tick gets all that are on their way too: PERIODIC.
+    """
     robots, clock = world.robots, world.clock
     asked.count[0] = 0
     due = is_due(world, ROUTING)
@@ -101,8 +112,8 @@ def batch_routing(world, asked):
                 no_route_needed(world, i)
             else:
                 append(asked, i, robots.route_reason[i])
-        elif due and robots.stand[i] != NIL and robots.busy[i] == 0 and not robots.withdrawing[i]:
-            append(asked, i, AROUND)
+        elif due and is_on_its_way(world, i):
+            append(asked, i, PERIODIC)
     if asked.count[0] == 0 and not due:
         return False
     world.tally.asked[ROUTING] += 1

@@ -8,6 +8,7 @@ from automaton.kernels.drive import replan
 from automaton.kernels.operations import (
     begin,
     drop_route,
+    first_cell,
     lose_tick,
     need_allocation,
     need_route,
@@ -46,6 +47,8 @@ from automaton.world.state import (
     SET_DOWN,
     STEP,
     TAKE,
+    TICK,
+    UNPARKED,
     WAIT,
     WAITING,
     WITHDRAW,
@@ -135,6 +138,8 @@ def commit_allocation(world, record, asked, answers):
             choose_slot(world, record, i, slot, stand, np.int64(given.try_drop[k]))
         elif verb == PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
             refuse(world, ALLOCATION, i)
+        elif verb == PARK and world.rules.leave and robots.cell[i] != NIL:
+            leave_floor(world, i, given.ask_again[k])
         elif verb == PARK and robots.parked[i] == 0:
             allocation_done(world, i)
             if robots.goal[i] != GOAL_PARK:
@@ -143,6 +148,21 @@ def commit_allocation(world, record, asked, answers):
             stay_idle(world, i, given.ask_again[k])
         else:
             refuse(world, ALLOCATION, i)
+
+
+@kernel
+def leave_floor(world, i, ask_again):
+    """Robot i parks where it stands, unless it is busy or on a withdrawal."""
+    robots = world.robots
+    if robots.busy[i] or robots.withdrawing[i]:
+        stay_idle(world, i, ask_again)
+        return
+    allocation_done(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[UNPARKED] += 1
+    robots.home[i] = robots.cell[i]
+    set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
 
 
 @kernel
@@ -180,6 +200,9 @@ def take(world, record, i, order, stand):
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
         robots.order[i] = order
+        orders.dispatched[order] = world.clock[TICK]
+        in_bay = robots.cell[i] == NIL
+        orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     set_goal(world, i, GOAL_PICK, stand)
 
@@ -234,8 +257,7 @@ def is_drivable(world, i, steps, length):
     grid, robots = world.grid, world.robots
     if length > steps.shape[0]:
         return False
-    parked_in_bay = robots.cell[i] == NIL
-    cell = np.int64(robots.home[i] if parked_in_bay else robots.cell[i])
+    cell = first_cell(robots, i)
     heading = np.int64(robots.heading[i])
     for s in range(length):
         direction = np.int64(steps[s])

@@ -1,15 +1,16 @@
 """The digest of a state: 64 bits that are equal exactly when the states are, whatever the storage.
 
 Per array the sum mod 2^64 of hash(array, identity of the element, value): robots by identity,
-orders and slots by index. A pure function of the state after a tick; strategy memory, scratch and
-what follows from other arrays (occupancy) are left out.
+orders and slots by index. A pure function of the state after a tick; strategy memory, scratch,
+what follows from other arrays (occupancy) and what is kept for metrics (tallies, when and from
+where an order was taken) are left out.
 """
 
 import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
-from automaton.world.state import TICK
+from automaton.world.state import NIL, TICK
 
 ROBOT_FIELDS = (
     "cell claim heading travel action busy priority load order slot goal stand stay try_drop "
@@ -67,6 +68,8 @@ def digest_world(world, out, v):
 def digest_robots(r, out, v):
     for i in range(r.cell.shape[0]):
         v[0] = r.cell[i]
+        if r.cell[i] == NIL and r.bay[i] == NIL:
+            v[0] = -2 - r.home[i]  # off the floor, and it comes back there
         v[1] = r.claim[i]
         v[2] = r.heading[i]
         v[3] = r.travel[i]

@@ -15,6 +15,11 @@ WAITS = 2
 WITHDRAWALS = 3
 ABORTS = 4
 STARTS = 5
+EXTRA_TICKS = 6
+ROUTE_TIES = 10
+PREDICTIONS = 11
+TRIALS = 12
+LEGS = 13
 STRATEGY = 16  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -50,7 +55,7 @@ def draw_between(low, high, seed, stream, tick, robot):
 
 
 @kernel
-def draw_many(out, count, seed, stream):
-    """out[i] = a uniform integer below `count`, addressed by (stream, 0, i)."""
+def draw_many(out, count, seed, stream, tick):
+    """out[i] = a uniform integer below `count`, addressed by (stream, tick, i)."""
     for i in range(out.shape[0]):
-        out[i] = draw_between(0, count - 1, seed, stream, 0, i)
+        out[i] = draw_between(0, count - 1, seed, stream, tick, i)

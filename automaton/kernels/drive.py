@@ -40,10 +40,12 @@ from automaton.recording.codes import (
     DID_PICK,
     DID_TRY_DROP,
     DID_WAIT,
+    DROPPED_AT_ONCE,
     DURATION,
     INTO_BAY,
     LEFT_BAY,
     MOVE_EAST,
+    PICKED_AT_ONCE,
     TURN_LEFT,
     TURN_RIGHT,
 )
@@ -52,6 +54,7 @@ from automaton.world.state import (
     BAY_BLOCKED,
     BLOCKED,
     CHARGE,
+    DROP,
     FREE,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -65,6 +68,7 @@ from automaton.world.state import (
     NEED_ROUTE,
     NIL,
     NO_STEP,
+    PICK,
     PICKED,
     PLAN,
     REPLAN,
@@ -88,7 +92,7 @@ def entry_heading(grid, cell):
 
 @kernel
 def leave_bays(world):
-    """Place robots with a task on their home cells if those were empty at the start of the tick."""
+    """Place robots with a task on their home cells if those had room at the start of the tick."""
     robots = world.robots
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -96,7 +100,7 @@ def leave_bays(world):
             continue
         if robots.at[i] >= robots.length[i] and robots.stand[i] != robots.home[i]:
             continue  # its route is still to come
-        if robots.bay[i] != NIL:
+        if robots.cell[i] == NIL:
             home = np.int64(robots.home[i])
             heading = entry_heading(world.grid, home)
             if not has_room(world.traffic.occupancy, home, heading):
@@ -170,11 +174,11 @@ def do_goal(world, record, i):
     goal = robots.goal[i]
     if goal == GOAL_PICK:
         robots.blocked[i] = 0
-        pick_up(world, record, i)
+        pick_up(world, record, i, max(np.int64(world.rules.duration[PICK]), 1))
         robots.did[i] = flags | DID_PICK
     elif goal == GOAL_DROP:
         robots.blocked[i] = 0
-        set_down(world, record, i)
+        set_down(world, record, i, max(np.int64(world.rules.duration[DROP]), 1))
         robots.did[i] = flags | DID_DROP
     elif goal == GOAL_PARK:
         world.traffic.want[i] = ARRIVED
@@ -215,12 +219,17 @@ def turn(world, i, direction):
 def settle(world, record):
     """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
     robots, traffic = world.robots, world.traffic
+    usual = np.int64(world.rules.duration[MOVE])
     for i in range(robots.cell.shape[0]):
         want = np.int64(traffic.want[U(i)])
         if want & MOVED:
             loaded = 1 if robots.load[U(i)] != NIL else 0
+            span = np.int64(traffic.span[U(i)])
             world.tally.times[U(i), U(MOVE), U(loaded)] += 1
-            world.tally.ticks[U(i), U(MOVE), U(loaded)] += np.int64(traffic.span[U(i)])
+            world.tally.ticks[U(i), U(MOVE), U(loaded)] += span
+            if span != usual:
+                world.tally.slowed[U(i)] += span - usual
+                note(world.clock, record, DURATION, robots.identity[U(i)], span)
             robots.action[U(i)] = MOVE
             robots.did[U(i)] = (np.int64(robots.did[U(i)]) & LEFT_BAY) | (MOVE_EAST + (want & 3))
             at = robots.at[U(i)]
@@ -230,17 +239,20 @@ def settle(world, record):
                 robots.hold[U(i)] = HOLD_NONE
                 if at + 1 == robots.length[U(i)]:
                     park_if_home(world, i)
+                    handle_at_once(world, record, i)
             else:
                 after_step(world, i)
+                handle_at_once(world, record, i)
         elif want & LIVE or want == NO_TURN:
             refused(world, record, i)
         elif want & ARRIVED:
             park_if_home(world, i)
+            handle_at_once(world, record, i)
 
 
 @kernel
 def park_if_home(world, i):
-    """A robot at home with nothing to do is in its bay, or parked, at the end of the tick."""
+    """A robot at home with nothing to do is in its bay, off the floor, or parked, from now on."""
     robots = world.robots
     home = np.int64(robots.home[i])
     if robots.goal[i] != GOAL_PARK or robots.cell[i] != home or robots.withdrawing[i]:
@@ -255,10 +267,31 @@ def park_if_home(world, i):
     robots.did[i] = np.int64(robots.did[i]) | INTO_BAY
     world.clock[UNPARKED] -= 1
     need_allocation(world, i, FREE)
-    if robots.bay[i] != NIL:
+    if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
         robots.heading[i] = entry_heading(world.grid, home)
+
+
+@kernel
+def handle_at_once(world, record, i):
+    """A robot whose move ends at its stand handles its load in the same tick, if that takes none."""
+    robots, duration = world.robots, world.rules.duration
+    picks = robots.goal[i] == GOAL_PICK and duration[PICK] == 0
+    drops = robots.goal[i] == GOAL_DROP and duration[DROP] == 0
+    if not (picks or drops) or robots.cell[i] != robots.stand[i] or robots.action[i] != MOVE:
+        return
+    if robots.busy[i] or robots.at[i] < robots.length[i]:
+        return
+    if robots.withdrawing[i] or robots.try_drop[i]:
+        return
+    no_route_needed(world, i)  # a step of right of way may have asked for one
+    robots.blocked[i] = 0
+    if picks:
+        pick_up(world, record, i, 0)
+    else:
+        set_down(world, record, i, 0)
+    robots.did[i] = np.int64(robots.did[i]) | (PICKED_AT_ONCE if picks else DROPPED_AT_ONCE)
 
 
 @kernel

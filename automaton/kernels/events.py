@@ -11,8 +11,10 @@ from automaton.recording.codes import (
     DID_ILLEGAL,
     DID_PICK,
     DID_WITHDRAW,
+    DROPPED_AT_ONCE,
     INTO_BAY,
     LEFT_BAY,
+    PICKED_AT_ONCE,
 )
 from automaton.world.state import DELIVERED, NIL, TICK
 from automaton.world.waiting import (
@@ -47,19 +49,28 @@ def note_events(world, watch):
         identity = np.int64(robots.identity[i])
         order, before = np.int64(robots.order[i]), np.int64(watch.order_before[i])
         did = np.int64(robots.did[i])
+        action = action_of(did)
         if did & LEFT_BAY:
             event(world, watch, OUT_OF_BAY, identity, NIL, NIL)
-        if order != before and before != NIL and did & ACTION_MASK != DID_DROP:
+        if order != before and before != NIL and action != DID_DROP:
             event(world, watch, GAVE_BACK, identity, before, NIL)
         if order != before and order != NIL:
             event(world, watch, TOOK, identity, order, NIL)
-        if did & ACTION_MASK:
-            note_action(world, watch, i, identity, did & ACTION_MASK)
+        if action:
+            note_action(world, watch, i, identity, action)
         if did & INTO_BAY:
             event(world, watch, PARKED, identity, NIL, NIL)
-        watch.set_down[i] = watch.load_before[i] if did & ACTION_MASK == DID_DROP else NIL
+        watch.set_down[i] = watch.load_before[i] if action == DID_DROP else NIL
         watch.order_before[i] = order
         watch.load_before[i] = robots.load[i]
+
+
+@kernel
+def action_of(did):
+    """What a robot did, of which a move at whose end it handled its load is the handling."""
+    if did & PICKED_AT_ONCE:
+        return DID_PICK
+    return DID_DROP if did & DROPPED_AT_ONCE else did & ACTION_MASK
 
 
 @kernel

@@ -31,6 +31,7 @@ from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
 from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
 from automaton.kernels.sight import end_turn, take_turn, turns
+from automaton.kernels.zones import count_robots, slow_down
 from automaton.world.state import (
     ALLOCATION,
     CHANGED,
@@ -144,9 +145,13 @@ def silence(view, asked, answers, memory, space):
 @kernel
 def motion(world, record):
     """Bays, intents and operations, the occupancy rules, and what comes of them."""
+    if world.rules.slowdown:
+        count_robots(world.grid, world.robots, world.traffic.crowd)
     if world.clock[UNPARKED] < world.robots.cell.shape[0]:
         leave_bays(world)
     drive(world, record)
+    if world.rules.slowdown or world.rules.extra_tick:
+        slow_down(world)
     move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[TICK])
     settle(world, record)
 

@@ -21,6 +21,7 @@ from automaton.kernels.motion import (
     resource_of,
 )
 from automaton.kernels.prefetch import prefetch
+from automaton.kernels.zones import robots_around
 from automaton.recording.codes import (
     ACTION_MASK,
     DID_BAY_BLOCKED,
@@ -101,6 +102,8 @@ def look_at_all(world, watch):
         if i + AHEAD < did.shape[0]:
             fetch_move(world, watch, i + AHEAD)
         w = np.int64(want[U(i)])
+        if world.rules.slowdown:
+            note_slow_zone(world, watch, i, w)
         told = np.int64(did[U(i)])
         mark = 0
         now = NOT_WAITING
@@ -235,6 +238,19 @@ def find_wait(world, watch, i, want, did):
     if did == 0 and robots.parked[U(i)] == 0:
         return find_idleness(world, watch, i)
     return NOT_WAITING
+
+
+@kernel
+def note_slow_zone(world, watch, i, want):
+    """Enter the zone that slows robot i; a move that its zone slows is a long one, out of its cell."""
+    cell, direction = U(world.robots.cell[U(i)]), want & 3
+    if world.robots.claim[U(i)] == NIL:
+        watch.slow_zone[U(i)] = NIL
+    elif want & MOVED:
+        around = robots_around(world, i, want)
+        if around > 1:
+            watch.slow_zone[U(i)] = world.grid.zone[cell, U(direction >> 1)]
+            watch.crowd[U(i)] = around
 
 
 @kernel

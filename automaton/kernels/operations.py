@@ -109,6 +109,14 @@ def drop_route(robots, i):
 
 
 @kernel
+def first_cell(robots, i):
+    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its bay by."""
+    if robots.claim[i] != NIL:
+        return np.int64(robots.claim[i])
+    return np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+
+
+@kernel
 def reserve_order(world, record, order, identity):
     """Give an order to a robot, or back (NIL)."""
     world.orders.by[order] = identity
@@ -118,7 +126,7 @@ def reserve_order(world, record, order, identity):
 
 @kernel
 def reserve_slot(world, record, slot, identity):
-    """Reserve a shelf for a robot's load, or free it (NIL); destinations take any number."""
+    """Reserve a shelf for a robot's load, or free it (NIL); other slots take any number."""
     if world.slots.endless[slot]:
         return
     world.slots.by[slot] = identity
@@ -127,11 +135,21 @@ def reserve_slot(world, record, slot, identity):
 
 
 @kernel
-def pick_up(world, record, i):
+def handle(world, i, action, ticks):
+    """Count a pick or drop; one of 0 ticks is part of the move that it follows."""
+    if ticks:
+        begin(world, i, action, ticks)
+    else:
+        loaded = 1 if world.robots.load[i] != NIL else 0
+        world.tally.times[i, action, loaded] += 1
+
+
+@kernel
+def pick_up(world, record, i, ticks):
     """The shelf empties in the first tick of the pick; allocation says next tick where to go."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    begin(world, i, PICK, world.rules.duration[PICK])
+    handle(world, i, PICK, ticks)
     slot = orders.place[order]
     world.slots.content[slot] = NIL
     orders.place[order] = NIL
@@ -147,12 +165,12 @@ def pick_up(world, record, i):
 
 
 @kernel
-def set_down(world, record, i):
+def set_down(world, record, i, ticks):
     """The load is on the slot, and there for others, in the first tick of the drop."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.load[i])
     slot = np.int64(robots.slot[i])
-    begin(world, i, DROP, world.rules.duration[DROP])
+    handle(world, i, DROP, ticks)
     robots.load[i] = NIL
     robots.order[i] = NIL
     robots.slot[i] = NIL

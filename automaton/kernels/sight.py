@@ -84,6 +84,7 @@ def look(world, seen, i):
         for loaded in range(2):
             seen.tally.times[i, action, loaded] = world.tally.times[i, action, loaded]
             seen.tally.ticks[i, action, loaded] = world.tally.ticks[i, action, loaded]
+    seen.tally.slowed[i] = world.tally.slowed[i]
 
 
 @kernel
@@ -120,6 +121,7 @@ def hide(seen, j):
     r.step[j] = NO_STEP
     seen.tally.times[j] = 0
     seen.tally.ticks[j] = 0
+    seen.tally.slowed[j] = 0
 
 
 @kernel

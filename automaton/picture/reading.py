@@ -1,8 +1,8 @@
 """A text as a world: the exact state that `picture_of` has drawn, ready to go on.
 
 Restored is all that a digest covers, so a run continues with the same digests if its strategies
-keep no memory of their own: a strategy's memory starts anew, and so do the counters behind the
-metrics.
+keep no memory of their own: a strategy's memory starts anew, and so does what is
+counted for metrics: tallies, and when and from where an order was taken.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from automaton.picture.robots import NEEDS, NUMBERS, name_of, read_robot
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.build import occupy_starts
 from automaton.world.floor import floor_for
 from automaton.world.plan import FloorPlan
+from automaton.world.starts import occupy_starts
 from automaton.world.state import (
     CARRIED,
     CHANGES,
@@ -126,6 +126,8 @@ def set_robot(world: World, plan: FloorPlan, i: int, facts: Facts, route: Route)
         getattr(robots, name)[i] = facts[name]
     for name in ("cell", "claim", "stand"):
         getattr(robots, name)[i] = _cell(plan, facts[name])
+    if facts["left"] is not None:
+        robots.home[i] = _cell(plan, facts["left"])
     if facts["goal"] == GOAL_PARK:
         robots.stand[i] = robots.home[i]
     robots.slot[i] = _slot(world, plan, facts["slot"])
@@ -177,9 +179,9 @@ def set_reservations(world: World) -> None:
 
 def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
-    durations = resolved.scenario.durations
+    durations, mode = resolved.scenario.durations, resolved.scenario.world.zones
     kinematics = resolved.scenario.fleet.kinematics
-    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn)
+    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, mode)
     robots, occupancy = world.robots, world.traffic.occupancy
     occupancy[:] = floor.occupancy
     on_floor = robots.cell != NIL

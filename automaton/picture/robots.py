@@ -125,8 +125,10 @@ HEADINGS = {
     2: ("horizontal", "vertical"),
     4: tuple(f"facing {name}" for name in DIRECTIONS),
 }
+OFF = "off the floor at"
 LINE = re.compile(
-    r"(?P<name>[A-Z]|\d+) (?P<place>\(-?\d+, -?\d+\)|in its bay)"
+    r"(?P<name>[A-Z]|\d+) "
+    r"(?P<place>\(-?\d+, -?\d+\)|in its bay|off the floor at \(\d+, \d+\))"
     r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
     r"(?:; route (?P<route>\w+))?"
 )
@@ -147,16 +149,22 @@ def robot_line(world: World, plan: FloorPlan, i: int) -> str:
     facts = robot_facts(world, plan, i)
     default = default_facts(facts, int(world.clock[0]))
     said = write_facts(GROUPS, facts, default)
-    bay = facts["cell"] is None
     heading = HEADINGS[world.grid.headings][int(robots.heading[i])]
-    start = f"{name_of(int(robots.identity[i]))} {'in its bay' if bay else facts['cell']}"
+    start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
     if heading:
-        start += f"{',' if bay else ''} {heading}"
+        start += f"{',' if facts['cell'] is None else ''} {heading}"
     line = ", ".join([start, *said])
     length = int(robots.length[i])
     if not length:
         return line
     return f"{line}; route {write_route(robots.route[i, :length].tolist(), int(robots.at[i]))}"
+
+
+def _place(facts: Facts) -> str:
+    """Where a robot is."""
+    if facts["cell"] is not None:
+        return str(facts["cell"])
+    return f"{OFF} {facts['left']}" if facts["left"] else "in its bay"
 
 
 def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
@@ -169,6 +177,8 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
     facts: Facts = {name: int(getattr(robots, name)[i]) for name in NUMBERS}
     for name in ("cell", "claim", "stand"):
         facts[name] = xy(int(getattr(robots, name)[i]))
+    off = facts["cell"] is None and robots.bay[i] == NIL
+    facts["left"] = xy(int(robots.home[i])) if off else None
     slot, order = int(robots.slot[i]), int(robots.order[i])
     place = NIL if order == NIL else int(world.orders.place[order])
     facts["slot"] = None if slot == NIL else xy(int(world.slots.cell[slot]))
@@ -185,7 +195,7 @@ def default_facts(facts: Facts, tick: int) -> Facts:
     """The values that a line leaves out, given what else it says."""
     default: Facts = dict.fromkeys([*ZERO, *NEEDS, "stayed"], 0)
     default.update(dict.fromkeys(("load", "order", "zone", "asked_at"), NIL))
-    default.update(dict.fromkeys(("claim", "stand", "slot", "place")))
+    default.update(dict.fromkeys(("claim", "stand", "slot", "place", "left")))
     default["step"] = NO_STEP
     default["cell"] = None
     default["heading"] = default["travel"] = facts.get("heading", 0)
@@ -201,7 +211,9 @@ def read_robot(text: str, tick: int) -> tuple[int, Facts, tuple[list[int], int]]
     if match is None:
         raise InputError(f"'{text}' is no line about a robot, such as A (2, 3) vertical, moved")
     facts = read_facts(GROUPS, match["facts"] or "", f"robot {match['name']}")
-    facts["cell"] = None if match["place"] == "in its bay" else pair(match["place"])
+    place = match["place"]
+    facts["cell"] = pair(place) if place.startswith("(") else None
+    facts["left"] = pair(place) if place.startswith(OFF) else None
     if match["heading"]:
         facts["heading"] = _heading(match["heading"])
     facts["order"] = facts.get("load", facts.get("order", NIL))

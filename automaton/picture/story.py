@@ -15,6 +15,7 @@ import numpy as np
 
 from automaton.errors import InputError, alternatives
 from automaton.kernels.motion import LIVE, REFUSED, move_all
+from automaton.kernels.zones import count_robots, slow_down
 from automaton.picture.robots import identity_of, name_of
 from automaton.picture.writing import map_rows
 from automaton.scenario.pictures import Legend, draw_floor
@@ -28,8 +29,9 @@ from automaton.world.state import MOVE, TICK
 class Story:
     """Robots drawn in a picture, and what becomes of their wishes.
 
-    `following`, `move` (ticks of a move), `priority` by robot, and `storage` (the order in which
-    robots are stored, which must not matter) set the rules; `seed` and `tick` decide ties.
+    `following`, `move` (ticks of a move), `slow` (the mode of zones that slow moves down; "" for
+    none), `priority` by robot, and `storage` (the order in which robots are stored, which must not
+    matter) set the rules; `tick` decides ties.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class Story:
         *,
         following: bool = True,
         move: int = 1,
+        slow: str = "",
         priority: Mapping[str, int] | None = None,
         storage: Sequence[int] | None = None,
         legend: Legend = (),
@@ -47,7 +50,7 @@ class Story:
         if not self.plan.starts:
             raise InputError("the picture of a story has no robots; draw them as A, B, C ...")
         order = None if storage is None else np.array(storage, np.int32)
-        self.world, _ = build_world(_scenario(self, following, move), 1, order)
+        self.world, _ = build_world(_scenario(self, following, move, slow), 1, order)
         self.world.clock[TICK] = tick
         for name, value in (priority or {}).items():
             self.world.robots.priority[self._index(name)] = value
@@ -69,6 +72,8 @@ class Story:
         traffic.span[:] = self.world.rules.duration[MOVE]
         self.world.clock[TICK] += 1
         with np.errstate(over="ignore"):
+            count_robots(self.world.grid, robots, traffic.crowd)
+            slow_down(self.world)
             move_all(self.world.grid, self.world.rules, robots, traffic, self.world.clock[TICK])
         return self.picture
 
@@ -94,7 +99,7 @@ def moved(picture: str, **wants: str) -> str:
     return Story(picture).tick(**wants)
 
 
-def _scenario(story: Story, following: bool, move: int) -> Resolved:
+def _scenario(story: Story, following: bool, move: int, slow: str) -> Resolved:
     plan = story.plan
     scenario = Scenario(
         name="story",
@@ -102,6 +107,10 @@ def _scenario(story: Story, following: bool, move: int) -> Resolved:
         fleet=Fleet(robots=len(plan.starts), kinematics="omni"),
         durations=Durations(move=move),
         orders=Orders(generator="full-shelves"),
-        world=WorldRules(following=following),
+        world=WorldRules(
+            following=following,
+            zones=slow or "undirected",  # type: ignore[arg-type]
+            slowdown="zones" if slow else "none",
+        ),
     )
     return Resolved(scenario, plan, picks={}, start=plan.starts, source="")

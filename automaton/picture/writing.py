@@ -9,7 +9,7 @@
     A (0, 1) vertical, fetches 3 from (1, 1) via (2, 1), moved; route nESS
 
 Everything that a digest covers is in the picture. What is not: the memory of strategies, and the
-counters behind the metrics.
+counters behind the metrics (tallies, and when and from where an order was taken).
 """
 
 from __future__ import annotations
@@ -73,6 +73,8 @@ def map_rows(world: World, plan: FloorPlan) -> list[str]:
         text[y, x + first] = CLAIMED
     held: dict[int, str] = {}
     for i, cell in enumerate(np.where(robots.cell == NIL, robots.bay, robots.cell).tolist()):
+        if cell == NIL:
+            continue  # off the floor
         name = name_of(int(robots.identity[i]))
         held[cell] = CROWD if cell in held or len(name) > 1 else name
     for cell, mark in held.items():

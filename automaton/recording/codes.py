@@ -22,6 +22,8 @@ DID_CHARGE: Final = 15  # its length stands in a DURATION row
 ACTION_MASK: Final = 15
 LEFT_BAY: Final = 16  # flag: it was placed on its home cell before the motion of this tick
 INTO_BAY: Final = 32  # flag: at the end of this tick it is parked
+PICKED_AT_ONCE: Final = 64  # flag: as it arrived, at the end of this tick, it took its load
+DROPPED_AT_ONCE: Final = 128  # flag: likewise, it set its load down
 
 # record.changes: rows (tick, code, subject, value).
 ORDER_BY: Final = 1  # order, identity of the robot that has it now or NIL

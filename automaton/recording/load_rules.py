@@ -2,7 +2,7 @@
 
 Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
 reserved it, from a slot beside that robot; it is set down only on an empty shelf that the robot
-reserved, or where it has to go in the end.
+reserved, or where it has to go in the end. Racks are reached from above and below only.
 """
 
 from __future__ import annotations
@@ -16,23 +16,43 @@ from automaton.recording.codes import (
     DID_PICK,
     DID_TRY_DROP,
     DID_WAIT,
+    DROPPED_AT_ONCE,
     DURATION,
     INTO_BAY,
     MOVE_NORTH,
     ORDER_BY,
+    PICKED_AT_ONCE,
     PICKED_UP,
     SET_AT,
     SLOT_BY,
     ZONE,
 )
-from automaton.recording.motion_rules import NONE, Acts, Complaint, Motion
-from automaton.world.cells import KINDS
+from automaton.recording.motion_rules import Acts, Complaint, Motion
+from automaton.recording.pace_rules import NONE
+from automaton.world.cells import KINDS, RACK
 
 WAITING: Final = 0  # states of an order
 CARRIED: Final = 1
 DELIVERED: Final = 2
 
 Rows = list[list[int]]  # (tick, code, subject, value)
+
+# Handling on arrival: the flag, what it is like, and the duration that has to be 0.
+AT_ONCE: Final = (
+    (PICKED_AT_ONCE, DID_PICK, "pick"),
+    (DROPPED_AT_ONCE, DID_DROP, "drop"),
+)
+
+
+def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
+    """The changes before the moves of a tick have ended, and those of robots that arrive."""
+    arriving = {r for r, did in acts if did & (PICKED_AT_ONCE | DROPPED_AT_ONCE)}
+    for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
+        if code in (PICKED_UP, SET_AT) and subject in arriving:
+            # How long moves and waits take is told in between.
+            lengths = [row for row in rows[at:] if row[1] == DURATION]
+            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != DURATION]
+    return rows, []
 
 
 class Loads:
@@ -42,7 +62,10 @@ class Loads:
         self.motion = motion
         self.complain = complain
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        self.endless = [KINDS[motion.kind[cell]].swallows for cell in self.slot_cell]
+        kinds = [KINDS[motion.kind[cell]] for cell in self.slot_cell]
+        self.rack = [kind.code == RACK for kind in kinds]
+        self.dock = [kind.supplies for kind in kinds]
+        self.endless = [kind.swallows or kind.supplies for kind in kinds]
         self.target: list[int] = header["orders"]["target"].tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
         self.state = [WAITING] * len(self.place)
@@ -54,7 +77,9 @@ class Loads:
         self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
         for order, slot in enumerate(self.place):
-            if not KINDS[motion.kind[self.slot_cell[slot]]].slot or self.endless[slot]:
+            if self.dock[slot]:
+                continue
+            if not kinds[slot].slot or self.endless[slot]:
                 complain(0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf")
             if self.content[slot] != NONE:
                 complain(0, "load", [], self.slot_cell[slot], "two loads start on one shelf")
@@ -73,18 +98,49 @@ class Loads:
             elif code == DURATION:
                 lengths[subject] = value
                 self._check_length(tick, subject, value, did.get(subject, 0))
-            elif code == ORDER_BY:
-                self._reserve_order(tick, subject, value)
-            elif code == SLOT_BY:
-                self._reserve_slot(tick, subject, value)
-            elif code == PICKED_UP:
-                self._pick(tick, subject, value, did.get(subject, 0))
-                handled.add(subject)
-            elif code == SET_AT:
-                self._drop(tick, subject, value, did.get(subject, 0))
-                handled.add(subject)
+            else:
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
         self._check_acts(tick, did, lengths, handled)
         return lengths
+
+    def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
+        """Carry out what robots do with their loads as they arrive, at the end of a tick."""
+        did: dict[int, int] = {}
+        for r, code in acts:
+            for flag, action, name in AT_ONCE:
+                if code & flag:
+                    did[r] = action
+                    self._check_arrival(tick, r, name)
+        handled: set[int] = set()
+        for _, code, subject, value in rows:
+            if self._exists(code, subject, value):
+                self._change(tick, code, subject, value, did)
+                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
+            else:
+                self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
+        self._check_acts(tick, did, {}, handled)
+
+    def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
+        if code == ORDER_BY:
+            self._reserve_order(tick, subject, value)
+        elif code == SLOT_BY:
+            self._reserve_slot(tick, subject, value)
+        elif code == PICKED_UP:
+            self._pick(tick, subject, value, did.get(subject, 0))
+        elif code == SET_AT:
+            self._drop(tick, subject, value, did.get(subject, 0))
+
+    def _check_arrival(self, tick: int, r: int, name: str) -> None:
+        cell = self.motion.cell[r]
+        if self.motion.given[name]:
+            text = (
+                f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
+            )
+            self.complain(tick, "arrival", [r], cell, text)
+        elif r not in self.motion.arrived:
+            text = "handles its load on arrival, but none of its moves ends in this tick"
+            self.complain(tick, "arrival", [r], cell, text)
 
     def _exists(self, code: int, subject: int, value: int) -> bool:
         robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
@@ -156,6 +212,8 @@ class Loads:
         offset = self.slot_cell[slot] - self.motion.cell[r]
         if self.motion.cell[r] == NONE or offset not in self.motion.step:
             self.complain(tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it")
+        elif self.rack[slot] and abs(offset) == 1:
+            self.complain(tick, "load", [r], self.slot_cell[slot], "handles a rack from its side")
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]
@@ -183,8 +241,8 @@ class Loads:
             return
         self._beside(tick, r, slot)
         if self.endless[slot]:
-            if self.target[order] != slot:
-                self.complain(tick, "load", [r], cell, "sets down at a foreign destination")
+            if self.target[order] != slot or self.dock[slot]:
+                self.complain(tick, "load", [r], cell, "sets down where its load must not go")
         else:
             if self.content[slot] != NONE:
                 self.complain(tick, "load", [r], cell, "sets down on a full shelf")

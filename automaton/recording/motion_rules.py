@@ -3,6 +3,7 @@
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
 Of each tick: bays open, operations begin, all moves happen at once, robots at home park.
+Robots that leave the floor when they are done are at home wherever they stand.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from automaton.recording.codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.recording.pace_rules import NONE, Pace
 from automaton.world.cells import EAST, KINDS, NORTH, SOUTH, WEST
 
-NONE: Final = -1
 HEADINGS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
 Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
@@ -47,7 +48,9 @@ class Motion:
         self.capacity: list[int] = floor["capacity"].ravel().tolist()
         self.kind: list[int] = floor["kind"].ravel().tolist()
         self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
+        self.pace = Pace(floor, header["seed"])
         self.follow(scenario)
+        self.leave: bool = scenario["fleet"].get("when_done") == "leave"
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
         self.cell: list[int] = robots["cell"].tolist()  # NONE in its bay
@@ -59,12 +62,15 @@ class Motion:
         self.holder: dict[int, int] = {}  # resource -> robot
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
         self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
+        self.arrived: set[int] = set()  # robots whose move ended in this tick
         self._check_start(floor["bays"].tolist())
 
     def follow(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of motion."""
         self.following: bool = scenario["world"]["following"]
-        self.duration = _durations(scenario["durations"])
+        self.given: dict[str, int] = scenario["durations"]
+        self.duration = _durations(self.given)
+        self.pace.follow(scenario)
 
     def _check_start(self, bays: list[list[int]]) -> None:
         used = [bay for bay in self.bay if bay != NONE]
@@ -105,6 +111,11 @@ class Motion:
 
     # One tick
 
+    def look(self, acts: Acts) -> None:
+        """Note what the length of a move depends on, before anything happens."""
+        if self.pace.slow and any(0 < did & ACTION_MASK <= MOVE_NORTH for _, did in acts):
+            self.pace.count(self.cell, self.travel)
+
     def open_bays(self, tick: int, acts: Acts) -> set[int]:
         """Place the robots that leave their bays; returns them."""
         placed: set[int] = set()
@@ -139,12 +150,13 @@ class Motion:
         movers: list[Mover] = []
         parking = False
         for r, did in acts:
-            parking |= did >= INTO_BAY
+            parking |= did & INTO_BAY != 0
             code = did & ACTION_MASK
             if not code or not self._may_act(tick, r, code):
                 continue
             if code <= MOVE_NORTH:
                 self._begin_move(tick, r, code - 1, movers)
+                self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
                 self.free[r] = tick + lengths.get(r, self.duration[code])
             elif code <= TURN_RIGHT:
                 self._turn(tick, r, code)
@@ -183,6 +195,19 @@ class Motion:
         else:
             movers.append((r, cell, cell + self.step[direction], direction))
 
+    def _check_pace(
+        self, tick: int, r: int, direction: int, length: int | None, placed: bool
+    ) -> None:
+        """Whether a move takes as long as the rules say; `length`: as recorded, None for usual."""
+        if length is None and self.pace.usual:
+            return
+        came = None if placed else self.travel[r]
+        due, why = self.pace.due(tick, r, self.cell[r], direction, came)
+        ticks = self.pace.move if length is None else length
+        if ticks != due:
+            text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
+            self.complain(tick, "pace", [r], self.cell[r], text)
+
     def _turn(self, tick: int, r: int, code: int) -> None:
         cell = self.cell[r]
         if self.headings == 1:
@@ -219,7 +244,9 @@ class Motion:
 
     def _carry_out(self, tick: int, movers: list[Mover]) -> None:
         """All releases, then all claims: moves of one tick are simultaneous."""
+        self.arrived.clear()
         for r in self._arrivals.pop(tick, ()):
+            self.arrived.add(r)
             self._give(r, self.cell[r], self.travel[r])
             self.cell[r], self.travel[r] = self.claim.pop(r)
         for r in self._turned.pop(tick, ()):
@@ -232,17 +259,20 @@ class Motion:
             self._take(tick, r, to, direction)
             if self.free[r] == tick + 1:
                 self.cell[r], self.travel[r] = to, direction
+                self.arrived.add(r)
             else:
                 self.claim[r] = (to, direction)
                 self._arrivals.setdefault(self.free[r] - 1, []).append(r)
 
     def _park(self, tick: int, r: int) -> None:
         cell = self.cell[r]
+        if self.leave and cell != NONE:
+            self.home[r] = cell
         if cell != self.home[r] or self.free[r] > tick + 1:
             self.complain(tick, "bay", [r], cell, "parks although it does not stand at home")
             return
         self.parked[r] = True
-        if self.bay[r] != NONE:
+        if self.bay[r] != NONE or self.leave:
             self._give(r, cell, self.travel[r])
             self.cell[r] = NONE
             self.heading[r] = self.entry_heading(cell)
@@ -257,7 +287,8 @@ def _durations(given: dict[str, int]) -> list[int]:
     ticks = [1] * (ACTION_MASK + 1)
     ticks[1 : MOVE_NORTH + 1] = [given["move"]] * 4
     ticks[TURN_LEFT] = ticks[TURN_RIGHT] = given["turn"]
-    ticks[DID_PICK], ticks[DID_DROP] = given["pick"], given["drop"]
+    # One that takes no time costs a tick where no move precedes it.
+    ticks[DID_PICK], ticks[DID_DROP] = max(1, given["pick"]), max(1, given["drop"])
     ticks[DID_TRY_DROP] = given["try_drop"]
     ticks[DID_WAIT] = ticks[DID_CHARGE] = 1  # the recording says how long
     return ticks

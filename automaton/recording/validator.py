@@ -15,7 +15,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.recording.codes import ACTION_MASK, LEFT_BAY
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DROPPED_AT_ONCE,
+    INTO_BAY,
+    LEFT_BAY,
+    PICKED_AT_ONCE,
+)
 from automaton.recording.frames import (
     CONDITIONS,
     END,
@@ -25,8 +31,9 @@ from automaton.recording.frames import (
     Recording,
     read_recording,
 )
-from automaton.recording.load_rules import Loads
-from automaton.recording.motion_rules import NONE, Acts, Motion
+from automaton.recording.load_rules import Loads, parted
+from automaton.recording.motion_rules import Acts, Motion
+from automaton.recording.pace_rules import NONE
 
 RULES: Final = {
     "busy": "a robot begins something only when its last operation is over",
@@ -40,6 +47,8 @@ RULES: Final = {
     "load": "an order is in exactly one place; loads are handled beside their slot",
     "order": "an order is reserved by one robot at a time",
     "slot": "a shelf is reserved by one robot at a time, while empty",
+    "pace": "a move takes its duration times the robots in its slow zone, and what chance adds",
+    "arrival": "loads are handled on arrival only where that takes no time of its own",
     "duration": "waits and charging say how long they take",
     "record": "the recording agrees with itself",
 }
@@ -157,9 +166,12 @@ class Validator:
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         leaves = any(did & LEFT_BAY for _, did in acts)
+        self.motion.look(acts)
         placed = self.motion.open_bays(tick, acts) if leaves else set()
-        lengths = self.loads.apply(tick, rows, acts)
+        before, after = parted(rows, acts)
+        lengths = self.loads.apply(tick, before, acts)
         self.motion.execute(tick, acts, lengths, placed)
+        self.loads.arrive(tick, after, acts)
         self.loads.check_parked(tick, acts)
         self.report.ticks = tick
 
@@ -228,7 +240,9 @@ class Validator:
             times = int(self._acts[did])
             counts[ACTS[did & ACTION_MASK]] += times
             counts["left_bay"] += times * bool(did & LEFT_BAY)
-            counts["parked"] += times * (did > ACTION_MASK + LEFT_BAY)
+            counts["parked"] += times * bool(did & INTO_BAY)
+            counts["pick"] += times * bool(did & PICKED_AT_ONCE)
+            counts["drop"] += times * bool(did & DROPPED_AT_ONCE)
         self.report.counts = {name: number for name, number in counts.items() if number}
         return self.report
 

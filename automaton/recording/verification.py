@@ -11,7 +11,13 @@ import numpy as np
 
 from automaton.kernels.decisions import first_other_tick
 from automaton.kernels.digest import DIGEST_NAMES
-from automaton.recording.codes import ACTION_MASK, INTO_BAY, LEFT_BAY
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DROPPED_AT_ONCE,
+    INTO_BAY,
+    LEFT_BAY,
+    PICKED_AT_ONCE,
+)
 from automaton.recording.frames import CONDITIONS, END, TICKS, Content, Recording, read_recording
 from automaton.recording.header import changed, resolved_of, source_hash
 from automaton.recording.validator import ACTS, Report, validate_stored
@@ -185,4 +191,6 @@ def action_text(did: int) -> str:
     words = [ACTS[did & ACTION_MASK].replace("_", " ")]
     words += ["out of its bay"] if did & LEFT_BAY else []
     words += ["parked"] if did & INTO_BAY else []
+    words += ["picked up on arrival"] if did & PICKED_AT_ONCE else []
+    words += ["set down on arrival"] if did & DROPPED_AT_ONCE else []
     return ", ".join(words)

@@ -30,6 +30,7 @@ class Figure:
     at_least: float = -math.inf
     at_most: float = math.inf
     unit: str = ""  # "%" and "points" show shares times 100
+    digits: int = 0  # shown after the decimal point of what is no share
 
 
 @dataclass(frozen=True)

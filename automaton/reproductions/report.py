@@ -11,9 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from automaton.reproductions.claims import Judged, JudgedClaim
-from automaton.reproductions.study import Reproduced, Row
+from automaton.reproductions.study import MadeTable, Reproduced, Row
+from automaton.reproductions.study import Table as PublishedTable
 from automaton.run_report import console, print_table
-from automaton.units import count, number, percent
+from automaton.units import count, percent
 
 STYLES = {"holds": "green", "does not hold": "red", "undecided": "yellow"}
 SHORT = {"configuration": "cfg", "robots": "N"}
@@ -24,46 +25,65 @@ def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> N
     """Print everything."""
     out = console()
     reproduction = reproduced.reproduction
-    runs = len(reproduced.cases) * reproduced.seeds
     out.print(Text(reproduction.title, "bold"), soft_wrap=True)
     for line in textwrap.wrap(reproduction.source, text_width(out)):
         out.print(line, soft_wrap=True)
-    out.print(
-        f"{count(runs, 'run')}, {reproduced.unfinished} unfinished; "
-        f"{count(reproduced.seeds, 'seed')} for each case; mean and sd over the seeds",
-        soft_wrap=True,
-    )
-    rows = reproduced.rows()
-    for panel in reproduction.panels:
-        for metrics in fitting(panel, rows, out.width):
-            out.print()
-            print_table(out, panel_table(metrics, rows))
+    for made in reproduced.tables:
+        print_made(out, made, reproduced.seeds)
     print_errors(out, reproduced)
-    print_claims(out, judged)
-    print_remarks(out, reproduction.remarks)
+    print_claims(out, reproduction.claims_title, judged)
+    print_remarks(out, reproduction.remarks_title, reproduction.remarks)
+
+
+def print_made(out: Console, made: MadeTable, seeds: int) -> None:
+    """Print a table: what was run for it, then its panels."""
+    if made.table.title:
+        out.print()
+        out.print(Text(made.table.title, "bold"), soft_wrap=True)
+    for line in textwrap.wrap(effort(made, seeds), text_width(out)):
+        out.print(line, soft_wrap=True)
+    rows = made.rows()
+    for panel in made.table.panels:
+        for metrics in fitting(panel, rows, out.width, made.table):
+            out.print()
+            print_table(out, panel_table(metrics, rows, made.table))
+
+
+def effort(made: MadeTable, seeds: int) -> str:
+    """How much was run, and what means and spreads are taken over."""
+    if made.table.stored is not None:
+        return made.table.stored()
+    what, each = made.table.repetition, made.table.per_seed
+    repeated = f" of {count(each, what)}" if each > 1 else ""
+    return (
+        f"{count(made.repetitions, what)}, {made.unfinished} unfinished; {count(seeds, 'seed')}"
+        f"{repeated} for each case; mean and sd over the {what + 's' if each > 1 else 'seeds'}"
+    )
 
 
 def text_width(out: Console) -> int:
     return min(out.width, WIDEST_TEXT)
 
 
-def fitting(panel: Sequence[str], rows: Sequence[Row], width: int) -> Iterator[list[str]]:
+def fitting(
+    panel: Sequence[str], rows: Sequence[Row], width: int, table: PublishedTable
+) -> Iterator[list[str]]:
     """The metrics of a panel, split so that each table fits the width."""
     taken: list[str] = []
     for metric in panel:
-        if taken and table_width([*taken, metric], rows) > width:
+        if taken and table_width([*taken, metric], rows, table) > width:
             yield taken
             taken = []
         taken.append(metric)
     yield taken
 
 
-def table_width(metrics: Sequence[str], rows: Sequence[Row]) -> int:
-    measured: int = Console(width=1000).measure(panel_table(metrics, rows)).maximum
+def table_width(metrics: Sequence[str], rows: Sequence[Row], table: PublishedTable) -> int:
+    measured: int = Console(width=1000).measure(panel_table(metrics, rows, table)).maximum
     return measured
 
 
-def panel_table(metrics: Sequence[str], rows: Sequence[Row]) -> Table:
+def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedTable) -> Table:
     """A line for each case; for each metric the printed figure, ours, sd and relative error."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
     for label, value in rows[0].case.items():
@@ -71,21 +91,27 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row]) -> Table:
         table.add_column(f"\n{SHORT.get(label, label)}", justify=justify, no_wrap=True)
     printed = {row.metric for row in rows if row.paper is not None}
     for metric in metrics:
-        heads = ["paper", "ours", "sd", "error"] if metric in printed else ["ours", "sd"]
+        heads = heads_of(made_of, metric in printed)
         first, *others = heads
         table.add_column(f"  {metric}\n  {first}", justify="right", no_wrap=True)
         for head in others:
             table.add_column(f"\n{head}", justify="right", no_wrap=True)
     group: list[str] = []
     for lines in cases_of(rows):
-        before, group = group, [str(value) for value in lines[metrics[0]].case.values()][:-1]
+        cells = [str(value) for value in next(iter(lines.values())).case.values()]
+        before, group = group, cells[: made_of.grouped]
         if before and before != group:
             table.add_row()
-        cells = [str(value) for value in lines[metrics[0]].case.values()]
         for metric in metrics:
-            cells += figures(lines[metric], metric in printed)
+            cells += figures(lines.get(metric), metric, metric in printed, made_of)
         table.add_row(*cells)
     return table
+
+
+def heads_of(table: PublishedTable, printed: bool) -> list[str]:
+    """The columns of a metric; a stored figure has no spread."""
+    heads = ["paper", "ours", "sd", "error"] if printed else ["ours", "sd"]
+    return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
 
 
 def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
@@ -96,17 +122,22 @@ def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
     yield from found.values()
 
 
-def figures(row: Row, printed: bool) -> list[str]:
-    """The cells of a metric."""
-    share = row.metric.startswith("E_U")
-    ours = [
-        "-" if value is None else percent(value) if share else f"{value:,.0f}"
-        for value in (row.mean, row.sd)
-    ]
-    if not printed:
-        return ours
+def figures(row: Row | None, metric: str, printed: bool, table: PublishedTable) -> list[str]:
+    """The cells of a metric; blank where a case does not have it."""
+    heads = heads_of(table, printed)
+    if row is None:
+        return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
-    return ["-" if row.paper is None else number(row.paper), *ours, error]
+    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd}
+    shown = {
+        head: "-" if value is None else in_table(value, metric, table)
+        for head, value in cells.items()
+    }
+    return [(shown | {"error": error})[head] for head in heads]
+
+
+def in_table(value: float, metric: str, table: PublishedTable) -> str:
+    return percent(value) if metric in table.shares else f"{value:,.{table.digits}f}"
 
 
 def print_errors(out: Console, reproduced: Reproduced) -> None:
@@ -121,12 +152,12 @@ def print_errors(out: Console, reproduced: Reproduced) -> None:
         out.print(f"mean |error|: {', '.join(parts)}", soft_wrap=True)
 
 
-def print_claims(out: Console, judged: Sequence[JudgedClaim]) -> None:
+def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> None:
     """A verdict for each claim, with the figure that decides it."""
     if not judged:
         return
     out.print()
-    out.print(Text("The publication's claims", "bold"))
+    out.print(Text(title, "bold"))
     explanation = (
         "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
         "hold if one lies outside; else it is undecided. Shown is the figure that decides."
@@ -164,7 +195,7 @@ def deciding(claim: JudgedClaim) -> Judged:
 
 def shown(figure: Judged, value: float) -> str:
     unit = figure.figure.unit
-    return f"{100 * value:,.1f} {unit}" if unit else f"{value:,.0f}"
+    return f"{100 * value:,.1f} {unit}" if unit else f"{value:,.{figure.figure.digits}f}"
 
 
 def valued(figure: Judged) -> str:
@@ -184,12 +215,12 @@ def bounds(figure: Judged) -> str:
     return "below 0" if high == 0 else f"at most {shown(figure, high)}"
 
 
-def print_remarks(out: Console, remarks: Sequence[str]) -> None:
-    """Where the publication contradicts itself."""
+def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:
+    """A list of sentences."""
     if not remarks:
         return
     out.print()
-    out.print(Text("Where the publication contradicts itself or leaves things open", "bold"))
+    out.print(Text(title, "bold"))
     for remark in remarks:
         lines = textwrap.wrap(remark, text_width(out) - 2)
         for bullet, line in zip(["- ", *["  "] * len(lines)], lines, strict=False):

@@ -1,12 +1,17 @@
-"""What a reproduction consists of: cases to run, figures to compare with, claims to judge."""
+"""What a reproduction consists of: tables with cases to run, printed figures, claims to judge.
+
+A case is a line or a cell of a printed table. How its figures are found is the table's own affair:
+by runs of scenarios, or by whatever else gives a `Measured` for each repetition.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
+from automaton.errors import InputError
 from automaton.parallel import OnDone, Result, run_all
 from automaton.reproductions.claims import Claim
 from automaton.scenario.resolve import resolve
@@ -15,13 +20,23 @@ Label = str | int
 Key = tuple[Label, ...]  # the labels of a case, in order
 
 
+class Measured(Protocol):
+    """One repetition of a case: a run, a trial."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether it came to its end."""
+
+    @property
+    def metrics(self) -> Mapping[str, float]:
+        """Its figures; one that does not apply to it is left out."""
+
+
 @dataclass(frozen=True)
 class Case:
-    """One column or cell of a published table: what it is called and what is run for it."""
+    """One column or cell of a published table, and what it is called."""
 
     labels: Mapping[str, Label]
-    scenario: str
-    overrides: tuple[str, ...]
 
     @property
     def key(self) -> Key:
@@ -29,19 +44,43 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Reproduction:
+class ScenarioCase(Case):
+    """A case for which a scenario is run."""
+
+    scenario: str
+    overrides: tuple[str, ...]
+
+
+# cases, seeds, workers, on_done -> by case, the repetitions of all seeds
+Runner = Callable[[Sequence[Any], Sequence[int], int | None, OnDone | None], list[list[Any]]]
+
+
+def run_scenarios(
+    cases: Sequence[ScenarioCase],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Result]]:
+    """Run the scenario of each case with each seed."""
+    scenarios = [resolve(case.scenario, case.overrides) for case in cases]
+    return run_all(scenarios, seeds, workers, on_done)
+
+
+@dataclass(frozen=True)
+class Table:
     """A published table, and how it is made again."""
 
-    name: str
-    title: str
-    source: str
-    strategies: tuple[str, ...]  # those of the publication
-    cases: Callable[[Sequence[str]], list[Case]]  # for these strategies
+    cases: Callable[[Sequence[str]], Sequence[Case]]  # for these strategies
     panels: tuple[tuple[str, ...], ...]  # metrics, grouped as they are printed
     published: Callable[[Key, str], float | None]  # the printed figure of a case and metric
-    averaged: tuple[str, ...]  # metrics whose mean |error| is reported
-    claims: tuple[Claim, ...]
-    remarks: tuple[str, ...]  # where the publication contradicts itself or leaves things open
+    title: str = ""  # where a reproduction has several tables
+    run: Runner = run_scenarios
+    repetition: str = "run"  # what is repeated
+    per_seed: int = 1  # repetitions
+    shares: tuple[str, ...] = ()  # metrics that are shown in per cent
+    digits: int = 0  # of the other metrics, after the decimal point
+    grouped: int = -1  # lines with the same labels[:grouped] stand together
+    stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -49,14 +88,31 @@ class Reproduction:
 
 
 @dataclass(frozen=True)
+class Reproduction:
+    """What is made again of a publication."""
+
+    name: str
+    title: str
+    source: str
+    strategies: tuple[str, ...]  # those of the publication; () where there is no choice
+    tables: tuple[Table, ...]
+    averaged: tuple[str, ...]  # metrics whose mean |error| is reported
+    claims: tuple[Claim, ...]
+    remarks: tuple[str, ...]
+    seeds: int = 60  # unless another number is asked for
+    claims_title: str = "The publication's claims"
+    remarks_title: str = "Where the publication contradicts itself or leaves things open"
+
+
+@dataclass(frozen=True)
 class Row:
-    """A metric of a case: the printed figure (None if there is none) and ours over the seeds."""
+    """A metric of a case: the printed figure (None if there is none) and ours."""
 
     case: Mapping[str, Label]
     metric: str
     paper: float | None
     mean: float
-    sd: float | None  # of single runs, n - 1 in the denominator; None for a single seed
+    sd: float | None  # of single repetitions, n - 1 in the denominator; None for a single one
 
     @property
     def error(self) -> float | None:
@@ -65,37 +121,74 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Reproduced:
-    """All runs of a reproduction. Runs that did not finish count with the ticks they were given."""
+class MadeTable:
+    """A table made again. Runs that did not finish count with the ticks they were given."""
 
-    reproduction: Reproduction
+    table: Table
     cases: Sequence[Case]
-    results: Sequence[Sequence[Result]]  # by case, then by seed
+    results: Sequence[Sequence[Measured]]  # by case, then by seed and repetition
 
     @property
-    def seeds(self) -> int:
-        return len(self.results[0])
+    def repetitions(self) -> int:
+        return sum(map(len, self.results))
 
     @property
     def unfinished(self) -> int:
         return sum(not result.finished for batch in self.results for result in batch)
 
     def rows(self) -> list[Row]:
-        """One for each case and metric, in the order of the cases."""
+        """One for each case and each metric that it has, in the order of the cases."""
         return [
-            self._row(case, batch, metric)
+            self._row(case, metric, values)
             for case, batch in zip(self.cases, self.results, strict=True)
-            for metric in self.reproduction.metrics
+            for metric in self.table.metrics
+            if (values := [one.metrics[metric] for one in batch if metric in one.metrics])
         ]
 
-    def _row(self, case: Case, batch: Sequence[Result], metric: str) -> Row:
-        values = [result.metrics[metric] for result in batch]
-        paper = self.reproduction.published(case.key, metric)
+    def _row(self, case: Case, metric: str, values: Sequence[float]) -> Row:
+        paper = self.table.published(case.key, metric)
         # fsum is exact: the figures do not depend on how a processor orders a sum.
         mean = math.fsum(values) / len(values)
         spread = math.fsum((value - mean) ** 2 for value in values)
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
         return Row(case.labels, metric, paper, mean, sd)
+
+    def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
+        """(metric, key of a case) and its values, of the metrics that every repetition has."""
+        for case, batch in zip(self.cases, self.results, strict=True):
+            for metric in batch[0].metrics:
+                if all(metric in one.metrics for one in batch):
+                    yield (metric, case.key), [one.metrics[metric] for one in batch]
+
+    def published(self) -> Iterator[tuple[tuple[str, Key], float]]:
+        """(metric, key of a case) and the printed figure, where there is one."""
+        for case in self.cases:
+            for metric in self.table.metrics:
+                value = self.table.published(case.key, metric)
+                if value is not None:
+                    yield (metric, case.key), value
+
+
+@dataclass(frozen=True)
+class Reproduced:
+    """All tables of a reproduction, made again."""
+
+    reproduction: Reproduction
+    seeds: int
+    tables: Sequence[MadeTable]
+
+    @property
+    def repetitions(self) -> int:
+        """Those that were run for this reproduction."""
+        return sum(made.repetitions for made in self.tables if made.table.stored is None)
+
+    @property
+    def unfinished(self) -> int:
+        return sum(table.unfinished for table in self.tables)
+
+    def rows(self) -> list[Row]:
+        """The rows of all tables."""
+        return [row for table in self.tables for row in table.rows()]
 
     def mean_errors(self) -> dict[str, float | None]:
         """Mean |error| over the cases with a printed figure, by metric."""
@@ -108,22 +201,12 @@ class Reproduced:
         return found
 
     def samples(self) -> dict[tuple[str, Key], list[float]]:
-        """(metric, key of a case) -> its values by seed."""
-        return {
-            (metric, case.key): [result.metrics[metric] for result in batch]
-            for case, batch in zip(self.cases, self.results, strict=True)
-            for metric in self.reproduction.metrics
-        }
+        """(metric, key of a case) -> its values, what claims are judged by."""
+        return dict(sample for table in self.tables for sample in table.samples())
 
     def published(self) -> dict[tuple[str, Key], float]:
         """(metric, key of a case) -> the printed figure, where there is one."""
-        figures = {}
-        for case in self.cases:
-            for metric in self.reproduction.metrics:
-                value = self.reproduction.published(case.key, metric)
-                if value is not None:
-                    figures[metric, case.key] = value
-        return figures
+        return dict(figure for table in self.tables for figure in table.published())
 
 
 def reproduce(
@@ -134,14 +217,26 @@ def reproduce(
     on_start: Callable[[int], Any] | None = None,
     on_done: OnDone | None = None,
 ) -> Reproduced:
-    """Run all cases with seeds 1..`seeds`.
+    """Make all tables with seeds 1..`seeds`.
 
-    `strategies` instead of the published ones; `on_start` is told the number of runs. Raises
-    InputError for an unknown strategy before anything runs.
+    `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
+    InputError for an unknown strategy before anything runs, and where there is none to choose.
     """
-    cases = reproduction.cases(tuple(strategies) or reproduction.strategies)
-    scenarios = [resolve(case.scenario, case.overrides) for case in cases]
+    if strategies and not reproduction.strategies:
+        raise InputError(f"{reproduction.name} compares no strategies: leave out --strategies")
+    chosen = tuple(strategies) or reproduction.strategies
+    cases = [table.cases(chosen) for table in reproduction.tables]
     if on_start is not None:
-        on_start(len(cases) * seeds)
-    results = run_all(scenarios, range(1, seeds + 1), workers, on_done)
-    return Reproduced(reproduction, cases, results)
+        pairs = zip(reproduction.tables, cases, strict=True)
+        on_start(
+            sum(
+                len(of_table) * seeds * table.per_seed
+                for table, of_table in pairs
+                if table.stored is None
+            )
+        )
+    made = [
+        MadeTable(table, of_table, table.run(of_table, range(1, seeds + 1), workers, on_done))
+        for table, of_table in zip(reproduction.tables, cases, strict=True)
+    ]
+    return Reproduced(reproduction, seeds, made)

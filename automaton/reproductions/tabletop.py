@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from automaton.reproductions.study import Case, Key, Reproduction
+from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
 from automaton.reproductions.tabletop_claims import CLAIMS
 
 CONFIGURATIONS: Final = (1, 2)
@@ -36,6 +36,7 @@ T_R_TOTAL: Final = {
     (2, "independent"): (1443, 1932, 2619, 3500, 5205),
     (2, "cooperative"): (1848, 2194, 2592, 2832, 3935),
 }
+EMPTY_RUNS: Final = ("E_U_moves", "E_U_operations", "E_U_cycles")
 TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
 
 REMARKS: Final = (
@@ -60,10 +61,10 @@ REMARKS: Final = (
 )
 
 
-def cases(strategies: Sequence[str]) -> list[Case]:
+def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
     """The cells of the table for these allocation strategies."""
     return [
-        Case(
+        ScenarioCase(
             labels={"configuration": configuration, "strategy": strategy, "robots": robots},
             scenario=f"tabletop-{configuration}",
             overrides=(f"fleet.robots={robots}", f"strategy.allocation={strategy}"),
@@ -88,12 +89,14 @@ REPRODUCTION: Final = Reproduction(
     source="Grzejszczak & Nocoń, Cooperative and individual planning strategies for autonomous "
     "robots in warehouse parcel transportation",
     strategies=STRATEGIES,
-    cases=cases,
-    panels=(
-        ("T_total", "T_R", "T_Rtotal"),
-        ("E_U_moves", "E_U_operations", "E_U_cycles"),
+    tables=(
+        Table(
+            cases=cases,
+            panels=(("T_total", "T_R", "T_Rtotal"), EMPTY_RUNS),
+            published=published,
+            shares=EMPTY_RUNS,
+        ),
     ),
-    published=published,
     averaged=("T_total", "T_Rtotal"),
     claims=CLAIMS,
     remarks=REMARKS,

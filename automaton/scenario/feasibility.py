@@ -7,17 +7,27 @@ from typing import Literal
 
 import numpy as np
 
+from automaton.errors import alternatives
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.floors import Floor
 from automaton.scenario.schema import OrderLine, Scenario
-from automaton.world.cells import DESTINATION, KINDS, SHELF, UNLIMITED
+from automaton.world.cells import DESTINATION, DOCK, KINDS, RACK, SHELF, UNLIMITED
 from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import around_home, slots_out_of_reach, slots_without_access
+from automaton.world.reach import (
+    around_home,
+    rack_stands,
+    slot_access,
+    slots_out_of_reach,
+    slots_without_access,
+)
+from automaton.world.state import NIL
 
-Start = Literal["bays", "random"] | tuple[int, ...]
+Start = Literal["bays", "random", "stands"] | tuple[int, ...]
 
 ROBOTS: Keys = ("fleet", "robots")
 START: Keys = ("fleet", "start")
+SOURCES = (SHELF, DOCK)  # kinds of slots where an order may begin, and end
+TARGETS = (SHELF, DESTINATION, RACK)
 
 
 def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
@@ -37,7 +47,26 @@ def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
         raise document.error(
             ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
         )
+    if start == "bays" and fleet.when_done == "leave":
+        raise document.error(
+            ("fleet", "when_done"),
+            "fleet.when_done is leave, but robots that begin in bays park there",
+        )
+    if start == "stands":
+        _check_stands(document, fleet.robots, plan)
     return start
+
+
+def _check_stands(document: Document, robots: int, plan: FloorPlan) -> None:
+    stands = np.unique(rack_stands(plan))
+    if not len(stands):
+        raise document.error(
+            START, "fleet.start is stands, but there is no rack that robots can stand in front of"
+        )
+    limited = (plan.capacity.flat[stands] != UNLIMITED).any()
+    if limited and robots > len(stands):
+        room = f"in front of racks there is room for {len(stands)}"
+        raise document.error(ROBOTS, f"{_robots(robots)} but {room}")
 
 
 def _drawn_start(document: Document, robots: int, plan: FloorPlan) -> Start:
@@ -74,19 +103,22 @@ def _listed_start(
 
 
 def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
-    """Orders lead from shelves to slots. Raises InputError."""
+    """Orders lead from slots that supply loads to slots that take them. Raises InputError."""
+    generator = scenario.orders.generator
     if scenario.orders.listed is None:
-        for kind in (SHELF, DESTINATION):
+        for kind in (DOCK, RACK) if generator == "dock-to-rack" else (SHELF, DESTINATION):
             if not np.any(floor.plan.kind == kind):
                 name = KINDS[kind].name
                 raise document.error(
-                    ("layout",), f"the orders full-shelves need a {name}, the floor has none"
+                    ("layout",), f"the orders {generator} need a {name}, the floor has none"
                 )
         return
     taken: dict[tuple[int, int], int] = {}
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
         _check_order(document, order, keys, floor.plan)
+        if floor.plan.kind.flat[floor.plan.cell(*order.source)] == DOCK:
+            continue
         if order.source in taken:
             x, y = order.source
             raise document.error(
@@ -104,28 +136,21 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, plan: FloorPl
                 (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(plan)}"
             )
         kind = KINDS[plan.kind.flat[plan.cell(x, y)]]
-        if name == "from" and kind.code != SHELF:
+        allowed = SOURCES if name == "from" else TARGETS
+        if kind.code not in allowed:
+            names = alternatives(f"a {KINDS[code].name}" for code in allowed)
+            verb = "begins" if name == "from" else "ends"
             raise document.error(
-                (*keys, name), f"an order begins at a shelf; [{x}, {y}] is a {kind.name}"
-            )
-        if not kind.slot:
-            raise document.error(
-                (*keys, name),
-                f"an order ends at a shelf or a destination; [{x}, {y}] is a {kind.name}",
+                (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
             )
     if order.source == order.target:
         raise document.error((*keys, "to"), "an order ends where it begins")
 
 
 def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
-    """Every robot can serve every slot and come home again. Raises InputError."""
+    """Every robot can serve every shelf and destination and come home again. Raises InputError."""
     plan = floor.plan
-    if start == "random":
-        homes = tuple(np.flatnonzero(plan.drivable()).tolist())
-    elif start == "bays":
-        homes = tuple(plan.bays[: scenario.fleet.robots, 1].tolist())
-    else:
-        homes = start
+    homes = _homes(plan, start, scenario.fleet.robots)
     rail = scenario.fleet.kinematics == "rail"
     lonely, remote = _unserved(plan, homes[0], rail)
     for cell, why in (
@@ -146,11 +171,51 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
         )
 
 
+def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start: Start) -> None:
+    """Robots reach the docks and racks that orders name, and some of each. Raises InputError."""
+    orders = scenario.orders
+    home = _homes(plan, start, scenario.fleet.robots)[0]
+    within = around_home(plan, home, scenario.fleet.kinematics == "rail")
+    access = slot_access(plan)
+    served = ((access != NIL) & within[access]).any(axis=1)
+    why = "a robot must get in front of it from its start, and back"
+    if orders.generator == "dock-to-rack":
+        kinds = plan.kind.reshape(-1)[plan.slots()]
+        for kind in (DOCK, RACK):
+            if not served[kinds == kind].any():
+                raise document.error(("layout",), f"no {KINDS[kind].name} can be served: {why}")
+    slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())} if orders.listed else {}
+    for index, order in enumerate(orders.listed or ()):
+        for name, (x, y) in (("from", order.source), ("to", order.target)):
+            cell = plan.cell(x, y)
+            if not served[slots[cell]]:
+                kind_name = KINDS[plan.kind.flat[cell]].name
+                raise document.error(
+                    ("orders", "list", index, name),
+                    f"the {kind_name} at [{x}, {y}] cannot be served: {why}",
+                )
+
+
+def _homes(plan: FloorPlan, start: Start, robots: int) -> tuple[int, ...]:
+    """Cells where robots may begin."""
+    if start == "random":
+        return tuple(np.flatnonzero(plan.drivable()).tolist())
+    if start == "stands":
+        return tuple(np.unique(rack_stands(plan)).tolist())
+    if start == "bays":
+        return tuple(plan.bays[:robots, 1].tolist())
+    return start
+
+
 @lru_cache(maxsize=64)
 def _unserved(plan: FloorPlan, home: int, rail: bool) -> tuple[int | None, int | None]:
-    """The first slot that nothing drives beside, and the first that is out of reach."""
-    lonely = slots_without_access(plan)
-    remote = slots_out_of_reach(plan, home, rail)
+    """The first slot that nothing drives beside, and the first that is out of reach.
+
+    Racks and docks may be: orders are given to the others alone.
+    """
+    kind = plan.kind.reshape(-1)
+    lonely, remote = slots_without_access(plan), slots_out_of_reach(plan, home, rail)
+    lonely, remote = (slots[~np.isin(kind[slots], (RACK, DOCK))] for slots in (lonely, remote))
     return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
 
 

@@ -1,4 +1,4 @@
-"""The floor of a scenario: generated, drawn in the scenario, or drawn in a file of its own."""
+"""The floor of a scenario: generated, drawn in it, or in a file of its own."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from typing import Any, NamedTuple, Protocol, cast
 import msgspec
 import yaml
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.document import Document, Keys, node_at
+from automaton.scenario.matrices import MatrixError, read_matrix
 from automaton.scenario.pictures import (
     Legend,
     PictureError,
@@ -20,7 +21,7 @@ from automaton.scenario.pictures import (
     symbol_of,
 )
 from automaton.scenario.reading import read_text
-from automaton.scenario.schema import FileLayout, LegendEntry, PictureLayout
+from automaton.scenario.schema import FileLayout, LegendEntry, MatrixLayout, PictureLayout
 from automaton.scenario.validation import shown, validated
 from automaton.world.plan import FloorPlan
 
@@ -43,17 +44,17 @@ class Floor(NamedTuple):
 
 def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
     """The floor that the layout of a scenario describes. Raises InputError."""
-    forms = [form for form in ("generator", "picture", "file") if form in layout]
-    if len(forms) != 1:
-        hint = next(
-            (nearest(key, ("generator", "picture", "file")) for key in layout if not forms), ""
-        )
-        raise document.error(
-            LAYOUT, f"layout must have exactly one of generator, picture or file{hint}"
-        )
-    return {"generator": _generated, "picture": _drawn, "file": _from_file}[forms[0]](
-        document, layout
-    )
+    forms = {
+        "generator": _generated,
+        "picture": _drawn,
+        "file": _from_file,
+        "matrix": _from_matrix,
+    }
+    found = [form for form in forms if form in layout]
+    if len(found) != 1:
+        hint = next((nearest(key, forms) for key in layout if not found), "")
+        raise document.error(LAYOUT, f"layout must have exactly one of {alternatives(forms)}{hint}")
+    return forms[found[0]](document, layout)
 
 
 def generators() -> dict[str, str]:
@@ -139,6 +140,22 @@ def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
         return InputError(message, str(path), row + 1)
 
     return _picture(picture, _legend(document, wanted.legend), error_at)
+
+
+def _from_matrix(document: Document, layout: dict[str, Any]) -> Floor:
+    wanted = validated(document, layout, MatrixLayout, LAYOUT)
+    path = document.folder / wanted.matrix
+    if not path.is_file():
+        raise document.error(("layout", "matrix"), f"there is no floor file '{wanted.matrix}'")
+    text = read_text(path)
+
+    def error_at(message: str, row: int) -> InputError:
+        return InputError(message, str(path), row + 1)
+
+    try:
+        return Floor(read_matrix(text, wanted.capacity), error_at)
+    except MatrixError as error:
+        raise error_at(error.message, error.row) from None
 
 
 def _picture(picture: str, legend: Legend, error_at: Callable[[str, int], InputError]) -> Floor:

@@ -7,7 +7,14 @@ from typing import Any
 import msgspec
 
 from automaton.scenario.floors import generator_type, generators
-from automaton.scenario.schema import LAYERS, FileLayout, LegendEntry, PictureLayout, Scenario
+from automaton.scenario.schema import (
+    LAYERS,
+    FileLayout,
+    LegendEntry,
+    MatrixLayout,
+    PictureLayout,
+    Scenario,
+)
 
 Schema = dict[str, Any]
 
@@ -19,7 +26,7 @@ def json_schema() -> Schema:
     """A JSON Schema (2020-12) for editors and other programs."""
     (reference,), definitions = msgspec.json.schema_components((Scenario,), ref_template=REFERENCE)
     definitions["Scenario"]["properties"]["layout"] = {
-        "description": "The floor: generated, drawn here, or drawn in a file.",
+        "description": "The floor: generated, drawn here, or in a file of its own.",
         "oneOf": _layouts(definitions),
     }
     layers = definitions["Strategies"]["properties"]
@@ -49,7 +56,8 @@ def _layouts(definitions: dict[str, Any]) -> list[Schema]:
         "additionalProperties": _component(LegendEntry, definitions),
         "description": "Symbols beyond the built-in ones.",
     }
-    drawn = [_component(form, definitions) for form in (PictureLayout, FileLayout)]
+    forms = (PictureLayout, FileLayout, MatrixLayout)
+    drawn = [_component(form, definitions) for form in forms]
     for form in (PictureLayout, FileLayout):
         definitions[form.__name__]["properties"]["legend"] = legend
     return [*built_in, foreign, *drawn]

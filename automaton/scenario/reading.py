@@ -15,7 +15,10 @@ SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts
 
 def shipped() -> dict[str, Path]:
     """The scenarios that come with the package, by name."""
-    return {path.stem: path for path in sorted(SHIPPED_FOLDER.glob("*.yaml"))}
+    return {
+        path.stem: path
+        for path in sorted(SHIPPED_FOLDER.glob("*.yaml"), key=lambda path: path.stem)
+    }
 
 
 def find(name: str | Path) -> Path:

@@ -12,7 +12,7 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.scenario.document import Document, Keys, Override
-from automaton.scenario.feasibility import check_floor, check_orders, start_of
+from automaton.scenario.feasibility import check_floor, check_orders, check_service, start_of
 from automaton.scenario.floors import floor_of
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import read
@@ -35,7 +35,7 @@ class Resolved:
     scenario: Scenario
     plan: FloorPlan
     picks: dict[str, Pick]  # by layer
-    start: Literal["bays", "random"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
+    start: Literal["bays", "random", "stands"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
 
@@ -58,6 +58,7 @@ def resolve(
     start = start_of(document, checked, floor.plan)
     check_orders(document, checked, floor)
     check_floor(checked, floor, start)
+    check_service(document, checked, floor.plan, start)
     return Resolved(
         scenario=checked,
         plan=floor.plan,

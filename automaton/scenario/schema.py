@@ -12,11 +12,15 @@ import msgspec
 from msgspec import Meta
 
 Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
+TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 Text = Annotated[str, Meta(min_length=1)]
 Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
+KindName = Literal[
+    "wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay", "rack", "dock"
+]
 Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
@@ -40,12 +44,20 @@ class Fleet(Part, frozen=True, kw_only=True):
         ),
     ] = "differential"
     start: Annotated[
-        Literal["bays", "random"] | tuple[Pair, ...] | None,
+        Literal["bays", "random", "stands"] | tuple[Pair, ...] | None,
         Meta(
-            description="Where robots begin: bays, random, or a list of cells. Left out: where the "
-            "picture draws robots, else in bays if the floor has any, else random."
+            description="Where robots begin: bays, random, stands (in front of racks drawn at "
+            "random), or a list of cells. Left out: where the picture draws robots, else in bays "
+            "if the floor has any, else random."
         ),
     ] = None
+    when_done: Annotated[
+        Literal["park", "leave"],
+        Meta(
+            description="What robots without work do. park: drive to where they began; leave: "
+            "leave the floor where they stand, and come back there for an order."
+        ),
+    ] = "park"
 
 
 class Units(Part, frozen=True, kw_only=True):
@@ -65,18 +77,22 @@ class Durations(Part, frozen=True, kw_only=True):
 
     move: Annotated[Ticks, Meta(description="To the next cell.")] = 1
     turn: Annotated[Ticks, Meta(description="By 90 degrees.")] = 1
-    pick: Annotated[Ticks, Meta(description="Take a load from a slot.")] = 1
-    drop: Annotated[Ticks, Meta(description="Set a load down.")] = 1
+    pick: Annotated[
+        TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
+    ] = 1
+    drop: Annotated[
+        TicksOrNone, Meta(description="Set a load down; 0: on arrival, within the move.")
+    ] = 1
     try_drop: Annotated[Ticks, Meta(description="Look whether a load can be set down.")] = 1
 
 
 class OrderLine(Part, frozen=True, kw_only=True):
-    """One order: bring the load of a shelf to a slot."""
+    """One order: bring a load from one slot to another."""
 
-    source: Annotated[Pair, Meta(description="The shelf with the load.")] = msgspec.field(
+    source: Annotated[Pair, Meta(description="The shelf or dock with the load.")] = msgspec.field(
         name="from"
     )
-    target: Annotated[Pair, Meta(description="The shelf or destination to bring it to.")] = (
+    target: Annotated[Pair, Meta(description="The shelf, destination or rack to bring it to.")] = (
         msgspec.field(name="to")
     )
 
@@ -85,11 +101,17 @@ class Orders(Part, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders or a list of them."""
 
     generator: Annotated[
-        Literal["full-shelves", "drawn-loads"] | None,
+        Literal["full-shelves", "drawn-loads", "dock-to-rack"] | None,
         Meta(
             description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
-            "shelves drawn as $ do. Each is brought to a destination drawn at random."
+            "shelves drawn as $ do. Each is brought to a destination drawn at random. "
+            "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
+            "random."
         ),
+    ] = None
+    count: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Meta(description="dock-to-rack: how many orders there are."),
     ] = None
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         msgspec.field(name="list", default=None)
@@ -100,6 +122,10 @@ class Orders(Part, frozen=True, kw_only=True):
             raise ValueError("orders must have either a generator or a list")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
+        if self.generator == "dock-to-rack" and self.count is None:
+            raise ValueError("the generator dock-to-rack needs a count of orders")
+        if self.generator != "dock-to-rack" and self.count is not None:
+            raise ValueError("count belongs to the generator dock-to-rack")
 
 
 class Strategies(Part, frozen=True, kw_only=True):
@@ -120,6 +146,22 @@ class WorldRules(Part, frozen=True, kw_only=True):
     following: Annotated[
         bool, Meta(description="A robot may enter a cell that is given up in the same tick.")
     ] = True
+    zones: Annotated[
+        Literal["undirected", "directed", "with-intersections"],
+        Meta(
+            description="The stretches between intersections: one zone each, one for each "
+            "direction of travel, or intersections as zones of their own, too."
+        ),
+    ] = "undirected"
+    slowdown: Annotated[
+        Literal["none", "zones"],
+        Meta(
+            description="zones: a move that starts in a zone with m robots takes m times as long."
+        ),
+    ] = "none"
+    extra_tick: Annotated[
+        float, Meta(ge=0, le=1, description="Probability that a move takes one tick more.")
+    ] = 0.0
 
 
 class Radius(Part, frozen=True, kw_only=True):
@@ -140,6 +182,19 @@ class Stop(Part, frozen=True, kw_only=True):
     ] = 50_000
 
 
+class Measure(Part, frozen=True, kw_only=True):
+    """What the metrics of tasks count: task_time, delay and completions."""
+
+    warm_up: Annotated[
+        int,
+        Meta(
+            ge=0,
+            le=2_000_000_000,
+            description="Ticks at the beginning of a run that they leave out.",
+        ),
+    ] = 0
+
+
 class Scenario(Part, frozen=True, kw_only=True):
     """A scenario of automaton: a floor, a fleet, orders and the strategies that run them."""
 
@@ -147,7 +202,7 @@ class Scenario(Part, frozen=True, kw_only=True):
     summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
     layout: Annotated[
         Parameters,
-        Meta(description="The floor: a generator, a picture or a file."),
+        Meta(description="The floor: a generator, a picture, a file or a matrix."),
     ]
     fleet: Fleet
     units: Units = Units()
@@ -160,16 +215,27 @@ class Scenario(Part, frozen=True, kw_only=True):
         Meta(description="What strategies see: everything, the order list only, or a radius."),
     ] = "everything"
     stop: Stop = Stop()
+    measure: Annotated[
+        Measure | None,
+        Meta(description="Measure the tasks: how long they take, and by how much too long."),
+    ] = None
     seed: Annotated[
         int, Meta(ge=0, le=2**63 - 1, description="Every random draw of a run follows from it.")
     ] = 1
+
+    def __post_init__(self) -> None:
+        if self.measure is not None and self.measure.warm_up >= self.stop.at_most:
+            raise ValueError(
+                f"measure begins after tick {self.measure.warm_up} (warm_up), "
+                f"but the run stops at tick {self.stop.at_most} (stop.at_most)"
+            )
 
 
 class LegendEntry(Part, frozen=True, kw_only=True):
     """What a symbol of a picture stands for."""
 
     kind: Annotated[
-        Literal["wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay"],
+        KindName,
         Meta(description="The kind of cell."),
     ]
     capacity: Annotated[
@@ -188,6 +254,22 @@ class PictureLayout(Part, frozen=True, kw_only=True):
 
     picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+
+
+class MatrixLayout(Part, frozen=True, kw_only=True):
+    """A floor of racks and docks as a CSV file of codes."""
+
+    matrix: Annotated[
+        Text,
+        Meta(
+            description="Path, relative to the scenario. Codes: -1 wall, 0 free, 50 intersection, "
+            "100 rack, 200 dock."
+        ),
+    ]
+    capacity: Annotated[
+        Literal[0, 1, 2],
+        Meta(description="Robots at a time in a free cell: any number (0), 1, or 2."),
+    ] = 0
 
 
 class FileLayout(Part, frozen=True, kw_only=True):

@@ -5,6 +5,13 @@ decide       a Python method that the loop leaves for, and comes back from
 
 Both get the same arguments: the view (read-only), the batch, the answers (which start as KEEP), the
 strategy's own memory, and the workspace of the searches.
+
+With `every` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
+reason is PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
+robots that are free to act (right of way); robots on their way (routing), that is, with a stand that
+their drive does not end in now, no route being asked for, and no withdrawal or TRY_DROP to do first.
+They may turn, wait or be in the middle of a long move: a new route replaces the rest of the old one
+when that is over. It begins in `position(view, robot)`, in a long move the cell that it enters.
 """
 
 from __future__ import annotations
@@ -27,7 +34,7 @@ class Strategy:
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
-    every: int = 0  # also asked every so many ticks, about all robots; 0 = only when concerned
+    every: int = 0  # also asked every so many ticks (below); 0 = only when concerned
 
     def __init_subclass__(cls) -> None:
         # A decide written in a subclass of a compiled strategy replaces its kernel.

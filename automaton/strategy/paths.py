@@ -16,9 +16,15 @@ UNREACHABLE = search.FAR
 
 
 def position(view: World, robot: int) -> int:
-    """The cell of a robot (storage index), or the home cell through which it leaves its bay."""
-    cell = int(view.robots.cell[robot])
-    return int(view.robots.home[robot]) if cell == NIL else cell
+    """The cell from which a robot (storage index) drives on.
+
+    In a long move that is the cell which it enters, in a bay the home cell through which it leaves.
+    """
+    robots = view.robots
+    cell, claim = int(robots.cell[robot]), int(robots.claim[robot])
+    if claim != NIL:
+        return claim
+    return int(robots.home[robot]) if cell == NIL else cell
 
 
 def _checked(view: World, cell: int) -> int:

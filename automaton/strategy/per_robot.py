@@ -127,7 +127,7 @@ class Me:
 
     @property
     def cell(self) -> tuple[int, int]:
-        """(x, y); in a bay, its home cell."""
+        """(x, y); in a long move the cell that it enters, in a bay its home cell."""
         width = self._view.grid.width
         place = paths.position(self._view, self._robot)
         return place % width - 1, place // width - 1

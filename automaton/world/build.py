@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from automaton.kernels import draws
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import MOST_EVENTS
 from automaton.scenario.resolve import Resolved
+from automaton.world.demand import build_orders
 from automaton.world.floor import Floor, floor_for, frozen
-from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import around_home
+from automaton.world.rules import rules_for
+from automaton.world.starts import first_headings, homes, occupy_starts
 from automaton.world.state import (
-    ACTION_NAMES,
     ACTIONS,
     CLOCK_SIZE,
     DIGEST_EVERY,
@@ -23,7 +22,6 @@ from automaton.world.state import (
     NEED_ALLOCATION,
     NIL,
     NO_STEP,
-    ORDER_LIST,
     SEEN_CHANGES,
     UNDELIVERED,
     UNPARKED,
@@ -32,15 +30,11 @@ from automaton.world.state import (
     Array,
     Asked,
     ChargingAnswers,
-    Grid,
     Memory,
-    Orders,
     Record,
     RightOfWayAnswers,
     Robots,
     RoutingAnswers,
-    Rules,
-    Slots,
     Tally,
     Traffic,
     World,
@@ -55,7 +49,6 @@ from automaton.world.waiting import (
     Scratch,
 )
 
-STOPS = {"parked": 0, "delivered": 1, "never": 2}
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
@@ -76,8 +69,9 @@ def build_world(
     route may have; default what the floor may ask for.
     """
     scenario = resolved.scenario
-    durations = scenario.durations
-    floor = floor_for(resolved.plan, scenario.fleet.kinematics, durations.move, durations.turn)
+    kinematics, durations = scenario.fleet.kinematics, scenario.durations
+    zones = scenario.world.zones
+    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones)
     home = homes(resolved, floor, seed)[0][:1]
     orders, slots = build_orders(resolved, floor, seed, int(home[0]))
     occupancy = floor.occupancy.copy()
@@ -90,25 +84,17 @@ def build_world(
     clock[FRESH_ALLOCATION] = n
     clock[SEEN_CHANGES] = NIL
     clock[DIGEST_EVERY] = 1
-    rules = Rules(
-        seed=np.uint64(seed),
-        following=int(scenario.world.following),
-        stop=STOPS[scenario.stop.when],
-        radius=radius_of(scenario.information),
-        duration=duration_table(durations),
-        wait=np.ones(5, np.int32),
-        every=np.zeros(5, np.int32),
-    )
     tally = Tally(
         times=np.zeros((n, ACTIONS, 2), np.int64),
         ticks=np.zeros((n, ACTIONS, 2), np.int64),
+        slowed=np.zeros(n, np.int64),
         illegal=np.zeros(5, np.int64),
         asked=np.zeros(5, np.int64),
     )
-    traffic = build_traffic(n, occupancy)
+    traffic = build_traffic(n, occupancy, floor.grid.zones)
     world = World(
         grid=floor.grid,
-        rules=rules,
+        rules=rules_for(scenario, seed),
         robots=robots,
         orders=orders,
         slots=slots,
@@ -119,18 +105,7 @@ def build_world(
     return world, floor
 
 
-def radius_of(information: Any) -> int:
-    if isinstance(information, str):
-        return NIL if information == "everything" else ORDER_LIST
-    return int(information.radius)
-
-
-def duration_table(durations: Any) -> Array:
-    """(A,) int32: ticks of each action; those without a duration of their own take 1."""
-    return np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
-
-
-def build_traffic(robots: int, occupancy: Array) -> Traffic:
+def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
     crowded = len(occupancy) < CROWDED * robots
     table = 64
     while table < 3 * robots:
@@ -139,59 +114,13 @@ def build_traffic(robots: int, occupancy: Array) -> Traffic:
         occupancy=occupancy,
         want=np.zeros(robots, np.uint8),
         span=np.ones(robots, np.uint16),
+        crowd=np.zeros(zones, np.int32),
         pending=np.zeros((robots, 8), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),
         contest=np.full(2 * len(occupancy) if crowded else table, NIL, np.int32),
         key=np.zeros(0 if crowded else table, np.int32),
     )
-
-
-def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
-    """Orders by slot (table order) or as listed; targets depend on the seed and the order alone.
-
-    Slots are served from the cells that robots can reach from `home`, and come back from.
-    """
-    plan, scenario = resolved.plan, resolved.scenario
-    slot_of = floor.grid.slot
-    if scenario.orders.listed is not None:
-        pairs = [
-            (plan.cell(*line.source), plan.cell(*line.target)) for line in scenario.orders.listed
-        ]
-        source = slot_of[[pair[0] for pair in pairs]]
-        target = slot_of[[pair[1] for pair in pairs]]
-    else:
-        loaded = floor.slot_endless == 0
-        if scenario.orders.generator == "drawn-loads":
-            loaded &= plan.loads.reshape(-1)[floor.slot_cell] == 1
-        source = np.flatnonzero(loaded).astype(np.int32)
-        destinations = np.flatnonzero(floor.slot_endless).astype(np.int32)
-        choice = np.zeros(len(source), np.int32)
-        with np.errstate(over="ignore"):
-            draws.draw_many(choice, len(destinations), np.uint64(seed), draws.ORDERS)
-        target = destinations[choice]
-    m = len(source)
-    mask = around_home(plan, home, scenario.fleet.kinematics == "rail")
-    content = np.full(len(floor.slot_cell), NIL, np.int32)
-    content[source] = np.arange(m, dtype=np.int32)
-    orders = Orders(
-        state=np.zeros(m, np.uint8),
-        place=source.astype(np.int32).copy(),
-        source=source.astype(np.int32),
-        target=target.astype(np.int32),
-        by=np.full(m, NIL, np.int32),
-        released=np.zeros(m, np.int32),
-        delivered=np.full(m, NIL, np.int32),
-        legs=np.zeros(m, np.int32),
-    )
-    slots = Slots(
-        cell=floor.slot_cell,
-        endless=floor.slot_endless,
-        content=content,
-        by=np.full(len(content), NIL, np.int32),
-        access=np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32),
-    )
-    return orders, slots
 
 
 def build_robots(
@@ -251,44 +180,6 @@ def build_robots(
     )
 
 
-def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
-    """(n,) home cells and (n,) bays by identity; NIL where a robot parks on the floor itself."""
-    n = resolved.scenario.fleet.robots
-    none = np.full(n, NIL, np.int32)
-    if resolved.start == "bays":
-        bays = resolved.plan.bays[:n]
-        return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
-    if resolved.start == "random":
-        return random_cells(resolved.plan, n, seed), none
-    return np.array(resolved.start, np.int32), none
-
-
-def random_cells(plan: FloorPlan, n: int, seed: int) -> Array:
-    """n different drivable cells: those of the least draws, in the order of their draws."""
-    cells = np.flatnonzero(DRIVABLE[plan.kind.reshape(-1)])
-    keys = np.zeros(len(cells), np.int64)
-    with np.errstate(over="ignore"):
-        draws.draw_many(keys, 2**31, np.uint64(seed), draws.STARTS)
-    chosen: Array = cells[np.argsort(keys, kind="stable")[:n]].astype(np.int32)
-    return chosen
-
-
-def first_headings(grid: Grid, cells: Array) -> Array:
-    """(n,) uint8: vertical where the cell leads south or north, else horizontal."""
-    rule = grid.rule[cells]
-    choices = [(rule >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
-    direction = np.select(choices, [1, 3, 0, 2], 0)
-    headings: Array = (direction & (grid.headings - 1)).astype(np.uint8)
-    return headings
-
-
-def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -> None:
-    capacity = (grid.rule[cells].astype(np.int64) >> 5) & 3
-    lane = headings.astype(np.int64) >> 1
-    bit = np.select([capacity == 1, capacity == 2], [np.full_like(lane, 96), 32 << lane], 0)
-    np.bitwise_and.at(occupancy, cells, ~bit.astype(np.uint16))
-
-
 def build_buffers(world: World) -> Buffers:
     """The batch and the answers, sized for the world."""
     n, m, s = len(world.robots.cell), len(world.orders.state), len(world.slots.cell)
@@ -327,7 +218,7 @@ def build_sight(world: World, floor: Floor) -> World:
         return world
     return world.replaced(
         robots=world.robots.copied(),
-        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy()),
+        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy(), floor.grid.zones),
         tally=world.tally.copied(),
     )
 
@@ -355,6 +246,8 @@ def build_observation(world: World, ticks: int) -> Observation:
         blocker=nil.copy(),
         wanted=nil.copy(),
         since=np.zeros(n, np.int64),
+        slow_zone=nil.copy(),
+        crowd=np.zeros(n, np.int32),
         ring=np.zeros(n, np.int32),
         lost=np.zeros((n, CAUSE_COUNT), np.int64),
         busy_before=np.zeros(n, np.uint16),

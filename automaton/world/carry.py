@@ -14,6 +14,7 @@ from automaton.world.state import (
     CHANGED,
     DECIDED,
     DIGEST_EVERY,
+    NIL,
     OBSERVING,
     RECORDED,
     RECORDING,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
-STATIC: Final = ("identity", "at_index", "home", "bay", "route")
+STATIC: Final = ("identity", "at_index", "bay", "route")
 PARTS: Final = ("robots", "orders", "slots", "tally")
 NOT_CARRIED: Final = {
     "robots": STATIC,
@@ -63,5 +64,7 @@ def take_over(world: World, watch: Observation, before: Simulation) -> None:
     for name, array in state_arrays(world, watch):
         if array.shape == theirs[name].shape:  # an unobserved simulation has no observation
             np.copyto(array, theirs[name])
+    if not world.rules.slowdown:
+        watch.slow_zone[:] = NIL  # a branch may have switched it off
     np.copyto(world.robots.route, before.world.robots.route)
     copy_clock(world.clock, before.world.clock)

@@ -37,6 +37,8 @@ SHELF: Final = 4
 DESTINATION: Final = 5
 CHARGER: Final = 6
 BAY: Final = 7
+RACK: Final = 8
+DOCK: Final = 9
 
 
 class Kind(NamedTuple):
@@ -44,22 +46,31 @@ class Kind(NamedTuple):
 
     code: int  # value in the array of kinds
     name: str  # as a legend names it
-    drivable: bool  # robots stand on it and drive over it
-    turns: bool  # rail robots may turn here
-    slot: bool  # loads are set down here, from a drivable cell beside it
-    swallows: bool  # a slot that takes any number of loads, for good
     meaning: str
+    drivable: bool = False  # robots stand on it and drive over it
+    turns: bool = False  # rail robots may turn here
+    slot: bool = False  # loads are handled here, from a drivable cell beside it
+    swallows: bool = False  # a slot that takes any number of loads, for good
+    supplies: bool = False  # a slot where any number of loads wait to be picked up
 
 
 KINDS: Final = (
-    Kind(WALL, "wall", False, False, False, False, "nothing passes"),
-    Kind(FLOOR, "floor", True, False, False, False, "free floor"),
-    Kind(TRACK, "track", True, False, False, False, "a rail along one axis"),
-    Kind(TURNTABLE, "turntable", True, True, False, False, "crossing where rail robots turn"),
-    Kind(SHELF, "shelf", False, False, True, False, "holds one load"),
-    Kind(DESTINATION, "destination", False, False, True, True, "where loads leave the floor"),
-    Kind(CHARGER, "charger", True, False, False, False, "floor where a robot charges"),
-    Kind(BAY, "bay", False, False, False, False, "parks one robot beside its home cell"),
+    Kind(WALL, "wall", "nothing passes"),
+    Kind(FLOOR, "floor", "free floor", drivable=True),
+    Kind(TRACK, "track", "a rail along one axis", drivable=True),
+    Kind(TURNTABLE, "turntable", "crossing where rail robots turn", drivable=True, turns=True),
+    Kind(SHELF, "shelf", "holds one load", slot=True),
+    Kind(DESTINATION, "destination", "where loads leave the floor", slot=True, swallows=True),
+    Kind(CHARGER, "charger", "floor where a robot charges", drivable=True),
+    Kind(BAY, "bay", "parks one robot beside its home cell"),
+    Kind(
+        RACK,
+        "rack",
+        "stores any number of loads, reached from above or below",
+        slot=True,
+        swallows=True,
+    ),
+    Kind(DOCK, "dock", "where loads come in, any number", slot=True, supplies=True),
 )
 
 KIND_BY_NAME: Final = {kind.name: kind for kind in KINDS}
@@ -86,6 +97,8 @@ SYMBOLS: Final[dict[str, Symbol]] = {
     "d": Symbol(DESTINATION),
     "c": Symbol(CHARGER, ALL_EXITS),
     "b": Symbol(BAY),
+    "r": Symbol(RACK),
+    "i": Symbol(DOCK),
     ">": Symbol(FLOOR, EXIT_EAST),
     "v": Symbol(FLOOR, EXIT_SOUTH),
     "<": Symbol(FLOOR, EXIT_WEST),

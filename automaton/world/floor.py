@@ -8,12 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import SHELF
+from automaton.world.cells import KINDS
 from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
+from automaton.world.reach import slot_access
+from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
+from automaton.world.zones import zones_of
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
+ENDLESS = np.array([kind.swallows or kind.supplies for kind in KINDS])  # (kinds,) bool
 FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
 
 
@@ -33,21 +37,21 @@ class Floor(NamedTuple):
 
         Simulations may run in threads side by side, so no two share one.
         """
-        cells, headings = self.grid.kind.size, self.grid.headings
-        space = self.spaces.pop() if self.spaces else workspace(cells, headings, self.longest_route)
+        space = self.spaces.pop() if self.spaces else workspace(self.grid, self.longest_route)
         weakref.finalize(user, self.spaces.append, space)
         return space
 
 
 @lru_cache(maxsize=16)
-def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
-    """Build a floor once for each plan, kinematics and cost of driving."""
+def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str) -> Floor:
+    """Build a floor once for each plan, kinematics, cost of driving and mode of zones."""
     headings = HEADINGS[kinematics]
     kind = plan.kind.reshape(-1)
     cells = plan.slots()
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
     rule = rules_of(plan, kinematics)
+    zones = zones_of(plan, mode)
     grid = Grid(
         width=plan.stride,
         headings=headings,
@@ -55,19 +59,17 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int) -> Floor:
         rule=frozen(rule),
         offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
         slot=frozen(slot),
+        zone=zones.of,
+        zones=zones.count,
     )
-    neighbours = cells[:, None].astype(np.int64) + grid.offset[None, :]
-    inside = (neighbours >= 0) & (neighbours < kind.size)
-    neighbours = np.where(inside, neighbours, 0)
-    access = np.where(inside & DRIVABLE[kind[neighbours]], neighbours, NIL).astype(np.int32)
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
     longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
     return Floor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
-        slot_endless=frozen((kind[cells] != SHELF).astype(np.uint8)),
-        slot_access=frozen(access),
+        slot_endless=frozen(ENDLESS[kind[cells]].astype(np.uint8)),
+        slot_access=slot_access(plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         spaces=[],
         longest_route=longest_route,
@@ -84,9 +86,10 @@ def rules_of(plan: FloorPlan, kinematics: str) -> Array:
     return rule
 
 
-def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
+def workspace(grid: Grid, longest_route: int) -> Workspace:
     """Scratch for the searches, and room for as many distance fields as fit the budget."""
-    poses = cells * headings
+    cells = grid.kind.size
+    poses = cells * grid.headings
     fields = max(1, min(cells, FIELDS_BYTES // (4 * poses)))
     return Workspace(
         cost=np.zeros(poses, np.int32),
@@ -101,6 +104,7 @@ def workspace(cells: int, headings: int, longest_route: int) -> Workspace:
         field_of=np.full(cells, NIL, np.int32),
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
+        routes=route_space(poses, grid.zones),
     )
 
 

@@ -8,7 +8,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from automaton.world.cells import EAST, NORTH, RACK, SOUTH, WEST
 from automaton.world.plan import TURNS, Cells, FloorPlan
+from automaton.world.state import NIL
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
 
@@ -55,6 +57,30 @@ def reached(plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool 
         front = following
     either: Mask = seen[0] | seen[1]
     return either
+
+
+@lru_cache(maxsize=16)
+def slot_access(plan: FloorPlan) -> npt.NDArray[np.int32]:
+    """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
+
+    Racks open upwards and downwards only.
+    """
+    cells, drivable = plan.slots().astype(np.int64), plan.drivable().reshape(-1)
+    around = cells[:, None] + np.array([1, plan.stride, -1, -plan.stride])
+    inside = (around >= 0) & (around < drivable.size)
+    around = np.where(inside, around, 0)
+    access = np.where(inside & drivable[around], around, NIL).astype(np.int32)
+    access[np.ix_(plan.kind.reshape(-1)[cells] == RACK, [EAST, WEST])] = NIL
+    access.setflags(write=False)
+    return access
+
+
+def rack_stands(plan: FloorPlan) -> Cells:
+    """A cell in front of each rack that has one, above it if there is one, in table order."""
+    racks = slot_access(plan)[plan.kind.reshape(-1)[plan.slots()] == RACK]
+    stands = np.where(racks[:, NORTH] != NIL, racks[:, NORTH], racks[:, SOUTH])
+    found: Cells = stands[stands != NIL]
+    return found
 
 
 def slots_without_access(plan: FloorPlan) -> Cells:

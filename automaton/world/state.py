@@ -13,6 +13,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
+from automaton.world.route_space import RouteSpace
 
 Array = NDArray[Any]
 
@@ -118,6 +119,8 @@ class Grid(Struct):
     )
     offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
     slot: Array  # (C,) int32: the slot in this cell, or NIL
+    zone: Array  # (C, 2) int32: zone of a robot that travels in direction d: [c, d >> 1], or NIL
+    zones: int  # how many there are (automaton.world.zones)
 
 
 class Rules(Struct):
@@ -126,10 +129,13 @@ class Rules(Struct):
     seed: Any  # uint64
     following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
     stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
+    leave: int  # 1: a robot with nothing to do leaves the floor where it stands
     radius: int  # how far strategies see, cells (Chebyshev); NIL everything, or ORDER_LIST
     duration: Array  # (A,) int32, ticks of each action
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+    slowdown: int  # 1: a move takes as many times longer as its zone has robots
+    extra_tick: int  # of 2**32 moves, how many take a tick more
 
 
 class Robots(Struct):
@@ -137,7 +143,7 @@ class Robots(Struct):
 
     identity: Array  # (n,) int32, a permutation of 0..n-1
     at_index: Array  # (n,) int32: the storage index of an identity
-    cell: Array  # (n,) int32: where it stands; during a long move the cell left; NIL in a bay
+    cell: Array  # (n,) int32: where it stands, or the cell left by a long move; NIL: off the floor
     claim: Array  # (n,) int32: the cell that a long move enters, else NIL
     heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
     travel: Array  # (n,) uint8: direction in which it entered its cell: its lane at capacity 2
@@ -158,8 +164,8 @@ class Robots(Struct):
     withdrawing: Array  # (n,) int16: moves left of a withdrawal
     blocked: Array  # (n,) uint8: failed retries since the last executed operation
     hold: Array  # (n,) uint8: HOLD_*
-    home: Array  # (n,) int32: cell in which it parks, or through which it enters its bay
-    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor
+    home: Array  # (n,) int32: cell in which it parks, through which it enters its bay, or has left
+    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor, or leaves it
     parked: Array  # (n,) uint8
     zone: Array  # (n,) int32: the zone it serves, set by zoning
     need: Array  # (n,) uint8: NEED_* bits
@@ -179,15 +185,17 @@ class Orders(Struct):
     target: Array  # (m,) int32: slot to which it must go
     by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     released: Array  # (m,) int32: tick from which it is known
+    dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
+    dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     delivered: Array  # (m,) int32: tick of delivery, or NIL
     legs: Array  # (m,) int32: times it was picked up
 
 
 class Slots(Struct):
-    """Cells that hold loads: shelves (one each) and destinations (any number)."""
+    """Cells that hold loads: shelves one each; destinations, racks and docks any number."""
 
     cell: Array  # (s,) int32
-    endless: Array  # (s,) uint8: 1 = a destination
+    endless: Array  # (s,) uint8: 1 = any number of loads: no shelf
     content: Array  # (s,) int32: the order on a shelf, or NIL
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
     access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL
@@ -199,6 +207,7 @@ class Traffic(Struct):
     occupancy: Array  # (C,) uint16: claims, room and the rule of a cell (automaton.kernels.motion)
     want: Array  # (n,) uint8: the intent before motion, its outcome after
     span: Array  # (n,) uint16: ticks that the wanted move takes
+    crowd: Array  # (Z,) int32: robots in each zone as the tick began, where zones slow moves down
     pending: Array  # (n, 8) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
@@ -211,6 +220,7 @@ class Tally(Struct):
 
     times: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
+    slowed: Array  # (n,) int64: ticks that moves take beyond duration[MOVE]
     illegal: Array  # (5,) int64: illegal answers by layer
     asked: Array  # (5,) int64: batches that each layer was asked about
 
@@ -310,6 +320,7 @@ class Workspace(Struct):
     field_of: Array  # (C,) int32: the field of a target cell, or NIL
     field_owner: Array  # (K,) int32: the target of a field, or NIL
     field_next: Array  # (1,) int64: the field to overwrite next
+    routes: RouteSpace
 
 
 class Record(Struct):

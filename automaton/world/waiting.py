@@ -184,6 +184,10 @@ class Observation(Struct):
     blocker: Array  # (n,) int32: identity of the robot that keeps it, or NIL
     wanted: Array  # (n,) int32: the cell that it wants, or NIL
     since: Array  # (n,) int64: tick in which its wait began; meaningful while cause is not 0
+    slow_zone: Array  # (n,) int32: zone that slows the move that it is in, or NIL
+    crowd: (
+        Array  # (n,) int32: robots in that zone when the move began; meaningful beside a slow_zone
+    )
     ring: Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
     busy_before: Array  # (n,) uint16: robots.busy after the tick before

@@ -8,10 +8,11 @@ from typing import BinaryIO, Final
 
 from automaton.errors import InputError
 from automaton.units import count
+from automaton.whole_file import written
 from tui.cast.asciicast import Frame, asciicast, duration, schedule
 from tui.cast.film import Film
 from tui.cast.request import Request
-from tui.cast.target import checked, written
+from tui.cast.target import checked
 from tui.render.still import as_svg, as_text
 
 STANDARD_OUTPUT: Final = Path("-")

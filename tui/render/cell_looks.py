@@ -13,8 +13,10 @@ from automaton.world.cells import (
     BAY,
     CHARGER,
     DESTINATION,
+    DOCK,
     EXIT_EAST,
     FLOOR,
+    RACK,
     SHELF,
     TRACK,
     TURNTABLE,
@@ -22,7 +24,7 @@ from automaton.world.cells import (
 )
 from tui.render import styles
 from tui.render.glyphs import GlyphSet, code
-from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, LOOKS, ONE_WAY, OUTSIDE, PASSING
+from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, KIND_MASK, LOOKS, ONE_WAY, OUTSIDE, PASSING
 from tui.render.styles import style
 
 INKS = {  # of a kind of cell
@@ -34,6 +36,8 @@ INKS = {  # of a kind of cell
     DESTINATION: styles.DESTINATION,
     CHARGER: styles.CHARGER,
     BAY: styles.BAY,
+    RACK: styles.RACK,
+    DOCK: styles.DOCK,
 }
 
 
@@ -50,7 +54,7 @@ def look(kind: int, detail: int = 0) -> int:
 
 def ink_of(number: int) -> int:
     """The colour of a look."""
-    kind, detail = number & 7, number >> DETAIL_SHIFT
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == SHELF and detail == FULL:
         return styles.LOAD
     if kind == WALL and detail == OUTSIDE:
@@ -65,7 +69,9 @@ def cell_codes(glyphs: GlyphSet, width: int) -> NDArray[np.uint32]:
     """(LOOKS, width) codes. A cell's sign stands in its first column, where its robot stands."""
     table = np.zeros((LOOKS, width), np.uint32)
     for number in range(LOOKS):
-        first, rest = _characters(glyphs, number & 7, number >> DETAIL_SHIFT)
+        if number & KIND_MASK not in INKS:
+            continue  # more numbers than kinds
+        first, rest = _characters(glyphs, number & KIND_MASK, number >> DETAIL_SHIFT)
         ink = style(ink_of(number), styles.FLOOR)
         table[number] = [code(ink, glyph) for glyph in [first] + [rest] * (width - 1)]
     return table
@@ -88,5 +94,11 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
         return sign, line if detail & EXIT_EAST else blank
     if kind == SHELF:
         return glyphs.load if detail == FULL else glyphs.shelf, blank
-    signs = {DESTINATION: glyphs.destination, CHARGER: glyphs.charger, BAY: glyphs.bay}
+    signs = {
+        DESTINATION: glyphs.destination,
+        CHARGER: glyphs.charger,
+        BAY: glyphs.bay,
+        RACK: glyphs.rack,
+        DOCK: glyphs.dock,
+    }
     return signs[kind], blank

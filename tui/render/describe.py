@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.world.cells import (
-    DESTINATION,
     DIRECTIONS,
     EXIT_EAST,
     EXIT_WEST,
@@ -18,9 +17,9 @@ from automaton.world.cells import (
     SHELF,
     TRACK,
 )
-from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL
+from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL, WAITING
 from automaton.world.waiting import CAUSES
-from tui.render.scene import CROWD, DETAIL_SHIFT, ONE_WAY, PASSING, Scene
+from tui.render.scene import CROWD, DETAIL_SHIFT, KIND_MASK, ONE_WAY, PASSING, Scene
 
 MOST_ROBOTS = 3  # named in one line
 
@@ -44,7 +43,7 @@ def place(scene: Scene, cell: int) -> str:
 def ground(scene: Scene, cell: int) -> str:
     """The kind of a cell and what is special about it."""
     number = int(scene.floor.looks.reshape(-1)[cell])
-    kind, detail = number & 7, number >> DETAIL_SHIFT
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == TRACK:
         return f"track along {'x' if detail & (EXIT_EAST | EXIT_WEST) else 'y'}"
     if kind == FLOOR and ONE_WAY <= detail < ONE_WAY + 4:
@@ -57,13 +56,17 @@ def ground(scene: Scene, cell: int) -> str:
 
 
 def _content(scene: Scene, cell: int) -> str:
-    """What a shelf or a destination holds."""
+    """What a slot holds."""
     slot, snapshot = int(scene.floor.slot_in[cell]), scene.snapshot
     if slot == NIL or snapshot is None:
         return ""
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
-    if scene.floor.plan.kind.reshape(-1)[cell] == DESTINATION:
+    kind = KINDS[scene.floor.plan.kind.reshape(-1)[cell]]
+    if kind.supplies:
+        waiting = (orders.state == WAITING) & (orders.place == slot)
+        text = f" with {np.count_nonzero(waiting)} loads"
+    elif kind.swallows:
         arrived = (orders.state == DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
     elif (order := int(slots.content[slot])) != NIL:
@@ -72,7 +75,7 @@ def _content(scene: Scene, cell: int) -> str:
             text += f" for {place(scene, int(slots.cell[orders.target[order]]))}"
         if orders.by[order] != NIL:
             text += f", to be fetched by robot {orders.by[order]}"
-    elif scene.floor.plan.kind.reshape(-1)[cell] == SHELF:
+    elif kind.code == SHELF:
         text = ", empty"
     return text + (f", reserved by robot {slots.by[slot]}" if slots.by[slot] != NIL else "")
 

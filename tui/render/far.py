@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import BAY, CHARGER, DESTINATION, SHELF, WALL
+from automaton.world.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, WALL
 from automaton.world.state import NIL
 from tui.render import robots as fleet
 from tui.render import styles
@@ -26,7 +26,12 @@ from tui.render.styles import style
 Papers = int | NDArray[np.uint8]  # one for all characters of a part, or one for each
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)  # row, column
-STATIONS = ((BAY, styles.BAY), (CHARGER, styles.CHARGER), (DESTINATION, styles.DESTINATION))
+STATIONS = (
+    (BAY, styles.BAY),
+    (CHARGER, styles.CHARGER),
+    (DESTINATION, styles.DESTINATION),
+    (DOCK, styles.DOCK),
+)
 
 
 def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
@@ -63,7 +68,8 @@ def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> C
     """The whole floor without robots."""
     looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
     kind = floor.plan.kind[shown.top : shown.bottom, shown.left : shown.right]
-    shelves, walls = kind == SHELF, (kind == WALL) & (looks != look(WALL, OUTSIDE))
+    shelves = (kind == SHELF) | (kind == RACK)
+    walls = (kind == WALL) & (looks != look(WALL, OUTSIDE))
     area = blocks(np.ones(kind.shape, np.uint8), k)
     pattern = _patterns(2 * blocks(shelves | walls, k) >= area)
     across, down = 2 * k, 4 * k

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import CHARGER, FLOOR, KINDS, SHELF, TRACK, WALL
+from automaton.world.cells import CHARGER, FLOOR, KINDS, RACK, SHELF, TRACK, WALL
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
@@ -15,7 +15,7 @@ from tui.render.field import LEVELS
 from tui.render.glyphs import GlyphSet, code
 from tui.render.near import ZONES, flow_codes, heat_codes
 from tui.render.pixels import DRIVEN
-from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, OUTSIDE, PASSING, Scene
+from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, KIND_MASK, OUTSIDE, PASSING, Scene
 from tui.render.styles import style
 
 UNITS = {
@@ -140,7 +140,7 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     kinds = [kind for kind in np.unique(scene.floor.plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
-        ink = FAR_SHELF if kind == SHELF else ink_of(look(kind))
+        ink = FAR_SHELF if kind in (SHELF, RACK) else ink_of(look(kind))
         return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
 
     return [Entry((sign(kind),), KINDS[kind].name) for kind in kinds]
@@ -153,7 +153,7 @@ def zone_sign(zone: int, glyphs: GlyphSet) -> int:
 
 
 def _meaning(number: int) -> str:
-    kind, detail = number & 7, number >> DETAIL_SHIFT
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == SHELF:
         return "shelf with a load" if detail == FULL else "empty shelf"
     if kind == TRACK:

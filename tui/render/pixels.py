@@ -17,7 +17,9 @@ from automaton.world.cells import (
     BAY,
     CHARGER,
     DESTINATION,
+    DOCK,
     FLOOR,
+    RACK,
     SHELF,
     TRACK,
     TURNTABLE,
@@ -32,19 +34,22 @@ from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
 from tui.render.far import draw_over
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.near import ZONES, heat_codes
-from tui.render.scene import LOOKS, Floor, Scene
+from tui.render.scene import KIND_MASK, LOOKS, Floor, Scene
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
 
 Colours = NDArray[np.uint8]
-STATIONS = (BAY, CHARGER, DESTINATION)  # show in a pixel of many cells, the last one first
+STATIONS = (BAY, CHARGER, DESTINATION, DOCK)  # show in a pixel of many cells, the last one first
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 
 HEATS = range(styles.HEAT_1, styles.HEAT_8 + 1)
 LAID = (*HEATS, *range(styles.ZONE_0, styles.ZONE_7 + 1))
 # Colours of what stands on the floor, and the braille dots of its upper and lower half.
-DOTTED = (FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER, styles.DESTINATION)
+DOTTED = (
+    *(FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER),
+    *(styles.DESTINATION, styles.DOCK),
+)
 TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
 TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
 
@@ -135,7 +140,7 @@ def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
         area = blocks(np.ones(kind.shape, np.uint8), k)
         pixels = np.full(area.shape, styles.FLOOR, np.uint8)
         inner = floor.looks[rows, columns] == look(WALL)
-        solid = (kind == SHELF) | inner
+        solid = (kind == SHELF) | (kind == RACK) | inner
         pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
         for station in STATIONS:
             pixels[blocks(kind == station, k) > 0] = INKS[station]
@@ -144,10 +149,10 @@ def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
 
 def _pixel_ink(number: int) -> int:
     """Floor and rails are dark: only what stands on the floor has a colour."""
-    kind = number & 7
-    if kind in DRIVEN:
+    kind = number & KIND_MASK
+    if kind in DRIVEN or kind not in INKS:
         return styles.FLOOR
-    return FAR_SHELF if kind == SHELF else ink_of(number)
+    return FAR_SHELF if kind in (SHELF, RACK) else ink_of(number)
 
 
 class _Pixels:

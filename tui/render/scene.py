@@ -34,8 +34,9 @@ LAYERS: Final = ("", "visits", "waiting", "congestion", "flow", "zones")
 HEAT: Final = ("visits", "waiting", "congestion")
 
 # What a cell looks like: its kind, and a detail in the bits above.
-DETAIL_SHIFT: Final = 3
-LOOKS: Final = 8 << 4
+DETAIL_SHIFT: Final = 4
+KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
+LOOKS: Final = 16 << DETAIL_SHIFT
 OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
 ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
 PASSING: Final = 5
@@ -45,13 +46,17 @@ NOTHING: Final = np.zeros(0, np.int32)
 
 
 def looks_of(plan: FloorPlan) -> NDArray[np.uint8]:
-    """(height + 2, width + 2) kind and detail of each cell; shelves are empty."""
+    """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
+
+    How many robots a cell of floor holds is a detail only where cells differ in it.
+    """
     kind, exits = plan.kind, plan.exits
     detail = np.zeros_like(kind)
     rails = (kind == TRACK) | (kind == TURNTABLE)
     detail[rails] = exits[rails]
-    detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
-    detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
+    if len(np.unique(plan.capacity[kind == FLOOR])) > 1:  # else there is nothing to tell apart
+        detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
+        detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
     for direction in range(4):
         detail[(kind == FLOOR) & _one_way(exits, direction)] = ONE_WAY + direction
     detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE
@@ -83,7 +88,7 @@ class Floor:
 
     plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
-    slots_endless: NDArray[np.uint8]  # (s,) 1 = a destination
+    slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
     zones: NDArray[np.int16] | None = None  # (C,) zone of a cell, or NIL
 

@@ -56,7 +56,8 @@ class MatchList(Rows, can_focus=False):
             name = KINDS[int(view.plan.kind.reshape(-1)[cell])].name
             return line(cell_link(view.plan, cell).text, dim(f"  {name}"))
         robot, fleet = self.found.robots[index], view.snapshot.robots
-        cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
+        off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]
+        cell = off if fleet.cell[robot] == NIL else fleet.cell[robot]
         load = f", load {fleet.load[robot]}" if fleet.load[robot] != NIL else ""
         return line(
             f"robot {robot}  ", dim(f"{doing(fleet, robot)} at {view.plan.xy(int(cell))}{load}")

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from automaton.units import count
-from automaton.world.cells import BAY, DESTINATION, DIRECTIONS, KINDS, SHELF, UNLIMITED
+from automaton.world.cells import BAY, DIRECTIONS, KINDS, UNLIMITED
 from automaton.world.plan import DRIVABLE
 from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING
 from tui.view import View
@@ -96,15 +96,23 @@ def _several(links: list[Span]) -> Parts:
 
 
 def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
-    """What a shelf or a destination holds."""
+    """What a slot holds."""
     slots, orders = view.snapshot.slots, view.snapshot.orders
-    kind = int(view.plan.kind.reshape(-1)[cell])
+    kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
     found = np.flatnonzero(slots.cell == cell)
-    if kind not in (SHELF, DESTINATION) or not len(found):
+    if not kind.slot or not len(found):
         return []
     slot = int(found[0])
     keeper: Parts = [] if slots.by[slot] == NIL else [robot_link(int(slots.by[slot]))]
-    if slots.endless[slot]:
+    if kind.supplies:
+        waiting = np.flatnonzero((orders.place == slot) & (orders.state == WAITING)).tolist()
+        taken = int(np.count_nonzero((orders.source == slot) & (orders.state != WAITING)))
+        return [
+            ("waiting", [count(len(waiting), "load")]),
+            ("fetched", [count(taken, "load")]),
+            ("the next", _several([order_link(order, "load") for order in waiting])),
+        ]
+    if kind.swallows:
         arrived = np.flatnonzero((orders.target == slot) & (orders.state == DELIVERED))
         expected = int(np.count_nonzero((orders.target == slot) & (orders.state != DELIVERED)))
         newest = arrived[np.argsort(-orders.delivered[arrived], kind="stable")].tolist()

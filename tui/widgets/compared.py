@@ -14,7 +14,7 @@ from tui.view import View
 from tui.widgets.lines import Line, Span, dim, line, title, wrapped
 from tui.widgets.signs import Signs
 
-GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization"}
+GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "completions"}
 HEADLINES: Final = ("delivered", "throughput", "blocked", "utilization", "T_total")
 NEITHER: Final = {"legs_per_order", "withdrawals", "ticks_per_operation"}
 NAME: Final = 19
@@ -33,7 +33,8 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
     last = "B - A" if judged else ""
     head = line(title(("" if narrow else " " * NAME) + "".join(heads) + f"{last:>{column}}"))
     lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
-    for name in (*HEADLINES, *(name for name in GLOSSARY if name not in HEADLINES)):
+    rest = [name for name in GLOSSARY if name not in HEADLINES]
+    for name in (name for name in (*HEADLINES, *rest) if name in first and name in second):
         unit = GLOSSARY[name][0]
         a, b = float(first[name]), float(second[name])
         best = better(name, a, b) if judged else ""

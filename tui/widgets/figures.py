@@ -121,6 +121,8 @@ class Figures(TextPanel):
         metrics = view.shot.figures[view.side].metrics
         lines = [line(title("all metrics"))]
         for at, (name, (unit, meaning)) in enumerate(GLOSSARY.items()):
+            if name not in metrics:
+                continue
             value = percent(float(metrics[name])) if unit == "share" else number(metrics[name])
             unit = "" if unit == "share" else f" {unit}"
             room = width - len(name) - len(unit)

@@ -59,8 +59,10 @@ def _cause(view: View, robot: int) -> str:
 
 
 def _cell(view: View, robot: int) -> str:
-    cell = int(view.snapshot.robots.cell[robot])
-    return "in bay" if cell == NIL else ",".join(map(str, view.plan.xy(cell)))
+    fleet = view.snapshot.robots
+    if fleet.cell[robot] != NIL:
+        return ",".join(map(str, view.plan.xy(int(fleet.cell[robot]))))
+    return "in bay" if fleet.bay[robot] != NIL else "off"
 
 
 def _or_blank(value: int, absent: int) -> str:

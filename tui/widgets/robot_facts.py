@@ -97,7 +97,7 @@ def _place(view: View, robot: int) -> list[str | Span]:
     fleet, plan = view.snapshot.robots, view.plan
     cell = int(fleet.cell[robot])
     if cell == NIL:
-        return ["in its bay"]
+        return ["in its bay" if fleet.bay[robot] != NIL else "off the floor"]
     parts: list[str | Span] = [cell_link(plan, cell), f" {KINDS[_kind(view, cell)].name}"]
     if fleet.claim[robot] != NIL:
         parts += [", on its way to ", cell_link(plan, int(fleet.claim[robot]))]

@@ -1,0 +1,167 @@
+"""Train a network that predicts which zones robots drive through, or what was tried beside it.
+
+A network is written to --out when training is over; Ctrl-C leaves nothing. Needs the extra `learn`.
+Exit code 0: done; 2: bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from automaton.errors import InputError, alternatives, nearest
+from automaton.learning.losses import LOSSES, WEIGHTINGS
+from automaton.learning.metrics import METRICS
+from automaton.learning.settings import Settings
+
+NAMES = ("traffic",)
+PAPER = "warehouse-100"
+NUMBERS = {  # option: (field of Settings, least value, help)
+    "--legs": ("legs", 2, "legs to learn from, half from racks to docks, half back"),
+    "--batch": ("batch", 1, "legs in a step"),
+    "--epochs": ("epochs", 1, "at most"),
+    "--patience": ("patience", 1, "epochs without lower loss after which training ends"),
+    "--seed": ("seed", 0, "of the legs and the first weights; seed + 1 draws those to judge by"),
+}
+# What a mode does not use, it refuses.
+REFUSED = {
+    "tables": ("loss", "weighting", "keep"),
+    "classifiers": ("loss", "weighting", "keep", "batch", "epochs", "patience", "rate", "out"),
+}
+Told = Callable[[str], None]  # what is done now
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton train`."""
+    add, default = parser.add_argument, Settings()
+    add("name", metavar="NAME", help=f"what to train: {alternatives(NAMES)}")
+    add("--scenario", default=PAPER, metavar="SCENARIO", help=f"whose floor ({PAPER})")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change a value of the scenario, such as world.zones=directed; may be repeated",
+    )
+    add("--loss", metavar="LOSS", help=f"{alternatives(LOSSES)} ({default.loss})")
+    add("--weighting", metavar="W", help=f"{alternatives(WEIGHTINGS)} ({default.weighting})")
+    for option, (name, _, text) in NUMBERS.items():
+        value = f"{getattr(default, name):,}"
+        add(option, type=int, metavar="N", help=f"{text} ({value})")
+    add("--rate", type=float, metavar="R", help=f"of Adam ({default.rate:g})")
+    add(
+        "--keep",
+        metavar="A,B",
+        help="keep weights when all of these improve: "
+        f"{alternatives(METRICS)}; else when the loss falls",
+    )
+    add(
+        "--out", type=Path, metavar="FILE", help="the network (SCENARIO.npz), or the tables as JSON"
+    )
+    add("--json", action="store_true", help="one JSON object instead of text")
+    modes = parser.add_mutually_exclusive_group()
+    modes.add_argument(
+        "--tables", action="store_true", help="train for Tables 1 to 4 of the paper instead"
+    )
+    modes.add_argument(
+        "--classifiers", action="store_true", help="try other classifiers instead of a network"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train, judge, write, report."""
+    if args.name not in NAMES:
+        raise InputError(
+            f"nothing called '{args.name}' to train{nearest(args.name, NAMES)}; "
+            f"there is {alternatives(NAMES)}"
+        )
+    mode = "tables" if args.tables else "classifiers" if args.classifiers else "network"
+    for name in REFUSED.get(mode, ()):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name} does not go together with --{mode}")
+    settings, keep = settings_of(args), keep_of(args.keep)
+    part("sklearn" if mode == "classifiers" else "torch")
+    training = importlib.import_module("automaton.learning.sessions")
+    session = training.Session.of(args.scenario, args.settings, settings)
+    with progress() as told:
+        if mode == "network":
+            outcome = session.train_network(keep, args.out or Path(f"{session.name}.npz"), told)
+        elif mode == "tables":
+            outcome = session.train_tables(args.out, told)
+        else:
+            outcome = session.try_classifiers(told)
+    if args.json:
+        print(json.dumps(outcome, indent=2, ensure_ascii=False))
+    else:
+        importlib.import_module("automaton.learning.report").print_outcome(mode, outcome)
+    return 0
+
+
+def settings_of(args: argparse.Namespace) -> Settings:
+    """The settings that were given, else the defaults. Raises InputError."""
+    given: dict[str, Any] = {}
+    for option, (name, least, _) in NUMBERS.items():
+        value = getattr(args, name)
+        if value is not None and value < least:
+            raise InputError(f"{option} must be at least {least}, not {value}")
+        given[name] = value
+    if args.rate is not None and not 0 < args.rate <= 1:
+        raise InputError(f"--rate must be above 0 and at most 1, not {args.rate:g}")
+    given["rate"] = args.rate
+    for name, known in (("loss", tuple(LOSSES)), ("weighting", WEIGHTINGS)):
+        value = given[name] = getattr(args, name)
+        if value is not None and value not in known:
+            raise InputError(
+                f"--{name} must be {alternatives(known)}, not '{value}'{nearest(value, known)}"
+            )
+    return Settings(**{name: value for name, value in given.items() if value is not None})
+
+
+def keep_of(text: str | None) -> tuple[str, ...]:
+    """The metrics that are monitored; none means the loss. Raises InputError."""
+    names = tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+    for name in names:
+        if name not in METRICS:
+            raise InputError(
+                f"--keep takes {alternatives(METRICS)}, not '{name}'{nearest(name, METRICS)}"
+            )
+    return names
+
+
+def part(library: str) -> None:
+    """Raises InputError if a library of the extra `learn` is missing."""
+    try:
+        importlib.import_module(library)
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"`automaton train` needs {library}, which is not installed: "
+            "pip install 'fleet-automaton[learn]'"
+        ) from error
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Told | None]:
+    """A line on a terminal's stderr that says what is trained and how far; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    bar = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = bar.add_task("drawing legs", total=None)
+    with bar:
+        yield lambda text: bar.update(task, description=text)

@@ -1,0 +1,86 @@
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are foreseen.
+
+For A = 1, 2, ... the zones with A or more others are closed, save those that touch the robot's own
+start, pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.routes.astar import search
+from automaton.kernels.routes.frontier import COST
+from automaton.kernels.routes.replay import delay_of
+from automaton.kernels.search import FAR
+from automaton.world.state import NIL
+
+PLAIN = 0  # in place of A: nothing is closed
+
+LEAST_TIME = (
+    0  # which candidate is taken: of least foreseen time, ties to plain A*, then to least A
+)
+MOST_CAUTIOUS = 1  # the one of least A
+
+
+@kernel
+def choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule):
+    """The A = 1..most of the candidate that is taken, or PLAIN.
+
+    Reads the others in each zone from space.count; `start` is a pose, `pick` and `drop` are cells,
+    `pick` may be NIL. Leaves space.closed for any A: close_zones sets it again.
+    """
+    chosen = PLAIN
+    least = foreseen_time(grid, duration, space, ties, seed, start, pick, drop, PLAIN)
+    for threshold in range(1, most + 1):
+        if close_zones(grid, space, threshold, start, pick, drop) == 0:
+            break  # a larger A closes nothing either
+        ticks = foreseen_time(grid, duration, space, ties, seed, start, pick, drop, threshold)
+        if rule == MOST_CAUTIOUS and ticks < FAR:
+            return np.int64(threshold)
+        if ticks < least:
+            least = ticks
+            chosen = threshold
+    return np.int64(chosen)
+
+
+@kernel
+def foreseen_time(grid, duration, space, ties, seed, start, pick, drop, threshold):
+    """Ticks of both legs with the others of space.count in their zones; FAR if there is no way."""
+    ticks = 0
+    pose = np.int64(start)
+    for leg in range(2):
+        target = drop if leg else pick
+        if target == NIL:
+            continue
+        pose = search(grid, duration, space, ties, seed, pose, target, threshold != PLAIN)
+        if pose == NIL:
+            return FAR
+        ticks += space.state[COST] + delay_of(grid, duration, space, pose, space.count)
+    return ticks
+
+
+@kernel
+def close_zones(grid, space, threshold, start, pick, drop):
+    """Close the zones with that many others, save the robot's own; how many there are before that."""
+    busy = 0
+    for zone in range(space.closed.shape[0]):
+        space.closed[zone] = space.count[zone] >= threshold
+        busy += space.closed[zone]
+    open_zones(grid, space, start >> (grid.headings >> 1))
+    open_zones(grid, space, drop)
+    if pick != NIL:
+        open_zones(grid, space, pick)
+    return busy
+
+
+@kernel
+def open_zones(grid, space, cell):
+    """Open the zones that touch a cell: its own, or those that meet in it if it is in none."""
+    if grid.zone[cell, 0] != NIL:
+        space.closed[grid.zone[cell, 0]] = 0
+        space.closed[grid.zone[cell, 1]] = 0
+        return
+    for way in range(4):
+        beside = cell + grid.offset[way]
+        for column in range(2):
+            if grid.zone[beside, column] != NIL:
+                space.closed[grid.zone[beside, column]] = 0

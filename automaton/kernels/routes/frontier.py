@@ -1,0 +1,131 @@
+"""The open list of A*: which of the poses of least f = g + h is expanded next.
+
+A *level* is the poses of one f. Those that are found while their level is expanded wait in a lane,
+a plain array; those of later levels wait in a binary heap. With a consistent estimate no pose is
+ever found below the level, so the order is that of one heap over everything:
+
+    fifo       the pose that was found first        lane = queue, after what the heap has
+    larger_g   the pose farthest from the start     lane = stack, before what the heap has; first found
+    random     any, by a draw                       no lane
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import mix
+from automaton.world.state import NIL
+
+FIFO = 0
+LARGER_G = 1
+RANDOM = 2
+TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
+
+# Entries of RouteSpace.state.
+STAMP = 0  # counts down: marks what earlier searches left as worse than anything
+LEVEL = 1  # the f that is expanded
+HEAP = 2  # items in the heap
+HEAD = 3  # the lane's first item: queues only
+TAIL = 4  # one past its last item
+FOUND = 5  # poses found in this search
+EXPANDED = 6  # poses expanded in all searches
+COST = 7  # of the path found last
+
+POSE = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
+
+
+@kernel
+def begin(space):
+    """Empty the open list for a new search; returns the label of its poses at cost 0."""
+    state = space.state
+    if state[STAMP] == 0:
+        space.label[:] = np.iinfo(np.int64).max
+        state[STAMP] = (1 << 31) - 1
+    state[STAMP] -= 1
+    state[LEVEL] = NIL
+    state[HEAP] = 0
+    state[HEAD] = 0
+    state[TAIL] = 0
+    state[FOUND] = 0
+    return state[STAMP] << 32
+
+
+@kernel
+def put(space, ties, salt, pose, row, f, h):
+    """Enter a pose of that f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
+    state = space.state
+    if f == state[LEVEL] and ties != RANDOM:
+        space.lane[state[TAIL]] = (row << 32) | pose
+        state[TAIL] += 1
+        return
+    number = state[FOUND]
+    state[FOUND] = number + 1
+    tie = number
+    if ties == LARGER_G:
+        tie = h
+    elif ties == RANDOM:
+        tie = np.int64(mix(salt + np.uint64(number)) >> np.uint64(33))
+    sift_up(space, state[HEAP], (f << 32) | tie, (number << 32) | pose)
+    state[HEAP] += 1
+
+
+@kernel
+def take(space, ties, width, shift):
+    """Remove the next item, row << 32 | pose; NIL if there is none. Sets the level."""
+    state = space.state
+    waiting = state[TAIL] > state[HEAD]
+    if waiting and ties == LARGER_G:
+        state[TAIL] -= 1
+        return space.lane[state[TAIL]]
+    if waiting and (state[HEAP] == 0 or space.key[0] >> 32 > state[LEVEL]):
+        state[HEAD] += 1
+        return space.lane[state[HEAD] - 1]
+    if state[HEAP] == 0:
+        return np.int64(NIL)
+    f = space.key[0] >> 32
+    if f > state[LEVEL]:
+        state[LEVEL] = f
+        state[HEAD] = 0
+        state[TAIL] = 0
+    pose = space.item[0] & POSE
+    state[HEAP] -= 1
+    sift_down(space, state[HEAP])
+    return (((pose >> shift) // width) << 32) | pose
+
+
+@kernel
+def sift_up(space, at, key, item):
+    """Put (key, item) into the heap of `at` items, ordered by key, then by item."""
+    keys, items = space.key, space.item
+    while at > 0:
+        above = (at - 1) >> 1
+        if keys[above] < key or (keys[above] == key and items[above] < item):
+            break
+        keys[at] = keys[above]
+        items[at] = items[above]
+        at = above
+    keys[at] = key
+    items[at] = item
+
+
+@kernel
+def sift_down(space, size):
+    """Fill the heap's first place with what lies behind its last one; `size` items remain."""
+    keys, items = space.key, space.item
+    key, item = keys[size], items[size]
+    at = 0
+    below = 1
+    while below < size:
+        other = below + 1
+        if other < size and (
+            keys[other] < keys[below]
+            or (keys[other] == keys[below] and items[other] < items[below])
+        ):
+            below = other
+        if keys[below] > key or (keys[below] == key and items[below] > item):
+            break
+        keys[at] = keys[below]
+        items[at] = items[below]
+        at = below
+        below = 2 * at + 1
+    keys[at] = key
+    items[at] = item

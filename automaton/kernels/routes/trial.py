@@ -1,0 +1,200 @@
+"""The Monte Carlo trial of Bhattathiri, Li & Kuhl: one robot is dispatched among others on their way.
+
+Robot 0 is dispatched; the others are active. Each drives from the access cell of a rack to a dock and
+on to another rack, drawn uniformly by (seed, trial, robot); picking and setting down take no time.
+Two readings of a slow zone with others in it:
+
+    static     a move takes 1 + c ticks; c others have a path that ever uses the zone
+    dynamic    all begin at tick 0; a move takes as many ticks as robots are in the zone when it starts
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import TRIALS, draw_between
+from automaton.kernels.routes.astar import search, write_steps
+from automaton.kernels.routes.avoidance import PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.frontier import COST
+from automaton.kernels.routes.noise import blur
+from automaton.kernels.routes.replay import add_zones, count_common, count_zones, delay_of
+from automaton.world.state import MOVE, NIL
+
+START, PICK, DROP = 0, 1, 2  # columns of a task
+
+# Columns of the results: of plain A*, then of the path that was chosen.
+TIME = 0  # ticks
+DISTANCE = 1  # moves
+ENCOUNTERS = 2  # others met in a zone: pairs of a zone and a robot
+CHOSEN = 3  # the three again for the chosen path start here
+TAKEN = 6  # 1 = the chosen path is not that of plain A*
+COLUMNS = 7
+
+
+@kernel
+def draw_tasks(seed, racks, docks, tasks):
+    """tasks: (trials, r, 3) int32, the start, pick-up and drop-off cell of each robot.
+
+    racks, docks: the cells from which each rack and each dock is served.
+    """
+    for number in range(tasks.shape[0]):
+        for r in range(tasks.shape[1]):
+            for k in range(3):
+                cells = docks if k == PICK else racks
+                last = cells.shape[0] - 1
+                tasks[number, r, k] = cells[draw_between(0, last, seed, TRIALS, number, 3 * r + k)]
+
+
+@kernel
+def foresee(grid, duration, space, trial, ties, seed, tasks, keep, add, foreseen):
+    """foreseen: (trials, Z) int32, others whose plain A* uses a zone, seen as `blur` sees them."""
+    for number in range(tasks.shape[0]):
+        foreseen[number] = 0
+        for r in range(1, tasks.shape[1]):
+            use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
+            blur(trial.used, grid.zones, keep, add, seed, number, r)
+            count_zones(trial.used, foreseen[number])
+
+
+@kernel
+def use_zones(grid, duration, space, trial, ties, seed, task):
+    """trial.used = the zones of both legs of a task by plain A*."""
+    trial.used[:] = 0
+    pose = np.int64(task[START])
+    for k in (PICK, DROP):
+        pose = search(grid, duration, space, ties, seed, pose, np.int64(task[k]), False)
+        add_zones(grid, space, pose, trial.used)
+
+
+@kernel
+def plan_routes(grid, duration, space, trial, ties, seed, r, closing):
+    """trial.route[r] = the directions of both legs of robot r; returns its static ticks.
+
+    Leaves the zones that it uses in trial.used.
+    """
+    trial.used[:] = 0
+    trial.length[r] = 0
+    ticks = 0
+    pose = np.int64(trial.task[r, START])
+    for k in (PICK, DROP):
+        pose = search(grid, duration, space, ties, seed, pose, trial.task[r, k], closing)
+        ticks += space.state[COST] + delay_of(grid, duration, space, pose, trial.actual)
+        add_zones(grid, space, pose, trial.used)
+        begun = trial.length[r]
+        trial.length[r] += write_steps(grid, space, pose, trial.route[r, begun:])
+    return ticks
+
+
+@kernel
+def meet(grid, duration, trial, row):
+    """Drive all routes from tick 0 until robot 0 arrives; row[TIME], row[ENCOUNTERS] are its own.
+
+    The robots in a zone are counted at the start of a tick, by the cells that they stand in or are
+    leaving; one that has arrived leaves the floor. Robots meet when both come to be in a zone.
+    """
+    for r in range(trial.task.shape[0]):
+        trial.cell[r] = trial.task[r, START]
+        trial.at[r] = 0
+        trial.busy[r] = 0
+        trial.met[r] = NIL
+    ticks = 0
+    encounters = 0
+    while trial.at[0] < trial.length[0]:
+        for r in range(trial.task.shape[0]):
+            trial.zone[r] = NIL
+            if trial.at[r] < trial.length[r]:
+                way = np.int64(trial.route[r, trial.at[r]])
+                trial.zone[r] = grid.zone[trial.cell[r], way >> 1]
+        here = trial.zone[0]
+        for r in range(1, trial.task.shape[0]):
+            together = here != NIL and trial.zone[r] == here
+            encounters += together and trial.met[r] != here
+            trial.met[r] = here if together else NIL
+        go_on(grid, duration, trial)
+        ticks += 1
+    row[TIME] = ticks
+    row[ENCOUNTERS] = encounters
+
+
+@kernel
+def go_on(grid, duration, trial):
+    """A tick of all moves; one that begins takes as many ticks as robots are in its zone."""
+    for r in range(trial.task.shape[0]):
+        if trial.at[r] >= trial.length[r]:
+            continue
+        if trial.busy[r] == 0:
+            m = 0
+            for other in range(trial.task.shape[0]):
+                m += trial.zone[r] != NIL and trial.zone[other] == trial.zone[r]
+            trial.busy[r] = max(m, 1) * duration[MOVE]
+        trial.busy[r] -= 1
+        if trial.busy[r] == 0:
+            trial.cell[r] += grid.offset[trial.route[r, trial.at[r]]]
+            trial.at[r] += 1
+
+
+@kernel
+def drive_static(grid, duration, space, trial, ties, seed, closing, row):
+    """row[TIME, DISTANCE, ENCOUNTERS] of robot 0 by the static reading."""
+    row[TIME] = plan_routes(grid, duration, space, trial, ties, seed, 0, closing)
+    row[DISTANCE] = trial.length[0]
+    row[ENCOUNTERS] = count_common(trial.used, trial.actual)
+
+
+@kernel
+def drive_dynamic(grid, duration, space, trial, ties, seed, closing, row):
+    """row[TIME, DISTANCE, ENCOUNTERS] of robot 0 by the dynamic reading."""
+    for r in range(1, trial.task.shape[0]):
+        plan_routes(grid, duration, space, trial, ties, seed, r, False)
+    plan_routes(grid, duration, space, trial, ties, seed, 0, closing)
+    meet(grid, duration, trial, row)
+    row[DISTANCE] = trial.length[0]
+
+
+@kernel
+def run_trials(grid, duration, space, trial, ties, seed, tasks, foreseen, most, rule, dynamic, out):
+    """out: (trials, COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
+
+    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most, rule: of
+    `choose_threshold`; dynamic: 1 for that reading.
+    """
+    for number in range(tasks.shape[0]):
+        trial.actual[:] = 0
+        for r in range(tasks.shape[1]):
+            for k in range(3):
+                trial.task[r, k] = tasks[number, r, k]
+            if r > 0:
+                use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
+                count_zones(trial.used, trial.actual)
+        for zone in range(space.count.shape[0]):
+            space.count[zone] = foreseen[number, zone]
+        run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, out[number])
+
+
+@kernel
+def run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, row):
+    """row: (COLUMNS,) of the trial with trial.task, trial.actual and space.count."""
+    start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
+    threshold = choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule)
+    close_zones(grid, space, threshold, start, pick, drop)
+    for column in (0, CHOSEN):
+        closing = column == CHOSEN and threshold != PLAIN
+        part = row[column : column + CHOSEN]
+        if dynamic:
+            drive_dynamic(grid, duration, space, trial, ties, seed, closing, part)
+        else:
+            drive_static(grid, duration, space, trial, ties, seed, closing, part)
+        if column == 0:
+            for k in range(trial.length[0]):
+                trial.plain[k] = trial.route[0, k]
+    row[TAKEN] = differs(trial, row[DISTANCE])
+
+
+@kernel
+def differs(trial, length):
+    """Whether robot 0's route is not the plain one of that length."""
+    if length != trial.length[0]:
+        return 1
+    for k in range(length):
+        if trial.plain[k] != trial.route[0, k]:
+            return 1
+    return 0

@@ -1,0 +1,1 @@
+"""Networks that predict traffic: their data, training, metrics and published tables."""

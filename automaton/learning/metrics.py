@@ -1,0 +1,107 @@
+"""How well a set of zones is predicted: counts of yes and no, and the measures made of them.
+
+Every (leg, zone) is one answer; the counts of all answers are pooled (micro average). A measure that
+divides by nothing is 0: a network that predicts no zone has precision 0, not 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Answers = npt.NDArray[np.bool_]  # (legs, zones)
+
+
+class Counts(NamedTuple):
+    """Answers by what was predicted and what is true."""
+
+    true_positive: int
+    false_positive: int
+    true_negative: int
+    false_negative: int
+
+
+def counts(predicted: Answers, truth: Answers) -> Counts:
+    """Count the answers; both arrays have the same shape, else ValueError."""
+    if predicted.shape != truth.shape:
+        raise ValueError(f"shapes differ: {predicted.shape} predicted, {truth.shape} true")
+    hits = int(np.count_nonzero(predicted & truth))
+    yes, wanted = int(np.count_nonzero(predicted)), int(np.count_nonzero(truth))
+    return Counts(hits, yes - hits, truth.size - yes - wanted + hits, wanted - hits)
+
+
+def accuracy(c: Counts) -> float:
+    """Share of right answers (TP + TN) / all."""
+    return _share(c.true_positive + c.true_negative, sum(c))
+
+
+def hamming_loss(c: Counts) -> float:
+    """Share of wrong answers, 1 - accuracy: less is better."""
+    return _share(c.false_positive + c.false_negative, sum(c))
+
+
+def precision(c: Counts) -> float:
+    """Share of the predicted zones that are touched, TP / (TP + FP)."""
+    return _share(c.true_positive, c.true_positive + c.false_positive)
+
+
+def recall(c: Counts) -> float:
+    """Share of the touched zones that are predicted, TP / (TP + FN)."""
+    return _share(c.true_positive, c.true_positive + c.false_negative)
+
+
+def f1(c: Counts) -> float:
+    """Harmonic mean of precision and recall, 2 TP / (2 TP + FP + FN)."""
+    return _share(2 * c.true_positive, 2 * c.true_positive + c.false_positive + c.false_negative)
+
+
+def mcc(c: Counts) -> float:
+    """Matthews correlation coefficient (Matthews 1975), -1 to 1; 0 where a factor is 0.
+
+    (TP TN - FP FN) / sqrt((TP + FP) (TP + FN) (TN + FP) (TN + FN))
+    """
+    tp, fp, tn, fn = c
+    product = (tp + fp) * (tp + fn) * (tn + fp) * (tn + fn)  # exact: Python's integers
+    return (tp * tn - fp * fn) / math.sqrt(product) if product else 0.0
+
+
+def subset_accuracy(predicted: Answers, truth: Answers) -> float:
+    """Share of the legs of which every zone is right."""
+    return _share(int(np.count_nonzero((predicted == truth).all(axis=1))), len(truth))
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else 0.0
+
+
+class Metric(NamedTuple):
+    """A measure that training may monitor."""
+
+    of: Callable[[Counts], float]
+    title: str
+    better: int  # 1: more is better, -1: less is
+
+    def improves(self, now: Counts, before: Counts) -> bool:
+        """Whether `now` is strictly better."""
+        return self.better * (self.of(now) - self.of(before)) > 0
+
+
+METRICS: Final[dict[str, Metric]] = {
+    "accuracy": Metric(accuracy, "Accuracy", 1),
+    "precision": Metric(precision, "Precision", 1),
+    "recall": Metric(recall, "Recall", 1),
+    "f1": Metric(f1, "F1", 1),
+    "hamming": Metric(hamming_loss, "Hamming Loss", -1),
+    "mcc": Metric(mcc, "Matthews Correlation Coefficient", 1),
+}
+
+
+def measured(predicted: Answers, truth: Answers) -> dict[str, Any]:
+    """All measures by name, the share of wholly right legs included."""
+    found = counts(predicted, truth)
+    values = {name: metric.of(found) for name, metric in METRICS.items()}
+    return values | {"subset": subset_accuracy(predicted, truth)}

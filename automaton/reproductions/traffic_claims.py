@@ -1,0 +1,121 @@
+"""What Bhattathiri, Li & Kuhl conclude from their Table 5, read as figures that trials can decide.
+
+Each claim is judged for each reading of the experiment. A range is what the printed 100 trials leave
+open: two standard errors about the printed mean; "less" is a difference above zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from automaton.reproductions.claims import Claim, Figure, Mean
+
+Reading = tuple[str, str, str]  # the labels of a case
+
+PLAIN: Final = ("A*", "-")  # path and counts
+PRINTED_TRIALS: Final = 100
+
+READINGS: Final = {  # slowdown, path, counts: how it is called
+    ("static", "avoidance", "exact"): "static, exact counts",
+    ("static", "avoidance", ".40/.84"): "static, counts with precision .40 and recall .84",
+    ("static", "most cautious", ".40/.84"): "the same counts, most cautious path",
+    ("static", "avoidance", ".05/.75"): "static, precision .05 and recall .75 as tested",
+    ("static", "avoidance", "network"): "static, our network's counts",
+    ("dynamic", "avoidance", "exact"): "dynamic, exact counts",
+}
+
+REMARKS: Final = (
+    "Traffic avoidance is said to take 180.53 steps over 214.34 cells, yet every cell takes at "
+    "least one step. 180.53 = 229.97 - 0.39 x 126.76, so it is the mean over all trials.",
+    "The network that is reported (precision 0.05, recall 0.75 in testing) foresees nearly "
+    "everything everywhere: with such counts next to nothing is gained.",
+    "The biases start at log(N1/N0), which favours empty zones; the text says the opposite.",
+    "Equation 7 (Matthews' correlation) lacks the factor TN + FP and its parentheses.",
+    "Zones with more than A robots are obstacles, A = 1 to 6, and A = 6 is to equal plain A*; here "
+    "zones with A or more are closed, and plain A* is a candidate besides.",
+    "All cells that are not zero are obstacles: that would close the intersections.",
+    "At most two robots pass in an aisle, yet m robots in a zone slow it down, up to six.",
+    "The hinge loss as printed, with y of 0 or 1, is constant where y is 0: nothing lowers an output, "
+    "so training ends with every zone predicted (Tables 1 to 4: loss hinge).",
+    "Hamming loss is 1 - accuracy, so the rows that monitor accuracy, and both, must be equal. They "
+    "are printed as different ones.",
+    "Other classifiers are said to have no training accuracy at all. On single legs each has some "
+    "(`automaton train traffic --classifiers`), if accuracy is that every zone is right.",
+    "Tables 2 to 4 have impossible lines, such as accuracy 1.00 with precision and recall 0.",
+    "How long the other robots stay in a zone is left open. Read as the plans ever using a zone "
+    "(static), the printed A* time comes out; when they really meet (dynamic), A* loses 2 steps of "
+    "160 to others, and there is nothing to be gained.",
+    "39 % alternatives together with 126.76 steps saved in each came out of no reading tried.",
+)
+
+
+def plain(metric: str, reading: Reading) -> Callable[[Mean], float]:
+    """A metric of plain A* in the trials of a reading."""
+    return lambda mean: mean(metric, reading[0], *PLAIN)
+
+
+def saved(metric: str, reading: Reading) -> Callable[[Mean], float]:
+    """How much less of a metric the avoiding robot has."""
+    return lambda mean: mean(metric, reading[0], *PLAIN) - mean(metric, *reading)
+
+
+def cut(reading: Reading) -> Callable[[Mean], float]:
+    """The share of the travel time that avoidance saves."""
+    return lambda mean: saved("time", reading)(mean) / plain("time", reading)(mean)
+
+
+def per_alternative(reading: Reading) -> Callable[[Mean], float]:
+    """Ticks saved in a trial in which the alternative was taken."""
+    return lambda mean: mean("saved", *reading) / mean("taken", *reading)
+
+
+def around(label: str, of: Callable[[Mean], float], printed: float, sd: float) -> Figure:
+    """A figure that agrees with a printed mean over 100 trials."""
+    margin = 2 * sd / PRINTED_TRIALS**0.5
+    return Figure(label, of, printed - margin, printed + margin, digits=1)
+
+
+def baseline() -> Iterator[Claim]:
+    """The printed line of plain A*, by both readings of a slow zone."""
+    for slowdown in ("static", "dynamic"):
+        reading = (slowdown, *PLAIN)
+        yield Claim(
+            f"Plain A* takes 229.97 steps over 160.25 cells ({slowdown})",
+            (
+                around("time", plain("time", reading), 229.97, 77.60),
+                around("distance", plain("distance", reading), 160.25, 46.96),
+            ),
+        )
+
+
+STATEMENTS: Final[dict[str, Callable[[Reading], Figure]]] = {
+    "Avoidance shortens the travel time": lambda reading: Figure(
+        "saved", saved("time", reading), at_least=0, digits=1
+    ),
+    "It does so by about a fifth: 49.44 of 229.97 steps": lambda reading: Figure(
+        "cut", cut(reading), at_least=0.165, at_most=0.265, unit="%"
+    ),
+    "Plain A* has the shorter distance": lambda reading: Figure(
+        "saved", saved("distance", reading), at_most=0, digits=1
+    ),
+    "An alternative is taken in less than half of the trials": lambda reading: Figure(
+        "taken", lambda mean: mean("taken", *reading), at_most=0.5, unit="%"
+    ),
+    "Where an alternative is taken it saves 126.76 steps": lambda reading: around(
+        "saving", per_alternative(reading), 126.76, 70.35 / 0.39**0.5
+    ),
+    "The robot uses fewer zones together with others": lambda reading: Figure(
+        "fewer encounters", saved("encounters", reading), at_least=0, digits=1
+    ),
+}
+
+
+def about_avoidance() -> Iterator[Claim]:
+    """What the paper says of traffic avoidance, for each reading."""
+    for statement, figure in STATEMENTS.items():
+        for reading, name in READINGS.items():
+            yield Claim(f"{statement} ({name})", (figure(reading),))
+
+
+CLAIMS: Final = (*baseline(), *about_avoidance())

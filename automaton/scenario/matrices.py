@@ -1,0 +1,103 @@
+"""A floor as a matrix of codes in a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2).
+
+    -1,-1, -1,-1     -1 wall, 0 free, 50 intersection, 100 rack, 200 dock
+    -1, 0,200, 0     An intersection is a free cell: which ones they are follows from the floor, so
+    -1,50,  0,50     0 and 50 mean the same when a matrix is read.
+
+What a matrix does not say is how many robots a free cell holds: that is one number for all.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.errors import InputError, alternatives
+from automaton.scenario.pictures import MAX_SIDE
+from automaton.world.cells import ALL_EXITS, DOCK, FLOOR, KINDS, RACK, WALL
+from automaton.world.plan import FloorPlan, bordered, floor_plan
+from automaton.world.zones import zones_of
+
+INTERSECTION: Final = 50
+KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
+CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}
+
+
+class MatrixError(InputError):
+    """An error in a row of a matrix; rows count from 0."""
+
+    def __init__(self, message: str, row: int = 0) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+@lru_cache(maxsize=16)
+def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
+    """The floor of a matrix; every free cell has this capacity. Raises MatrixError."""
+    rows = text.rstrip().split("\n") if text.strip() else []
+    if not rows:
+        raise MatrixError("the matrix is empty")
+    cells = [row.split(",") for row in rows]
+    width = len(cells[0])
+    if max(len(rows), width) > MAX_SIDE:
+        raise MatrixError(f"the matrix has a side of more than {MAX_SIDE:,} cells")
+    kind = bordered(len(rows), width)
+    for y, row in enumerate(cells):
+        if len(row) != width:
+            raise MatrixError(f"the row has {len(row)} codes, the first row {width}", y)
+        kind[y + 1, 1:-1] = _kinds(row, y)
+    if not (kind == FLOOR).any():
+        raise MatrixError("the matrix has no free cell (0 or 50) that robots drive on")
+    return _plan(kind, capacity)
+
+
+def write_matrix(plan: FloorPlan) -> str:
+    """The matrix of a floor, intersections marked, with a newline at its end.
+
+    Raises InputError for a floor with other kinds of cells, one-way cells or mixed capacities.
+    """
+    kind, free = plan.kind[1:-1, 1:-1], plan.kind == FLOOR
+    for y, x in np.argwhere(~np.isin(kind, list(CODE_OF))).tolist():
+        known = alternatives(KINDS[code].name for code in CODE_OF)
+        name = KINDS[kind[y, x]].name
+        raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
+    if len(plan.bays):
+        x, y = plan.xy(int(plan.bays[0, 0]))
+        raise InputError(f"a matrix has no code for the bay at ({x}, {y})")
+    capacities = np.unique(plan.capacity[free]).tolist()
+    if len(capacities) > 1:
+        raise InputError("a matrix cannot say that free cells hold different numbers of robots")
+    if not np.array_equal(_plan(plan.kind, 0).exits, plan.exits):
+        raise InputError("a matrix cannot say which cells are one-way")
+    codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
+    crossing = zones_of(plan).intersection.reshape(free.shape)[1:-1, 1:-1]
+    codes = np.where(crossing, INTERSECTION, codes)
+    return "".join(",".join(map(str, row)) + "\n" for row in codes.tolist())
+
+
+def _kinds(row: list[str], y: int) -> list[int]:
+    try:
+        return [KIND_OF[int(code)] for code in row]
+    except (KeyError, ValueError):
+        allowed = alternatives(map(str, KIND_OF))
+        x = next(x for x, code in enumerate(row) if not _is_code(code))
+        found = row[x].strip() or "nothing"
+        raise MatrixError(
+            f"column {x + 1} must be one of the codes {allowed}, found {found[:20]}", y
+        ) from None
+
+
+def _is_code(text: str) -> bool:
+    try:
+        return int(text) in KIND_OF
+    except ValueError:
+        return False
+
+
+def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
+    """A floor on which every free cell may be left in all directions."""
+    leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
+    return floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

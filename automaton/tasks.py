@@ -1,0 +1,69 @@
+"""The figures of tasks after a warm-up: how long they take, and by how much too long.
+
+A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
+the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond
+both legs driven on the empty floor, the pick, and the tick in which the load is set down.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from automaton.kernels.tasks import least_drives
+from automaton.scenario.resolve import Resolved
+from automaton.world.state import DELIVERED, DROP, NIL, PICK, TICK, Array, Workspace, World
+
+TASK_METRICS = ("task_time", "delay", "completions")
+
+
+class Measured(Protocol):
+    """What the figures of tasks need of a simulation."""
+
+    @property
+    def world(self) -> World: ...
+    @property
+    def view(self) -> World: ...
+    @property
+    def space(self) -> Workspace: ...
+    @property
+    def resolved(self) -> Resolved: ...
+    @property
+    def least(self) -> Array: ...
+
+
+def task_figures(run: Measured) -> dict[str, float]:
+    """The metrics of TASK_METRICS, or none if the scenario does not measure tasks."""
+    measure = run.resolved.scenario.measure
+    if measure is None:
+        return {}
+    world, warm_up = run.world, measure.warm_up
+    orders, robots = world.orders, len(world.robots.cell)
+    done = orders.state == DELIVERED
+    tasks = np.flatnonzero(done & (orders.dispatched > warm_up) & (orders.legs == 1))
+    times = task_times(world, tasks)
+    after = max(0, int(world.clock[TICK]) - warm_up)
+    completed = int(np.count_nonzero(done & (orders.delivered > warm_up)))
+    return {
+        "task_time": float(times.mean()) if len(tasks) else 0.0,
+        "delay": float((times - least_times(run, tasks)).mean()) if len(tasks) else 0.0,
+        "completions": 1000 * completed / (robots * after) if after else 0.0,
+    }
+
+
+def task_times(world: World, tasks: Array) -> Array:
+    """(k,) ticks from taking each of these delivered orders to its delivery."""
+    orders = world.orders
+    times: Array = orders.delivered[tasks].astype(np.int64) - orders.dispatched[tasks] + 1
+    return times
+
+
+def least_times(run: Measured, tasks: Array) -> Array:
+    """(k,) the least ticks that each of these delivered orders could have taken."""
+    unknown = tasks[run.least[tasks] == NIL]
+    if len(unknown):
+        least_drives(run.view, run.space, unknown, run.least)
+    duration = run.world.rules.duration
+    times: Array = run.least[tasks] + int(duration[PICK]) + min(1, int(duration[DROP]))
+    return times

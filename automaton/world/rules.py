@@ -1,0 +1,40 @@
+"""The constants of a world, from its scenario."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from automaton.scenario.schema import Scenario
+from automaton.world.state import ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
+
+STOPS = {"parked": 0, "delivered": 1, "never": 2}
+
+
+def rules_for(scenario: Scenario, seed: int) -> Rules:
+    """The scenario's constants; what strategies ask for is entered when they are admitted."""
+    rules = scenario.world
+    return Rules(
+        seed=np.uint64(seed),
+        following=int(rules.following),
+        stop=STOPS[scenario.stop.when],
+        leave=int(scenario.fleet.when_done == "leave"),
+        radius=radius_of(scenario.information),
+        duration=duration_table(scenario.durations),
+        wait=np.ones(5, np.int32),
+        every=np.zeros(5, np.int32),
+        slowdown=int(rules.slowdown == "zones"),
+        extra_tick=round(rules.extra_tick * 2**32),
+    )
+
+
+def radius_of(information: Any) -> int:
+    if isinstance(information, str):
+        return NIL if information == "everything" else ORDER_LIST
+    return int(information.radius)
+
+
+def duration_table(durations: Any) -> Array:
+    """(A,) int32: ticks of each action; those without a duration of their own take 1."""
+    return np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)

@@ -1,0 +1,253 @@
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are foreseen.
+
+A robot that gets a task foresees which zones the others use. All it knows of them is where their
+tasks began, pick up and set down: it foresees the zones on the A* paths of the whole task, as if nobody
+delayed them, or a noisy version of those, or what a network says that has learnt such paths. It plans
+both legs of its own task at once, with the zones of A or more others closed for A = 1, 2, ..., and
+keeps the plan that takes the least time so.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from automaton.strategy.kernels import (
+    CERTAIN,
+    LEAST_TIME,
+    PLAIN,
+    TIES,
+    add_predicted,
+    add_zones,
+    astar,
+    blur,
+    choose_threshold,
+    close_zones,
+    count_zones,
+    false_alarms,
+    has_zone,
+    kernel,
+    position,
+    search,
+    size_of,
+)
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.strategy.network import network_for, packed, scratch_size, shipped
+from automaton.world.state import GOAL_PICK, NIL, TICK
+from strategies.allocation.stands import drop_stand
+from strategies.routing.astar import RULE, around_robots, start_pose
+
+SHIPPED = "warehouse-100"  # the scenario whose network is shipped
+
+# memory.parameters, after RULE
+MOST = 1  # the largest A
+PRECISION = 2  # in units of 1 / CERTAIN
+RECALL = 3
+NETWORK = 4  # where a packed network begins, if there is one; memory.shared is its scratch
+
+# memory.own
+STAND = 0  # the zones foreseen of a robot are those of its way to this cell ...
+NEXT = 1  # ... and on to this one
+PLAN_FROM = 2  # the leg that was planned before its time
+PLAN_TO = 3
+SETS = 4  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
+
+
+@kernel
+def sets_of(memory, i):
+    """The two sets of zones of robot i."""
+    words = (memory.own.shape[1] - SETS) >> 1
+    return memory.own[i, SETS : SETS + words], memory.own[i, SETS + words :]
+
+
+@kernel
+def next_stand(view, i):
+    """Where robot i will set down what it drives to pick up; NIL if it does not."""
+    order = np.int64(view.robots.order[i])
+    if order == NIL or view.robots.goal[i] != GOAL_PICK:
+        return np.int64(NIL)
+    return drop_stand(view, np.int64(view.orders.target[order]))
+
+
+@kernel
+def foresee(view, memory, space, i):
+    """Replay robot i's task from where it is now, and remember the zones that it uses."""
+    own, given = memory.own, memory.parameters
+    if given.shape[0] > NETWORK:
+        predict(view, memory, i)
+        return
+    used, _ = sets_of(memory, i)
+    used[:] = 0
+    own[i, STAND] = view.robots.stand[i]
+    own[i, NEXT] = next_stand(view, i)
+    pose = start_pose(view, i)
+    for leg in (STAND, NEXT):
+        if own[i, leg] != NIL and pose != NIL:
+            pose = search(
+                view.grid,
+                view.rules.duration,
+                space.routes,
+                given[RULE],
+                view.rules.seed,
+                pose,
+                own[i, leg],
+                False,
+            )
+            if pose != NIL:
+                add_zones(view.grid, space.routes, pose, used)
+    if given[PRECISION] < CERTAIN or given[RECALL] < CERTAIN:
+        zones, tick = view.grid.zones, view.clock[TICK]
+        add = false_alarms(given[RECALL], given[PRECISION], size_of(used), zones)
+        who = np.int64(view.robots.identity[i])
+        blur(used, zones, given[RECALL], add, view.rules.seed, tick, who)
+
+
+@kernel
+def is_on_second_leg(view, memory, i):
+    """Whether robot i has its load and brings it where it was foreseen to."""
+    return view.robots.load[i] != NIL and memory.own[i, NEXT] == view.robots.stand[i]
+
+
+@kernel
+def is_foreseen(view, memory, i):
+    """Whether the zones foreseen of robot i are those of its present task."""
+    own = memory.own
+    same = own[i, STAND] == view.robots.stand[i] and own[i, NEXT] == next_stand(view, i)
+    return same or is_on_second_leg(view, memory, i)
+
+
+@kernel
+def predict(view, memory, i):
+    """Have the network say which zones robot i's task uses, and remember them.
+
+    It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
+    when it took its order, or where it stands now if there is no order to pick up.
+    """
+    own, zone = memory.own, view.grid.zone
+    own[i, STAND] = view.robots.stand[i]
+    own[i, NEXT] = next_stand(view, i)
+    used, _ = sets_of(memory, i)
+    used[:] = 0
+    network, cell = memory.parameters[NETWORK:], position(view, i)
+    if own[i, NEXT] != NIL:
+        cell = np.int64(view.orders.dispatched_from[view.robots.order[i]])
+    for leg in (STAND, NEXT):
+        if own[i, leg] != NIL:
+            start, end = np.int64(zone[cell, 0]), np.int64(zone[own[i, leg], 0])
+            add_predicted(network, memory.shared, start, end, used)
+            cell = own[i, leg]
+
+
+@kernel
+def count_others(view, memory, space, i):
+    """space.routes.count = how many others are foreseen in each zone.
+
+    Each is foreseen once for a task. With limited sight nothing is remembered about others.
+    """
+    count = space.routes.count
+    count[:] = 0
+    for j in range(view.robots.cell.shape[0]):
+        if j == i or view.robots.stand[j] == NIL:
+            continue
+        if not is_foreseen(view, memory, j) or view.rules.radius > 0:
+            foresee(view, memory, space, j)
+        used, _ = sets_of(memory, j)
+        count_zones(used, count)
+
+
+@kernel
+def choose(view, memory, space, i, start):
+    """Close zones as the chosen plan has it; whether any is. Keeps those of a second leg."""
+    routes, given = space.routes, memory.parameters
+    stand, then = np.int64(view.robots.stand[i]), next_stand(view, i)
+    pick, drop = (stand, then) if then != NIL else (then, stand)
+    count_others(view, memory, space, i)
+    threshold = choose_threshold(
+        view.grid,
+        view.rules.duration,
+        routes,
+        given[RULE],
+        view.rules.seed,
+        start,
+        pick,
+        drop,
+        given[MOST],
+        LEAST_TIME,
+    )
+    if threshold == PLAIN:
+        routes.closed[:] = 0
+    else:
+        close_zones(view.grid, routes, threshold, start, pick, drop)
+    _, closed = sets_of(memory, i)
+    closed[:] = 0
+    for zone in range(view.grid.zones):
+        closed[zone >> 6] |= np.int64(routes.closed[zone]) << (zone & 63)
+    memory.own[i, PLAN_FROM] = stand
+    memory.own[i, PLAN_TO] = then
+
+
+@kernel
+def has_plan(view, memory, i, start):
+    """Whether this leg was planned together with the one before it."""
+    cell = start // view.grid.headings
+    return memory.own[i, PLAN_FROM] == cell and memory.own[i, PLAN_TO] == view.robots.stand[i]
+
+
+@kernel
+def plan(view, memory, space, i, steps):
+    """Write the route of robot i into steps; its length, or NIL."""
+    routes, start = space.routes, start_pose(view, i)
+    if has_plan(view, memory, i, start):
+        _, closed = sets_of(memory, i)
+        for zone in range(view.grid.zones):
+            routes.closed[zone] = has_zone(closed, zone)
+        memory.own[i, PLAN_FROM] = NIL
+    else:
+        choose(view, memory, space, i, start)
+    return astar(
+        view.grid,
+        view.rules.duration,
+        routes,
+        memory.parameters[RULE],
+        view.rules.seed,
+        start,
+        np.int64(view.robots.stand[i]),
+        True,
+        steps,
+    )
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    for k in range(asked.count[0]):  # first: tasks that begin now, all from where they begin
+        i = np.int64(asked.robot[k])
+        if not is_on_second_leg(view, memory, i):
+            foresee(view, memory, space, i)
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        steps = answers.routing.steps[k]
+        length = around_robots(view, space, i, asked.reason[k], steps)
+        if length == NIL:
+            length = plan(view, memory, space, i, steps)
+        if length != NIL:
+            answers.routing.length[k] = length
+
+
+class TrafficAvoidance(Strategy):
+    """A* around the zones in which many others are foreseen."""
+
+    layer = "routing"
+    compiled = decide
+
+    def reset(self, view):
+        p = self.parameters
+        words = -(-view.grid.zones // 64)
+        precision, recall = (p.precision, p.recall) if p.predictor == "noisy" else (1, 1)
+        chances = (round(precision * CERTAIN), round(recall * CERTAIN))
+        parameters = (TIES.index(p.ties), p.most_threshold, *chances)
+        own = SETS + 2 * words
+        if p.predictor in ("exact", "noisy"):
+            return memory_of(view, own, parameters=parameters)
+        file = shipped(SHIPPED) if p.predictor == "network" else Path(p.predictor.network)
+        network = network_for(view.grid, view.rules.duration, file)
+        parameters = np.concatenate([parameters, packed(network)])
+        return memory_of(view, own, scratch_size(network), parameters)

@@ -1,0 +1,170 @@
+"""Robots that leave the floor when they are done, where they stand, and may come back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automaton.errors import InputError
+from automaton.history.run import LiveRun
+from automaton.picture import picture_of, world_from
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.validator import validate_stored
+from automaton.recording.verification import verify_recording
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.strategy.layer import Strategy
+from automaton.world.state import NIL, PARK, SET_DOWN, TAKE, TICK, WAITING
+from strategies.allocation.stands import drop_stand, pick_stand
+
+FLOOR = """
+name: leaving
+layout:
+  picture: |
+    {aisle}
+    irrrrrrd
+fleet: {robots: 2, kinematics: omni, start: [[1, 0], [5, 0]], when_done: leave}
+orders: {list: [{from: [0, 1], to: [3, 1]}, {from: [0, 1], to: [4, 1]}, {from: [0, 1], to: [2, 1]}]}
+strategy: {allocation: first-come, right_of_way: wait}
+stop: {when: parked, at_most: 200}
+measure: {}
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    def written(*settings, aisle="~~~~~~~~"):
+        path = tmp_path / "scenario.yaml"
+        path.write_text(FLOOR.replace("{aisle}", aisle))
+        return resolve(path, settings)
+
+    return written
+
+
+def ran(resolved, until=None):
+    simulation = Simulation(resolved)
+    simulation.run(until)
+    return simulation
+
+
+class Late(Strategy):
+    """Robot 0 alone works, and takes order k in tick 20 k + 1 or later."""
+
+    layer = "allocation"
+    every = 1
+
+    def decide(self, view, asked, answers, memory, space):
+        given, robots = answers.allocation, view.robots
+        for k in range(asked.count[0]):
+            i = asked.robot[k]
+            load, order = robots.load[i], int((view.orders.state != WAITING).sum())
+            if load != NIL and robots.slot[i] == NIL:
+                given.verb[k], given.slot[k] = SET_DOWN, view.orders.target[load]
+                given.stand[k] = drop_stand(view, given.slot[k])
+            elif robots.order[i] != NIL or robots.busy[i]:
+                continue
+            elif i == 0 and order < 3 and view.clock[TICK] > 20 * order:
+                given.verb[k], given.order[k] = TAKE, order
+                given.stand[k] = pick_stand(view, view.orders.place[order])
+            else:
+                given.verb[k] = PARK
+
+
+def test_who_is_done_is_off_the_floor_where_it_stood(scenario):
+    resolved = scenario()
+    simulation = ran(resolved)
+    robots, cell = simulation.world.robots, resolved.plan.cell
+    assert simulation.finished and simulation.tick == simulation.world.orders.delivered.max() + 1
+    assert robots.cell.tolist() == [NIL, NIL] and robots.parked.tolist() == [1, 1]
+    assert robots.home.tolist() == [cell(2, 0), cell(4, 0)]
+    assert "A off the floor at (2, 0)" in picture_of(simulation)
+
+
+def test_robots_without_a_task_leave_in_the_first_tick(scenario):
+    one = "orders.list=[{from: [0, 1], to: [3, 1]}]"
+    simulation = ran(scenario(one), until=1)
+    assert simulation.world.robots.cell[1] == NIL
+    assert ran(scenario(one)).finished
+
+
+def test_a_cell_given_up_by_leaving_is_free_for_others(scenario):
+    # Narrow aisle: robot 1 stands between the dock and where robot 0 has to go.
+    settings = (
+        "orders.list=[{from: [0, 1], to: [6, 1]}]",
+        "fleet.start=[[0, 0], [3, 0]]",
+    )
+    assert ran(scenario(*settings, aisle="........")).finished
+    parked = ran(scenario(*settings, "fleet.when_done=park", aisle="........"))
+    assert not parked.finished
+
+
+@pytest.mark.parametrize("kinematics", ["omni", "differential"])
+@pytest.mark.parametrize("aisle", ["~~~~~~~~", "========", "........"])
+def test_who_gets_an_order_later_comes_back_where_it_left(scenario, kinematics, aisle):
+    resolved = scenario(
+        "strategy.allocation=test_leaving:Late", f"fleet.kinematics={kinematics}", aisle=aisle
+    )
+    recorder = MemoryRecorder(resolved)
+    simulation = Simulation(resolved, on_record=recorder)
+    cells, seen = simulation.world.robots.cell, []
+    while not simulation.finished and simulation.tick < 200:
+        simulation.run(simulation.tick + 1)
+        seen.append(int(cells[0]))
+    assert simulation.finished
+    gone = np.array(seen) == NIL
+    comings = np.flatnonzero(gone[:-1] & ~gone[1:]) + 1  # index of the tick
+    assert (comings + 1).tolist() == [21, 41]
+    assert simulation.world.orders.dispatched.tolist() == [1, 21, 41]
+    # It came back where the order before had ended.
+    ended = [resolved.plan.cell(x, 0) for x in (3, 4)]
+    assert simulation.world.orders.dispatched_from[1:].tolist() == ended
+    verification = verify_recording(recorder.recording())
+    assert verification.passed, verification.report.violations or verification.difference
+    assert verification.report.counts["left_bay"] == 2
+
+
+def test_pictures_hold_who_is_off_the_floor(scenario):
+    resolved = scenario("strategy.allocation=first-come")
+    for tick in (1, 5, 12, 16, 20, 30):
+        simulation = ran(resolved, until=tick)
+        restored = world_from(picture_of(simulation), resolved)
+        assert restored.digest == simulation.digest
+        restored.run()
+        simulation.run()
+        assert restored.digest == simulation.digest
+
+
+def test_the_digest_tells_where_a_robot_left(scenario):
+    simulation = ran(scenario())
+    before = simulation.digest
+    simulation.world.robots.home[0] += 1
+    assert simulation.digest != before
+
+
+def test_the_past_can_be_looked_at_again(scenario):
+    run = LiveRun(scenario(), 1)
+    run.show(40)
+    states = {}
+    for tick in (40, 25, 8, 33):
+        run.show(tick)
+        states[tick] = run.shown.world.robots.home.tolist(), run.shown.digest
+    for tick, (home, digest) in states.items():
+        fresh = ran(scenario(), until=tick)
+        assert (fresh.world.robots.home.tolist(), fresh.digest) == (home, digest)
+
+
+def test_the_validator_refuses_who_leaves_with_an_order(scenario):
+    resolved = scenario()
+    recorder = MemoryRecorder(resolved)
+    Simulation(resolved, on_record=recorder).run()
+    recording = recorder.recording()
+    fleet = recording.header["scenario"]["fleet"]
+    assert validate_stored(recording).valid
+    fleet["when_done"] = "park"
+    texts = [violation.text for violation in validate_stored(recording).violations]
+    assert "parks although it does not stand at home" in texts
+
+
+def test_leaving_does_not_go_with_bays(tmp_path):
+    with pytest.raises(InputError, match="robots that begin in bays park there"):
+        resolve("tabletop-mini", ["fleet.when_done=leave"])

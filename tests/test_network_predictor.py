@@ -1,0 +1,100 @@
+"""traffic-avoidance with a network: what a fleet foresees is what the network says of its tasks."""
+
+import numpy as np
+import pytest
+from drawn_networks import drawn_network
+
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.learning.legs import members
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.strategy.network import (
+    floor_fingerprint,
+    load_network,
+    predicted_zones,
+    save_network,
+    shipped,
+)
+from automaton.world.build import build_world
+from automaton.world.route_space import words
+from automaton.world.state import LAYERS, NIL
+from strategies.routing.traffic_avoidance import NEXT, SETS, STAND
+
+FLEET = ["fleet.robots=6", "stop.at_most=400", "measure.warm_up=0"]
+
+
+def avoiding(scenario, predictor, *overrides):
+    picked = f"strategy.routing={{name: traffic-avoidance, predictor: {predictor}}}"
+    return resolve(scenario, [picked, *overrides])
+
+
+def routing_memory(simulation):
+    return simulation.memories[LAYERS.index("routing")]
+
+
+def test_a_fleet_foresees_what_the_network_says_of_both_legs():
+    simulation = Simulation(avoiding("warehouse-100", "network", *FLEET))
+    world, network = simulation.world, load_network(shipped("warehouse-100"))
+    started = world.robots.cell.copy()
+    simulation.run(1)
+    own, sets = routing_memory(simulation).own, words(world.grid.zones)
+    foreseen = members(own[:, SETS : SETS + sets].copy(), world.grid.zones)
+    start, pick, drop = (
+        world.grid.zone[cells, 0].astype(np.int64)
+        for cells in (started, own[:, STAND], own[:, NEXT])
+    )
+    expected = predicted_zones(network, start, pick) | predicted_zones(network, pick, drop)
+    assert (own[:, NEXT] != NIL).all() and expected.any()
+    assert np.array_equal(foreseen, expected)
+
+
+def test_runs_with_a_network_are_repeated_and_deliver():
+    resolved = avoiding("warehouse-100", "network", *FLEET)
+    one, other = Simulation(resolved), Simulation(resolved)
+    for simulation in (one, other):
+        simulation.run(400)
+    assert one.digest == other.digest
+    assert (one.world.orders.delivered != NIL).sum() >= 6
+
+
+@pytest.fixture
+def own_file(tmp_path):
+    """A network for the table-top floor; what it has learnt is of no use, but it fits."""
+    world = build_world(resolve("tabletop-mini"), 1)[0]
+    floor = floor_fingerprint(world.grid, world.rules.duration)
+    path = tmp_path / "own.npz"
+    save_network(path, drawn_network(1, zones=world.grid.zones, floor=floor))
+    return path
+
+
+def test_a_network_of_ones_own_serves_its_floor(own_file, capsys):
+    picked = f"strategy.routing={{name: traffic-avoidance, predictor: {{network: {own_file}}}}}"
+    assert main(["run", "tabletop-mini", "--set", picked]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_the_shipped_network_refuses_another_floor_before_the_run_begins(capsys):
+    picked = "strategy.routing={name: traffic-avoidance, predictor: network}"
+    assert main(["run", "tabletop-mini", "--set", picked]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(
+        "automaton: warehouse-100.npz was trained for the floor of warehouse-100"
+    )
+    assert "automaton train traffic --scenario" in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("predictor", "words_of_it"),
+    [
+        ("nets", "predictor"),
+        ("{network: ''}", "network"),
+        ("{net: file.npz}", "net"),
+        ("{network: none.npz}", "cannot read none.npz: No such file"),
+    ],
+)
+def test_bad_predictors_are_refused_in_a_sentence(predictor, words_of_it):
+    with pytest.raises(InputError) as caught:
+        Simulation(avoiding("warehouse-100", predictor, *FLEET))
+    said = str(caught.value)
+    assert words_of_it in said and "\n" not in said

@@ -1,0 +1,217 @@
+"""Routing asked every k ticks: who is asked, where a new route begins, and that KEEP changes nothing."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from staged_runs import STEPS, Staged
+
+from automaton.history.snapshot import take_snapshot
+from automaton.recording.frames import TICKS
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.validator import validate_stored
+from automaton.scenario.resolve import resolve
+from automaton.scenario.schema import Durations
+from automaton.simulation import Simulation
+from automaton.strategy import paths
+from automaton.strategy.layer import Strategy
+from automaton.world.state import MOVE, NIL, PERIODIC, ROUTING, TICK, TURN, WAIT
+
+
+class Question(NamedTuple):
+    """One robot of a batch."""
+
+    tick: int
+    robot: str
+    reason: int
+    cell: tuple[int, int]  # where a new route would begin
+
+
+class Told(Strategy):
+    """Keeps what it is asked; answers what a test has told it for a tick and robot."""
+
+    layer = "routing"
+
+    def __init__(self, every: int, **answers: str) -> None:
+        super().__init__()
+        self.every = every
+        self.answers = answers  # by robot and tick, such as A4="SEEN"
+        self.asked: list[Question] = []
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        width = view.grid.width
+        for k in range(asked.count[0]):
+            i, tick = int(asked.robot[k]), int(view.clock[TICK])
+            name = chr(ord("A") + int(view.robots.identity[i]))
+            y, x = divmod(paths.position(view, i), width)
+            self.asked.append(Question(tick, name, int(asked.reason[k]), (x - 1, y - 1)))
+            route = self.answers.get(f"{name}{tick}")
+            if route is not None:
+                answers.routing.length[k] = len(route)
+                answers.routing.steps[k, : len(route)] = [STEPS.index(step) for step in route]
+
+
+def place(floor: Staged, name: str) -> tuple[int, int]:
+    return floor.plan.xy(int(floor.world.robots.cell[floor.index(name)]))
+
+
+def illegal(floor: Staged) -> int:
+    return int(floor.world.tally.illegal[ROUTING])
+
+
+def test_robots_on_their_way_are_asked_and_keep_going() -> None:
+    strategy = Told(2)
+    floor = Staged("A......\nB......", {"A": "EEEEE"}, strategies={"routing": strategy}).tick(7)
+    assert strategy.asked == [
+        Question(2, "A", PERIODIC, (1, 0)),
+        Question(4, "A", PERIODIC, (3, 0)),
+    ], "B has nowhere to go, and at tick 6 A has arrived"
+    assert place(floor, "A") == (5, 0)
+    assert floor.world.tally.times[floor.index("A"), MOVE].sum() == 5
+
+
+def test_a_new_route_replaces_the_rest_of_the_old_one() -> None:
+    """A goes round by the south."""
+    strategy = Told(2, A2="SEEN")
+    floor = Staged("A......\n.......", {"A": "EEE"}, strategies={"routing": strategy})
+    ways = [place(floor.tick(), "A") for _ in range(5)]
+    assert ways == [(1, 0), (1, 1), (2, 1), (3, 1), (3, 0)]
+    assert illegal(floor) == 0
+
+
+def test_in_a_long_move_the_route_begins_in_the_cell_that_is_entered() -> None:
+    strategy = Told(2, A2="SEN")
+    floor = Staged(
+        "A......\n.......",
+        {"A": "EE"},
+        durations=Durations(move=3),
+        strategies={"routing": strategy},
+    )
+    ways = [place(floor.tick(), "A") for _ in range(12)]
+    assert strategy.asked[0] == Question(2, "A", PERIODIC, (1, 0)), "tick 2 of 3"
+    assert ways[2::3] == [(1, 0), (1, 1), (2, 1), (2, 0)]
+    assert ways[1] == (0, 0) and ways[4] == (1, 0)
+
+
+def test_a_route_from_the_cell_that_it_leaves_is_illegal_and_costs_nothing() -> None:
+    """Were A still in the west, it could go east twice and then south."""
+    strategy = Told(2, A2="EES")
+    floor = Staged(
+        "A..#\n#..#\n##.#",
+        {"A": "EE"},
+        durations=Durations(move=3),
+        strategies={"routing": strategy},
+    )
+    assert place(floor.tick(6), "A") == (2, 0), "as planned"
+    assert illegal(floor) == 1
+    assert floor.world.tally.times[floor.index("A")].sum() == 2
+
+
+def test_robots_that_turn_or_wait_are_asked_too() -> None:
+    strategy = Told(1)
+    floor = Staged(
+        "#.#\nA.B\n...",
+        {"A": "ES", "B": "W"},
+        kinematics="differential",
+        durations=Durations(turn=3),
+        strategies={"routing": strategy},
+        waits=(3, 3, 3, 3, 255),
+    )
+    actions = {}
+    for _ in range(8):
+        floor.tick()
+        for name in "AB":
+            if floor.world.robots.busy[floor.index(name)]:
+                actions[name, floor.run.tick + 1] = int(
+                    floor.world.robots.action[floor.index(name)]
+                )
+    asked = {(name, tick) for tick, name, *_ in strategy.asked}
+    assert set(actions) <= asked
+    assert {TURN, WAIT} <= set(actions.values())
+
+
+def test_nobody_else_is_asked() -> None:
+    """B withdraws, C must try to set its load down first, D waits for a route, E has arrived."""
+    strategy = Told(1)
+    floor = Staged(
+        "A....\nB....\nC....\nD....\nE....",
+        dict.fromkeys("ABCD", "EEE"),
+        strategies={"routing": strategy},
+    )
+    robots = floor.world.robots
+    robots.withdrawing[floor.index("B")] = 2
+    robots.try_drop[floor.index("C")] = 1
+    robots.length[floor.index("D")] = 0
+    robots.stand[floor.index("E")] = robots.cell[floor.index("E")]
+    floor.tick(2)
+    asked = {(name, reason == PERIODIC) for tick, name, reason, _ in strategy.asked if tick == 2}
+    assert asked == {("A", True), ("D", False)}
+
+
+def test_the_route_that_is_shown_begins_where_a_long_move_ends() -> None:
+    floor = Staged("A...", {"A": "EEE"}, durations=Durations(move=3)).tick(2)
+    shown = [floor.plan.xy(cell) for cell in take_snapshot(floor.run, selected=0).route.tolist()]
+    assert place(floor, "A") == (0, 0) and shown == [(2, 0), (3, 0)]
+
+
+# Whole runs
+
+
+class Shortest(Strategy):
+    """The shortest path, also when it is asked on the way: it must be the rest of the old one."""
+
+    layer = "routing"
+    again = True
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        for k in range(asked.count[0]):
+            i = int(asked.robot[k])
+            if asked.reason[k] == PERIODIC and not self.again:
+                continue
+            route = paths.route(view, space, i, int(view.robots.stand[i]))
+            assert route is not None and view.robots.stand[i] != NIL
+            answers.routing.length[k] = len(route)
+            answers.routing.steps[k, : len(route)] = route
+
+
+def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -> MemoryRecorder:
+    """A recorded run whose routes are planned every so many ticks."""
+    resolved = resolve(name, (*durations, "strategy.right_of_way=wait", "stop.at_most=150"))
+    recorder = MemoryRecorder(resolved)
+    simulation = Simulation(resolved, on_record=recorder)
+    strategy = Shortest()
+    strategy.every, strategy.again = every, again
+    strategies = [*simulation._strategies]
+    strategies[ROUTING] = strategy
+    simulation = Simulation(resolved, on_record=recorder, strategies=strategies)
+    simulation.run()
+    assert not simulation.world.tally.illegal.any()
+    return recorder
+
+
+def actions(recorder: MemoryRecorder) -> Any:
+    return np.concatenate([f.content["did"] for f in recorder.frames if f.kind == TICKS])
+
+
+@settings(max_examples=20)
+@given(st.integers(1, 4), st.integers(1, 3), st.sampled_from(["rail", "differential", "omni"]))
+def test_planning_the_same_path_again_changes_nothing(every: int, move: int, kind: str) -> None:
+    scenario = (f"fleet.kinematics={kind}", f"durations.move={move}", "durations.turn=2")
+    name = "tabletop-mini" if kind == "rail" else "crossing"
+    plain, again = (run(name, scenario, number) for number in (0, every))
+    plain.flush()
+    again.flush()
+    assert np.array_equal(actions(plain), actions(again))
+    assert validate_stored(again.recording()).valid
+
+
+@pytest.mark.parametrize("move", [1, 3])
+def test_keep_leaves_the_same_digests(move: int) -> None:
+    durations = (f"durations.move={move}",)
+    plain, asked = (run("crossing", durations, every, again=False) for every in (0, 2))
+    ends = [recorder.recording().frames[-1].content["digest"] for recorder in (plain, asked)]
+    assert ends[0] == ends[1]

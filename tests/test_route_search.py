@@ -1,0 +1,191 @@
+"""A* with tie rules: least ticks whatever the rule, and of equal paths the one that the rule finds.
+
+Checked against Bellman and Ford, and against an A* in plain Python that has one heap for everything.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from drawn_floors import pictures
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plain_astar import path
+from plain_paths import FAR, Pose, Ways
+
+from automaton.kernels.routes.astar import astar
+from automaton.kernels.routes.frontier import COST, EXPANDED, STAMP, TIES
+from automaton.scenario.pictures import draw_floor
+from automaton.world.floor import Floor, floor_for
+from automaton.world.route_space import RouteSpace, route_space
+from automaton.world.state import ACTIONS, MOVE, NIL, TURN, Array
+
+SYMBOLS = ".......++--||==~><v^##"
+PLAIN_RULES = ("fifo", "larger_g")  # those that need no draw
+
+
+class Case(NamedTuple):
+    """A floor and a leg on it."""
+
+    ways: Ways
+    start: Pose
+    target: int
+    mode: str = "undirected"
+
+    def built(self) -> tuple[Floor, Array, RouteSpace]:
+        ways = self.ways
+        floor = floor_for(ways.plan, ways.kinematics, ways.move, ways.turn, self.mode)
+        duration = np.ones(ACTIONS, np.int32)
+        duration[MOVE], duration[TURN] = ways.move, ways.turn
+        return floor, duration, route_space(floor.grid.rule.size * ways.headings, floor.grid.zones)
+
+    def start_pose(self) -> int:
+        return self.start[0] * self.ways.headings + self.start[1]
+
+
+@st.composite
+def cases(draw: Any) -> Case:
+    width = draw(st.integers(1, 6))
+    lines = draw(pictures(SYMBOLS, width, draw(st.integers(1, 6)))).split("\n")
+    if all(set(line) == {"#"} for line in lines):
+        lines.append("." * width)
+    ways = Ways(
+        plan=draw_floor("\n".join(lines)),
+        kinematics=draw(st.sampled_from(["rail", "differential", "omni"])),
+        move=draw(st.integers(1, 3)),
+        turn=draw(st.sampled_from([1, 2, 5])),
+    )
+    cells = ways.cells()
+    start = (draw(st.sampled_from(cells)), draw(st.integers(0, ways.headings - 1)))
+    mode = draw(st.sampled_from(["undirected", "directed", "with-intersections"]))
+    return Case(ways, start, draw(st.sampled_from(cells)), mode)
+
+
+def found(
+    case: Case, ties: str, seed: int = 1, closed: Any = None, space: RouteSpace | None = None
+) -> tuple[int, list[int]] | None:
+    """(ticks, directions) of the kernel's path; `closed`: (zones,) marks of zones."""
+    floor, duration, fresh = case.built()
+    space = space or fresh
+    if closed is not None:
+        space.closed[:] = closed
+    steps = np.zeros(300, np.uint8)
+    with np.errstate(over="ignore"):
+        length = astar(
+            floor.grid.read_only(),
+            duration,
+            space,
+            TIES.index(ties),
+            np.uint64(seed),
+            case.start_pose(),
+            case.target,
+            closed is not None,
+            steps,
+        )
+    return None if length == NIL else (int(space.state[COST]), steps[:length].tolist())
+
+
+@settings(max_examples=300)
+@given(cases(), st.sampled_from(TIES))
+def test_every_rule_takes_the_least_ticks(case: Case, ties: str) -> None:
+    expected = case.ways.cost_to(case.start, case.target)
+    leg = found(case, ties)
+    if expected == FAR:
+        assert leg is None
+    else:
+        assert leg is not None and leg[0] == expected
+        assert case.ways.driven(case.start, leg[1]) == (expected, case.target)
+
+
+@settings(max_examples=300)
+@given(cases(), st.sampled_from(PLAIN_RULES))
+def test_lane_and_heap_give_the_order_of_one_heap(case: Case, ties: str) -> None:
+    assert found(case, ties) == path(case.ways, case.start, case.target, ties)
+
+
+@settings(max_examples=200)
+@given(cases(), st.sampled_from(PLAIN_RULES), st.data())
+def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:
+    floor, _, _ = case.built()
+    grid = floor.grid
+    closed = np.array(data.draw(st.lists(st.booleans(), min_size=grid.zones, max_size=grid.zones)))
+    pairs = {
+        (cell, way)
+        for cell in case.ways.cells()
+        for way in range(4)
+        if grid.zone[cell, way >> 1] != NIL and closed[grid.zone[cell, way >> 1]]
+    }
+    assert found(case, ties, closed=closed) == path(case.ways, case.start, case.target, ties, pairs)
+
+
+@settings(max_examples=100)
+@given(cases(), st.sampled_from(TIES))
+def test_what_was_searched_before_decides_nothing(case: Case, ties: str) -> None:
+    first = found(case, ties)
+    space = case.built()[2]
+    for target in case.ways.cells()[:5]:
+        found(case._replace(target=target), "fifo", space=space)
+    space.state[STAMP] = 1  # the last stamp: the one after it starts afresh
+    assert [found(case, ties, space=space) for _ in range(3)] == [first] * 3
+
+
+def leg(picture: str, ties: str, seed: int = 1) -> str:
+    """The omni path from A to B of a picture, as letters."""
+    rows = picture.strip().split("\n")
+    marks = {
+        mark: (row.index(mark), y) for y, row in enumerate(rows) for mark in "AB" if mark in row
+    }
+    plan = draw_floor("\n".join(rows).replace("A", ".").replace("B", "."))
+    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(*marks["A"]), 0), plan.cell(*marks["B"]))
+    got = found(case, ties, seed)
+    assert got is not None
+    return "".join("ESWN"[way] for way in got[1])
+
+
+OPEN = """
+A...
+....
+...B
+"""
+
+
+def test_north_and_south_come_before_east_and_west() -> None:
+    assert leg(OPEN, "fifo") == leg(OPEN, "larger_g") == "SSEEE"
+
+
+def test_the_larger_g_looks_at_fewer_cells() -> None:
+    plan = draw_floor("\n".join(["." * 20] * 20))
+    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(0, 0), 0), plan.cell(19, 19))
+    expanded = {}
+    for ties in PLAIN_RULES:
+        space = case.built()[2]
+        found(case, ties, space=space)
+        expanded[ties] = space.state[EXPANDED]
+    assert expanded == {"fifo": 400, "larger_g": 39}
+
+
+def test_random_ties_are_drawn_by_seed_and_leg() -> None:
+    routes = {seed: leg(OPEN, "random", seed) for seed in range(20)}
+    assert {len(route) for route in routes.values()} == {5}
+    assert len(set(routes.values())) > 4
+    assert routes == {seed: leg(OPEN, "random", seed) for seed in range(20)}
+
+
+def test_a_path_that_does_not_fit_is_cut() -> None:
+    plan = draw_floor("......")
+    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(0, 0), 0), plan.cell(5, 0))
+    floor, duration, space = case.built()
+    steps = np.zeros(3, np.uint8)
+    with np.errstate(over="ignore"):
+        arguments = (floor.grid.read_only(), duration, space, 0, np.uint64(1), case.start_pose())
+        assert astar(*arguments, case.target, False, steps) == 3
+    assert space.state[COST] == 5
+
+
+@pytest.mark.parametrize("ties", TIES)
+def test_the_leg_to_where_it_stands_is_empty(ties: str) -> None:
+    plan = draw_floor("..")
+    case = Case(Ways(plan, "differential", 1, 2), (plan.cell(1, 0), 3), plan.cell(1, 0))
+    assert found(case, ties) == (0, [])

@@ -1,0 +1,246 @@
+"""Traffic avoidance: what is foreseen of the others, which plan is chosen, and how it is driven."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plain_astar import path
+from plain_paths import FAR
+from test_route_search import Case, cases
+
+from automaton.commands import main
+from automaton.kernels.routes import avoidance, noise, replay, trial
+from automaton.kernels.routes.frontier import LARGER_G
+from automaton.metrics import metrics_of
+from automaton.reproductions.traffic_trials import tasks_of, warehouse
+from automaton.scenario.reading import shipped
+from automaton.scenario.resolve import Resolved, resolve
+from automaton.simulation import Simulation
+from automaton.world.state import NIL, ROUTING
+
+MOST = 4
+
+
+@st.composite
+def tasks(draw: Any) -> tuple[Case, int, list[int]]:
+    """A leg, a pick-up cell on the way or NIL, and the others in each zone."""
+    case = draw(cases())
+    zones = case.built()[0].grid.zones
+    pick = draw(st.sampled_from([NIL, *case.ways.cells()]))
+    count = draw(st.lists(st.integers(0, MOST + 1), min_size=zones, max_size=zones))
+    return case, pick, count
+
+
+def touching(case: Case, cell: int) -> set[int]:
+    """The zones of a cell, or those that meet in it."""
+    zone = case.built()[0].grid.zone
+    own = {int(z) for z in zone[cell]} - {NIL}
+    return own or {int(z) for beside in case.ways.plan.neighbours(cell) for z in zone[beside]}
+
+
+def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
+    """Ticks of both legs by A* in plain Python; FAR if there is no way."""
+    zone = case.built()[0].grid.zone
+    pairs = {
+        (cell, way)
+        for cell in case.ways.cells()
+        for way in range(4)
+        if int(zone[cell, way >> 1]) in closed
+    }
+    ticks, pose = 0, case.start
+    for target in (pick, case.target):
+        if target == NIL:
+            continue
+        leg = path(case.ways, pose, target, "larger_g", pairs)
+        if leg is None:
+            return FAR
+        ticks += leg[0]
+        for way in leg[1]:
+            left = int(zone[pose[0], way >> 1])
+            ticks += 0 if left == NIL else count[left] * case.ways.move
+            pose = (case.ways.plan.neighbours(pose[0])[way], way % case.ways.headings)
+        assert pose[0] == target
+    return ticks
+
+
+@settings(max_examples=200)
+@given(tasks())
+def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[int]]) -> None:
+    case, pick, count = task
+    floor, duration, space = case.built()
+    space.count[:] = count
+    own = touching(case, case.start[0]) | touching(case, case.target)
+    own |= set() if pick == NIL else touching(case, pick)
+    times = {avoidance.PLAIN: foreseen(case, pick, count, set())}
+    for threshold in range(1, MOST + 1):
+        busy = {zone for zone, others in enumerate(count) if others >= threshold}
+        times[threshold] = foreseen(case, pick, count, busy - own)
+    arguments = (floor.grid.read_only(), duration, space, LARGER_G, np.uint64(1))
+    with np.errstate(over="ignore"):
+        chosen = avoidance.choose_threshold(
+            *arguments, case.start_pose(), pick, case.target, MOST, avoidance.LEAST_TIME
+        )
+        cautious = avoidance.choose_threshold(
+            *arguments, case.start_pose(), pick, case.target, MOST, avoidance.MOST_CAUTIOUS
+        )
+    assert times[chosen] == min(times.values())
+    assert chosen == avoidance.PLAIN or times[chosen] < times[avoidance.PLAIN]
+    open_to = [one for one in range(1, 1 + min(MOST, max(count, default=0))) if times[one] < FAR]
+    assert cautious == (open_to[0] if open_to else avoidance.PLAIN)
+
+
+def sets_of_the_warehouse(precision: float, recall: float) -> tuple[int, int, int]:
+    """Zones used, of those foreseen, and foreseen in all, summed over the tasks of a seed."""
+    where = warehouse()
+    used = found = right = 0
+    with np.errstate(over="ignore"):
+        for number, robots in enumerate(tasks_of(where, 1)):
+            for r, task in enumerate(robots):
+                arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
+                trial.use_zones(*arguments, np.uint64(1), task)
+                truth, seen = where.trial.used.copy(), where.trial.used.copy()
+                keep, sure = round(recall * noise.CERTAIN), round(precision * noise.CERTAIN)
+                size, zones = replay.size_of(truth), where.grid.zones
+                add = noise.false_alarms(keep, sure, size, zones)
+                noise.blur(seen, zones, keep, add, np.uint64(1), number, r)
+                used += size
+                found += replay.size_of(seen)
+                right += replay.size_of(seen & truth)
+    return used, right, found
+
+
+@pytest.mark.parametrize(("precision", "recall"), [(0.40, 0.84), (0.05, 0.75), (1.0, 0.5)])
+def test_noise_has_the_precision_and_recall_that_were_asked_for(
+    precision: float, recall: float
+) -> None:
+    used, right, found = sets_of_the_warehouse(precision, recall)
+    assert right / used == pytest.approx(recall, abs=0.015)  # 16,000 zones: sd 0.004
+    assert right / found == pytest.approx(precision, abs=0.01)
+
+
+def test_certain_predictions_are_the_zones_themselves() -> None:
+    used, right, found = sets_of_the_warehouse(1, 1)
+    assert used == right == found
+
+
+# A brings a load from left to right; B's task leads through the upper aisle and nowhere else.
+RING = """
+##d#####s##
+#.......B.#
+sA#######.d
+#.........#
+"""
+
+
+def ring(tmp_path: Path, routing: str, picture: str = RING) -> Resolved:
+    """Omnidirectional robots with these two orders; robot B's is left out if B is."""
+    rows = "\n".join(f"    {row}" for row in picture.strip("\n").split("\n"))
+    second = ", {from: [8, 0], to: [2, 0]}" if "B" in picture else ""
+    scenario = tmp_path / "ring.yaml"
+    scenario.write_text(
+        f"name: ring\nlayout:\n  picture: |\n{rows}\n"
+        f"fleet: {{kinematics: omni, robots: {1 + picture.count('B')}}}\n"
+        f"orders: {{list: [{{from: [0, 2], to: [10, 2]}}{second}]}}\n"
+        "stop: {when: delivered, at_most: 500}\n"
+    )
+    return resolve(str(scenario), [f"strategy.routing={routing}"])
+
+
+def loaded(resolved: Resolved) -> Simulation:
+    """Run until robot A has its load and a route with it."""
+    simulation = Simulation(resolved)
+    robots = simulation.world.robots
+    while robots.load[0] == NIL or robots.length[0] == 0:
+        simulation.run(simulation.tick + 1)
+    return simulation
+
+
+def route(simulation: Simulation) -> str:
+    """Robot A's route as letters."""
+    robots = simulation.world.robots
+    return "".join("ESWN"[way] for way in robots.route[0, : robots.length[0]])
+
+
+def test_a_robot_keeps_out_of_the_aisle_that_another_one_needs(tmp_path: Path) -> None:
+    assert route(loaded(ring(tmp_path, "astar"))) == "NEEEEEEEES"
+    assert route(loaded(ring(tmp_path, "traffic-avoidance"))) == "SEEEEEEEEN"
+
+
+def test_so_nobody_is_in_anybodys_way(tmp_path: Path) -> None:
+    lost = {}
+    for routing in ("astar", "traffic-avoidance"):
+        simulation = Simulation(ring(tmp_path, routing))
+        simulation.run()
+        assert simulation.finished
+        lost[routing] = metrics_of(simulation)["blocked"]
+    assert lost["astar"] > 0 == lost["traffic-avoidance"]
+
+
+LONG_WAY_TO_ITS_LOAD = RING.replace("A", ".") + "#.#########\n" * 20 + "#A#########"
+
+
+def test_both_legs_are_planned_when_the_task_begins(tmp_path: Path) -> None:
+    """When A has its load B is long gone, but A's second leg was planned before it set out."""
+    planned = loaded(ring(tmp_path, "traffic-avoidance", LONG_WAY_TO_ITS_LOAD))
+    assert route(planned) == "SEEEEEEEEN"
+    assert planned.world.robots.parked[1]
+    alone = loaded(ring(tmp_path, "traffic-avoidance", LONG_WAY_TO_ITS_LOAD.replace("B", ".")))
+    assert route(alone) == "NEEEEEEEES"
+
+
+@pytest.mark.parametrize("information", ["everything", "orders", "{radius: 3}"])
+@pytest.mark.parametrize("routing", ["astar", "traffic-avoidance"])
+@pytest.mark.parametrize("name", shipped())
+def test_every_scenario_is_driven_to_its_end(name: str, routing: str, information: str) -> None:
+    """However its robots are stored: with their identities reversed it is the same run."""
+    settings = [f"strategy.routing={routing}", f"information={information}"]
+    resolved = resolve(name, settings)
+    digests = set()
+    for step in (1, -1):
+        identities = np.arange(resolved.scenario.fleet.robots, dtype=np.int32)[::step]
+        simulation = Simulation(resolved, storage=identities)
+        simulation.run()
+        assert simulation.finished or resolved.scenario.stop.when == "never"
+        assert simulation.world.tally.illegal[ROUTING] == 0
+        digests.add(simulation.digest)
+    assert len(digests) == 1
+
+
+def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
+    """Alone in the warehouse: the zones of both legs of its first task, foreseen in tick 1."""
+    settings = ["fleet.robots=1", "strategy.routing=traffic-avoidance"]
+    simulation = Simulation(resolve("warehouse-100", settings))
+    world = simulation.world
+    cells = [int(world.robots.cell[0])]
+    simulation.run(1)
+    own = simulation.memories[ROUTING].own[0].copy()
+    while world.orders.delivered[0] == NIL:
+        cells.append(int(world.robots.cell[0]))
+        simulation.run(simulation.tick + 1)
+    words = -(-world.grid.zones // 64)
+    used = own[len(own) - 2 * words : len(own) - words]
+    foreseen = {zone for zone in range(world.grid.zones) if replay.has_zone(used, zone)}
+    assert len(cells) > 50
+    assert foreseen == {int(world.grid.zone[cell, 0]) for cell in cells} - {NIL}
+
+
+@pytest.mark.parametrize(
+    ("routing", "sentence"),
+    [
+        ("{name: traffic-avoidance, predictor: noisy}", "needs precision and recall"),
+        ("{name: traffic-avoidance, recall: 0.5}", "are for predictor noisy alone"),
+        ("{name: traffic-avoidance, predictor: exakt}", "did you mean 'exact'"),
+        ("{name: astar, ties: filo}", "did you mean 'fifo'"),
+    ],
+)
+def test_bad_parameters_are_one_sentence(
+    routing: str, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "tabletop-mini", "--set", f"strategy.routing={routing}"]) == 2
+    errors = capsys.readouterr().err
+    assert sentence in errors and errors.count("\n") == 1

@@ -1,0 +1,163 @@
+"""The validator on the length of moves: it counts the robots of a zone itself."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from drawn_floors import pictures
+from drawn_recordings import E, N, W, header, played, recorded, rules
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from automaton.kernels.draws import EXTRA_TICKS, draw
+from automaton.recording.codes import DURATION, LEFT_BAY
+from automaton.recording.frames import TICKS, Recording
+from automaton.recording.pace_rules import Pace, zones_by_cell
+from automaton.recording.validator import validate_stored
+from automaton.scenario.pictures import draw_floor
+from automaton.world.zones import MODES, zones_of
+
+# (1, 1) is the only intersection; there is a slot, since orders need one.
+CORNER = """\
+#.####d
+.......
+#s#####"""
+SLOW = {"slowdown": "zones"}
+
+
+def slow(*starts: tuple[int, int], **more: Any) -> dict[str, Any]:
+    return header(CORNER, list(starts), world={**SLOW, **more})
+
+
+def lengths(*rows: tuple[int, int, int]) -> list[tuple[int, int, int, int]]:
+    """Rows of changes from (tick, robot, ticks)."""
+    return [(tick, DURATION, robot, ticks) for tick, robot, ticks in rows]
+
+
+def test_a_robot_alone() -> None:
+    assert played(slow((2, 1)), {0: E}, {0: E}).valid
+    report = played(slow((2, 1)), {0: E}, changes=lengths((1, 0, 2)))
+    assert rules(report) == ["pace"]
+    assert str(report.violations[0]) == (
+        "tick 1: pace: robot 0 at (2, 1): its move is recorded with 2 ticks and must take 1: "
+        "zone 2 holds 1 robot when it starts"
+    )
+
+
+def test_two_robots_and_a_third_that_comes_later() -> None:
+    head = slow((3, 1), (5, 1), (1, 1))
+    both = {0: E, 1: E, 2: E}
+    told = lengths((1, 0, 2), (1, 1, 2), (2, 2, 3))
+    assert played(head, both, {2: E}, {}, {}, changes=told).valid
+    assert rules(played(head, both, {2: E}, changes=told[:2])) == ["pace"]
+    assert rules(played(head, both, {2: E}, changes=[*told[:2], *lengths((2, 2, 2))])) == ["pace"]
+    assert rules(played(head, both, changes=lengths((1, 0, 2), (1, 1, 2), (1, 2, 3)))) == ["pace"]
+
+
+def test_who_leaves_counts_until_it_arrives() -> None:
+    """A drives onto the intersection, B starts one tick later."""
+    head = slow((2, 1), (4, 1))
+    two = lengths((1, 0, 2), (2, 1, 2))
+    assert played(head, {0: W}, {1: E}, changes=two).valid
+    assert rules(played(head, {0: W}, {1: E}, changes=two[:1])) == ["pace"]
+    assert played(head, {0: W}, {}, {1: E}, changes=two[:1]).valid
+
+
+def test_intersections_are_free_or_zones() -> None:
+    start = [(1, 1), (2, 1), (3, 1)]
+    assert played(slow(*start), {0: W}).valid
+    assert played(slow(*start, zones="with-intersections"), {0: N}).valid
+
+
+def test_lanes() -> None:
+    head = slow((2, 1), (5, 1), zones="directed")
+    assert played(head, {1: W}).valid, "both look east"
+    assert rules(played(slow((2, 1), (5, 1)), {1: W})) == ["pace"]
+    assert rules(played(head, {1: E})) == ["pace"]
+    assert played(head, {1: E}, changes=lengths((1, 1, 2))).valid
+
+
+def test_a_robot_out_of_its_bay_is_in_no_zone_yet_but_counts_itself() -> None:
+    floor = "b....\n#s##d"
+    head = header(floor, "bays", 1, world=SLOW)
+    assert played(head, {0: LEFT_BAY | E}).valid
+    assert rules(played(head, {0: LEFT_BAY | E}, changes=lengths((1, 0, 2)))) == ["pace"]
+
+
+def test_without_slow_zones_every_move_takes_its_duration() -> None:
+    head = header(CORNER, [(2, 1)], durations={"move": 2})
+    assert played(head, {0: E}, {}, {0: E}).valid
+    assert rules(played(head, {0: E}, changes=lengths((1, 0, 3)))) == ["pace"]
+    assert rules(played(head, {0: E}, {0: E}, changes=lengths((1, 0, 1)))) == ["pace"]
+
+
+def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
+    head = header(CORNER, [(2, 1)], world={"extra_tick": 0.5})
+    pace = Pace(head["floor"], head["seed"])
+    late = [tick for tick in range(1, 40) if pace.draw(tick, 0) < 2**31]
+    assert 5 < len(late) < 35
+    for tick in (late[0], next(tick for tick in range(1, 40) if tick not in late)):
+        before: list[dict[int, int]] = [{}] * (tick - 1)
+        verdicts = [
+            rules(played(head, *before, {0: E}, changes=lengths((tick, 0, ticks))))
+            for ticks in (1, 2, 3)
+        ]
+        assert verdicts == [
+            [["pace"], []][tick not in late],
+            [["pace"], []][tick in late],
+            ["pace"],
+        ]
+
+
+@given(st.integers(0, 2**63 - 1), st.integers(0, 2**40), st.integers(0, 10**6))
+def test_its_draws_are_those_of_the_world(seed: int, tick: int, robot: int) -> None:
+    mine = Pace({}, seed).draw(tick, robot)
+    with np.errstate(over="ignore"):
+        assert mine == int(draw(np.uint64(seed), EXTRA_TICKS, tick, robot)) >> 32
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_its_zones_are_those_of_the_world(data: st.DataObject) -> None:
+    width = data.draw(st.integers(1, 8))
+    plan = draw_floor(
+        data.draw(pictures("......##+-|><v^~=s", width, data.draw(st.integers(1, 6))))
+    )
+    floor = {"width": plan.width, "exits": plan.exits, "kind": plan.kind}
+    for mode in MODES:
+        assert [list(pair) for pair in zones_by_cell(floor, mode)] == zones_of(
+            plan, mode
+        ).of.tolist()
+
+
+@pytest.fixture(scope="module")
+def good() -> Recording:
+    return recorded(
+        *("crossing", "world.slowdown=zones", "world.extra_tick=0.2", "stop.at_most=120"),
+    )
+
+
+def test_a_run_in_slow_zones(good: Recording) -> None:
+    assert validate_stored(good).valid
+
+
+def test_a_tampered_length_is_named(good: Recording) -> None:
+    frames = copy.deepcopy(good.frames)
+    ticks = next(frame.content for frame in frames if frame.kind == TICKS)
+    moves = np.flatnonzero(ticks["changes"][:, 1] == DURATION)
+    tick, _, robot, length = ticks["changes"][moves[3]].tolist()
+    ticks["changes"][moves[3], 3] += 1
+    first = validate_stored(Recording(good.header, frames, complete=True)).violations[0]
+    assert (first.tick, first.rule, first.robots) == (tick, "pace", (robot,))
+    assert f"is recorded with {length + 1} ticks and must take {length}: zone" in first.text
+    assert "when it starts and chance adds" in first.text
+
+
+def test_a_scenario_that_claims_to_be_quick(good: Recording) -> None:
+    head = copy.deepcopy(good.header)
+    head["scenario"]["world"]["slowdown"] = "none"
+    violations = validate_stored(Recording(head, good.frames[1:], complete=True)).violations
+    assert {violation.rule for violation in violations} >= {"pace"}

@@ -24,6 +24,7 @@ WANTED = (
     *("three without limit", "drove on capacity 0", "drove on capacity 1", "drove on capacity 2"),
     *("move in a slow zone", "picked up on arrival", "set down on arrival"),
     *("left a bay", "went into a bay", "bay blocked"),
+    *("left the floor", "came back to the floor", "kept off the floor"),
     *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
 )
 
@@ -128,6 +129,11 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
     reached["left a bay"] += int((did & LEFT_BAY != 0).sum())
     reached["went into a bay"] += int((did & INTO_BAY != 0).sum())
     reached["bay blocked"] += int((did == DID_BAY_BLOCKED).sum())
+    did = robots.did[robots.bay == NIL]
+    gone = robots.cell[robots.bay == NIL] == NIL
+    reached["left the floor"] += int((gone & (did & INTO_BAY != 0)).sum())
+    reached["came back to the floor"] += int((did & LEFT_BAY != 0).sum())
+    reached["kept off the floor"] += int((did == DID_BAY_BLOCKED).sum())
 
 
 def count_illegal(world: World, reached: Counter[str]) -> None:

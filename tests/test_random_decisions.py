@@ -119,13 +119,16 @@ def rules(draw: Any) -> WorldRules:
 
 
 @st.composite
-def scenarios(draw: Any, robots: int, busy: bool) -> Scenario:
+def scenarios(draw: Any, robots: int, busy: bool, bays: bool) -> Scenario:
+    leaves = not busy and not bays and draw(st.integers(0, 2)) == 2
     ticks = st.just(1) if busy else st.integers(1, 3)
     kinematics = "omni" if busy else draw(st.sampled_from(["rail", "differential", "omni"]))
     return Scenario(
         name="case",
         layout={},
-        fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
+        fleet=Fleet(  # type: ignore[arg-type]
+            robots=robots, kinematics=kinematics, when_done="leave" if leaves else "park"
+        ),
         durations=Durations(
             move=draw(ticks),
             turn=draw(ticks),
@@ -151,7 +154,7 @@ def cases(draw: Any) -> Case:
     picks = {"zoning": Pick("none", NoParameters())}
     for layer, name in STRATEGIES.items():
         picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
-    scenario = draw(scenarios(n, busy))
+    scenario = draw(scenarios(n, busy, start == "bays"))
     resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
 

@@ -84,15 +84,16 @@ def segments(drivable: Mask, beside: Mask, below: Mask, intersection: Mask) -> t
     first = part & ~follows_left & ~follows_above
     number = np.full(drivable.shape, NIL, np.int32)
     number[first] = np.arange(np.count_nonzero(first), dtype=np.int32)
-    across = _carried(number, first, follows_left)
-    down = _carried(number.T, first.T, follows_above.T).T
+    across = _carried(number, part, follows_left)
+    down = _carried(number.T, part.T, follows_above.T).T
     return np.maximum(across, down), int(np.count_nonzero(first))
 
 
-def _carried(number: Numbers, first: Mask, follows: Mask) -> Numbers:
+def _carried(number: Numbers, part: Mask, follows: Mask) -> Numbers:
     """Each number carried along its row over the cells that follow on it."""
-    place = np.arange(number.size).reshape(number.shape)
-    # A cell that follows has its segment's first cell before it in its row, and no other between.
-    begin = np.maximum.accumulate(np.where(follows, 0, place).reshape(-1)).reshape(number.shape)
-    carried: Numbers = np.where(first | follows, number.reshape(-1)[begin], NIL).astype(np.int32)
+    follow = follows[part]
+    # What a cell of a segment follows comes right before it, so that the list falls into runs.
+    begin = np.maximum.accumulate(np.where(follow, 0, np.arange(len(follow))))
+    carried = np.full(number.shape, NIL, np.int32)
+    carried[part] = number[part][begin]
     return carried

@@ -105,7 +105,7 @@ def recount(recorder: MemoryRecorder, offset: Any, cells: int) -> tuple[Any, Any
     for frame in recorder.recording().frames:
         for row in frame.content["did"] if frame.kind == TICKS else ():
             for robot, did in enumerate(row.tolist()):
-                if did & LEFT_BAY:
+                if did & LEFT_BAY and header["bay"][robot] != NIL:  # else back where it left
                     place[robot] = int(header["home"][robot])
                 direction = (did & ACTION_MASK) - MOVE_EAST
                 if 0 <= direction < 4:

@@ -74,7 +74,7 @@ def test_kernels_are_made_of_the_sources_that_name_the_cache_and_of_nothing_else
             known |= {path} if path.is_file() else set(path.rglob("*.py"))
     kernels = [path for path in known if "@kernel" in path.read_text()]
     assert len(kernels) > 10
-    numba_free = {"automaton.strategy.paths", "automaton.strategy.entry"}
+    numba_free = {f"automaton.strategy.{name}" for name in ("paths", "entry", "network")}
     for path in kernels:
         for name in imports_of(path) - numba_free:
             source = module_file(name)

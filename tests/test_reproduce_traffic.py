@@ -27,6 +27,7 @@ EXACT = ("static", "avoidance", "exact")
 TRAINED = ("static", "avoidance", ".40/.84")
 CAUTIOUS = ("static", "most cautious", ".40/.84")
 TESTED = ("static", "avoidance", ".05/.75")
+NETWORK = ("static", "avoidance", "network")
 DYNAMIC = ("dynamic", "avoidance", "exact")
 
 
@@ -58,6 +59,7 @@ def paired(reproduced: Reproduced, key: tuple[str, str, str]) -> list[float]:
         (EXACT, "time", 170, 5),
         (TRAINED, "time", 190, 6),
         (CAUTIOUS, "time", 230, 12),
+        (NETWORK, "time", 173, 6),
     ],
 )
 def test_the_means_of_ten_seeds(
@@ -78,7 +80,7 @@ def test_where_robots_really_meet_avoidance_makes_the_way_longer(ten_seeds: Repr
 
 
 def test_encounters_fall_in_every_reading(ten_seeds: Reproduced) -> None:
-    for key in (EXACT, TRAINED, CAUTIOUS, TESTED, DYNAMIC):
+    for key in (EXACT, TRAINED, CAUTIOUS, TESTED, NETWORK, DYNAMIC):
         plain = row(ten_seeds, (key[0], "A*", "-"), "encounters").mean
         assert row(ten_seeds, key, "encounters").mean < plain
 
@@ -151,7 +153,7 @@ def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
         1,
         0,
     )
-    assert found["runs"] == 700
+    assert found["runs"] == 800
     assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error"}
     assert found["rows"][0]["case"] == {"slowdown": "static", "path": "A*", "counts": "-"}
     assert found["rows"][0]["paper"] == 229.97
@@ -167,7 +169,7 @@ def test_the_report_fits_the_terminal(
     text = capsys.readouterr().out
     assert max(map(len, text.splitlines())) <= columns and "…" not in text
     words = " ".join(text.split())
-    assert "700 trials, 0 unfinished; 1 seed of 100 trials for each case" in words
+    assert "800 trials, 0 unfinished; 1 seed of 100 trials for each case" in words
     assert "one seed gives no interval" not in text  # a hundred trials do
 
 

@@ -86,6 +86,8 @@ def test_without_torch_a_sentence_says_how_to_get_it(capsys, monkeypatch, tiny):
         (["traffic", "--epochs", "0"], "--epochs must be at least 1, not 0"),
         (["traffic", "--rate", "2"], "--rate must be above 0 and at most 1, not 2"),
         (["traffic", "--tables", "--loss", "hinge"], "--loss does not go together with --tables"),
+        (["traffic", "--out", "no/such/folder/x.npz"], "there is no folder no/such/folder"),
+        (["traffic", "--out", "."], "--out names the folder ., not a file"),
         (["traffic", "--classifiers", "--out", "x"], "--out does not go together with --class"),
     ],
 )

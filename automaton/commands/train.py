@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import importlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -87,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
         if getattr(args, name) is not None:
             raise InputError(f"--{name} does not go together with --{mode}")
     settings, keep = settings_of(args), keep_of(args.keep)
+    if args.out is not None:
+        check_place(args.out)
     part("sklearn" if mode == "classifiers" else "torch")
     training = importlib.import_module("automaton.learning.sessions")
     session = training.Session.of(args.scenario, args.settings, settings)
@@ -133,6 +136,16 @@ def keep_of(text: str | None) -> tuple[str, ...]:
                 f"--keep takes {alternatives(METRICS)}, not '{name}'{nearest(name, METRICS)}"
             )
     return names
+
+
+def check_place(out: Path) -> None:
+    """Raises InputError now rather than after the training if a file cannot be written there."""
+    if out.is_dir():
+        raise InputError(f"--out names the folder {out}, not a file")
+    if not out.parent.is_dir():
+        raise InputError(f"--out: there is no folder {out.parent}")
+    if not os.access(out.parent, os.W_OK):
+        raise InputError(f"--out: nothing may be written into {out.parent}")
 
 
 def part(library: str) -> None:

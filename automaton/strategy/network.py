@@ -29,7 +29,7 @@ Weights = npt.NDArray[np.float16]
 Whole = npt.NDArray[np.int64]
 
 LAYERS: Final = 4  # three hidden ones and the output
-HEADER: Final = 8  # numbers of a packed network before its first layer
+HEADER: Final = 8  # numbers of a packed network before its first layer, as kernels read it
 MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
 EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
 FORMAT = "automaton zone network 1"

@@ -1,0 +1,99 @@
+"""Tables 1 to 4 and the shipped network: what is stored follows from the legs, and is complete."""
+
+import numpy as np
+import pytest
+
+from automaton.learning.legs import legs_of, site_of
+from automaton.learning.metrics import measured
+from automaton.learning.settings import Settings
+from automaton.learning.tables import COLUMNS, LOSSES, PRINTED, from_json
+from automaton.reproductions.traffic_network import TABLES_1_TO_4, network, stored
+from automaton.reproductions.traffic_trials import tasks_of, warehouse
+from automaton.scenario.resolve import resolve
+from automaton.strategy.network import floor_fingerprint, load_network, shipped
+
+
+@pytest.fixture(scope="module")
+def site():
+    return site_of(resolve("warehouse-100"))
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return from_json(stored()["rows"])
+
+
+def test_the_stored_tables_are_complete_and_of_this_floor(site, rows):
+    assert stored()["floor"] == floor_fingerprint(site.floor.grid, site.duration)
+    expected = {
+        (table, keep, loss) for table in PRINTED for keep in PRINTED[table] for loss in LOSSES
+    }
+    assert {(row.table, row.monitored, row.loss) for row in rows} == expected
+    for row in rows:
+        assert tuple(row.paper[name] for name in COLUMNS) == PRINTED[row.table][row.monitored]
+        assert 1 <= row.epoch <= row.epochs <= stored()["settings"]["epochs"]
+
+
+def test_both_files_were_made_with_the_settings_of_the_paper():
+    default = Settings()
+    settings = load_network(shipped("warehouse-100")).about["settings"]
+    assert Settings(**settings) == default
+    assert (default.batch, default.epochs, default.patience, default.legs) == (32, 100, 5, 15_000)
+    assert {**settings, **stored()["settings"]} == settings
+
+
+def test_the_printed_hinge_predicts_every_zone_that_it_ever_saw_touched(site, rows):
+    """Its rows follow from the legs alone: recall 1 and, for precision, the share of touched zones."""
+    settings = stored()["settings"]
+    known = legs_of(site, settings["legs"], settings["seed"])
+    fresh = legs_of(site, settings["legs"], settings["seed"] + 1)
+    everything = known.touched.any(axis=0)
+    for row in rows:
+        if row.loss != "hinge" or row.monitored != ("recall",):
+            continue
+        legs = known if row.table in (1, 3) else fresh
+        expected = measured(np.broadcast_to(everything, legs.touched.shape), legs.touched)
+        assert expected["recall"] > 0.999 and 0.02 < expected["precision"] < 0.04
+        assert row.ours["recall"] == pytest.approx(expected["recall"], abs=0.001)
+        assert row.ours["precision"] == pytest.approx(expected["precision"], abs=0.002)
+        assert row.ours["accuracy"] == pytest.approx(expected["accuracy"], abs=0.02)
+
+
+def test_rows_that_monitor_the_same_thing_twice_are_equal(rows):
+    """Hamming loss is 1 - accuracy: monitoring both is monitoring accuracy."""
+    found = {(row.table, row.loss, row.monitored): row.ours for row in rows}
+    for table in (1, 2):
+        for loss in LOSSES:
+            assert found[table, loss, ("accuracy",)] == found[table, loss, ("accuracy", "hamming")]
+
+
+def test_weighed_cross_entropy_finds_nearly_all_zones_on_new_legs(rows):
+    """What the paper's network could have learnt with its sample weights."""
+    [row] = [
+        row
+        for row in rows
+        if (row.table, row.loss, row.monitored) == (4, "cross-entropy", ("precision", "recall"))
+    ]
+    assert row.ours["precision"] > 0.8 and row.ours["recall"] > 0.97
+
+
+def test_the_others_are_counted_once_for_both_legs():
+    where = warehouse()
+    tasks = tasks_of(where, 5)[:20]
+    foreseen = network(where, 5, tasks)
+    assert foreseen.shape == (20, where.grid.zones)
+    assert foreseen.max() <= tasks.shape[1] - 1 and 100 < foreseen.sum(axis=1).mean() < 160
+    alone = tasks.copy()
+    alone[:, 2:] = alone[:, 1:2]  # five times the same robot
+    assert set(np.unique(network(where, 5, alone))) == {0, 5}
+
+
+def test_the_table_takes_its_figures_from_the_file(rows):
+    cases = TABLES_1_TO_4.cases(())
+    results = TABLES_1_TO_4.run(cases, [1], None, None)
+    assert len(cases) == len(rows) == 57
+    by_name = {(row.table, row.short, row.loss): row for row in rows}
+    for case, [result] in zip(cases, results, strict=True):
+        assert result.metrics == by_name[case.key].ours
+        for name in COLUMNS:
+            assert TABLES_1_TO_4.published(case.key, name) == by_name[case.key].paper[name]

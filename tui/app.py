@@ -35,7 +35,7 @@ from tui.widgets.too_small import TooSmall
 
 if TYPE_CHECKING:
     from tui.player import Player
-    from tui.view import CellChosen, RobotChosen, TickChosen
+    from tui.view import CellChosen, RobotChosen, TickChosen, ZoneChosen
 
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
@@ -269,6 +269,9 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
     def on_cell_chosen(self, event: CellChosen) -> None:
         self.choose(cell=event.cell)
         self.show_cell(event.cell)
+
+    def on_zone_chosen(self, event: ZoneChosen) -> None:
+        self.choose_zone(event.zone)
 
     def on_tick_chosen(self, event: TickChosen) -> None:
         self.go_to_tick(event.tick)

@@ -34,12 +34,19 @@ class Choice:
 
     robot: int = NIL
     cell: int = NIL
+    zone: int = NIL
     layer: str = ""
+    least: int = 2  # paths through a cell of the layer "predicted"
     side: int = 0  # which of two runs the panels tell of
     following: bool = False
     route: bool = True
     minimap: bool = True
     found: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # robots
+
+    @property
+    def laid(self) -> str:
+        """The layer, as it is said."""
+        return f"predicted {self.least}+" if self.layer == "predicted" else self.layer
 
 
 class Corner(NamedTuple):
@@ -89,7 +96,7 @@ class Pictures:
     def scene(self, shot: Shot | None, choice: Choice, side: int) -> Scene:
         """What one run's picture is made of."""
         if shot is None:
-            return Scene(self.floors[side], cursor=_cursor(choice))
+            return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
         snapshot = shot.snapshots[side]
         robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
         found = choice.found[choice.found < len(snapshot.robots)]  # the other fleet may be larger
@@ -100,8 +107,15 @@ class Pictures:
             route=snapshot.route if choice.route and snapshot.selected == robot else NOTHING,
             cursor=_cursor(choice),
             layer=choice.layer,
+            zone=choice.zone,
+            least=choice.least,
             marked=found if len(found) else differing(shot),
         )
+
+    def zone_cells(self, zone: int, side: int) -> list[int]:
+        """The cells of a zone, in reading order."""
+        cells: list[int] = Scene(self.floors[side], zone=zone).zone_cells.tolist()
+        return cells
 
     def picture(self, scene: Scene, choice: Choice, rows: int, columns: int) -> Codes:
         """(rows, columns) codes: the scene as the camera sees it, and the minimap."""

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--size", type=size, metavar="COLSxROWS", help="of the screen; else as the floor needs")
     add("--zoom", default="fit", metavar="ZOOM", help="fit, 3x1, 2x1, 1x1, half, braille-1, ...")
     add("--follow", type=robot, default=-1, metavar="ROBOT", help="select it, and its route")
-    add("--layer", default="", metavar="NAME", help="visits, waiting, congestion or flow")
+    add("--layer", default="", metavar="NAME", help="zones, visits, flow, explored, ...")
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
     add("--ascii", action="store_true", help="no characters beyond ASCII")

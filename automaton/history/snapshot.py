@@ -19,7 +19,8 @@ WATCHED: Final = (  # fields of the observation
     *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
 )
 HEAT: Final = ("visits", "waiting", "congestion")
-LAYERS: Final = ("", *HEAT, "flow", "zones")
+OVERLAYS: Final = ("explored", "predicted")  # automaton.history.overlays brings their numbers
+LAYERS: Final = ("", *HEAT, "flow", "zones", *OVERLAYS)
 
 
 @dataclass(frozen=True)

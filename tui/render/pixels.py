@@ -32,7 +32,7 @@ from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.near import ZONES
+from tui.render.overlays import paint_tints, sign_tints
 from tui.render.scene import KIND_MASK, LOOKS, Floor, Scene
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
@@ -60,6 +60,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     if k == 1:
         canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
     draw_layer(canvas, scene)
+    canvas.paint(scene.zone_cells, styles.MARKED)
     if scene.snapshot is not None:
         canvas.paint(np.asarray(scene.route, np.int32), styles.ROUTE)
         draw_robots(canvas, scene)
@@ -67,7 +68,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         canvas.paint(np.array([scene.cursor], np.int32), styles.CURSOR)
     table = pairs(glyphs)
     codes: Codes = table[pixels[0::2].astype(np.intp) * len(styles.COLOURS) + pixels[1::2]]
-    return codes
+    return codes if scene.zones is None else sign_tints(codes, pixels)
 
 
 @lru_cache(maxsize=4)
@@ -165,9 +166,7 @@ class _Pixels:
 def draw_layer(canvas: _Pixels, scene: Scene) -> None:
     """Heat, or zones."""
     if scene.zones is not None:
-        zones = canvas.reduced(scene.zones, NIL)
-        inside = zones != NIL
-        canvas.pixels[inside] = styles.ZONE_0 + zones[inside] % ZONES
+        paint_tints(canvas.pixels, canvas.reduced(scene.floor.tints, NIL))
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0

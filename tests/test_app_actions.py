@@ -291,10 +291,25 @@ lays("layer_flow", "", "flow")
 lays("next_layer", "visits", "waiting")
 
 
+lays("layer_zones", "", "zones")
+
+
 @check
-async def layer_zones(user: Watched) -> None:
-    await press(user, "layer_zones")
-    await user.until(lambda: "this floor has no zones" in user.toasts())
+async def layer_explored(user: Watched) -> None:
+    await press(user, "layer_explored")
+    assert "select a robot, and the search for its way is shown" in user.toasts()
+    await user.at(120)
+    user.app.choose(int(np.argmax(user.app.shot.snapshots[0].robots.route_length)))
+    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
+
+
+@check
+async def layer_predicted(user: Watched) -> None:
+    await user.at(120)
+    for least in (2, 3, 4, 5, 1):
+        await press(user, "layer_predicted")
+        assert user.app.choice.laid == f"predicted {least}+"
+    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
 
 
 @check

@@ -14,7 +14,7 @@ from automaton.world.cells import FLOOR, TRACK
 from automaton.world.state import NIL
 from automaton.world.zones import Zones
 from tui.render import styles
-from tui.render.glyphs import GLYPH_BITS, Codes, GlyphSet, code
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # they import what is here
 OVERLAYS: Final = ("explored", "predicted")
 EXPLORED, ON_PATH = 2, 7  # levels of heat: the cells that A* finds, and its path among them
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
-KIND: Final = 15  # bits of a look that are its kind
 
 TINT_INKS: Final = np.array(TINTS, np.uint32)
 TINT_LETTERS: Final = np.array(LETTERS, np.uint32)
@@ -102,7 +101,7 @@ def zone_words(scene: Scene, cell: int) -> list[str]:
 def draw_zone_signs(canvas: Canvas, zones: Zones) -> None:
     """Cells tinted by zone. Free floor bears a letter that is seen without colours only.
 
-    A straight track bears it in its own colour; other cells keep their signs.
+    A straight track bears it in its own colour; other cells keep their signs and bear it beside.
     """
     tints = canvas.cells(canvas.scene.floor.tints).reshape(-1)
     looks = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)
@@ -110,10 +109,14 @@ def draw_zone_signs(canvas: Canvas, zones: Zones) -> None:
     tint = tints[index]
     canvas.repaper(index, TINT_INKS[tint][:, None])
     letters, inks = TINT_LETTERS[tint], TINT_INKS[tint]
-    plain, rails = looks[index] == FLOOR, looks[index] & KIND == TRACK
+    plain, rails = looks[index] == FLOOR, looks[index] & 15 == TRACK
     canvas.flat[index[plain], 0] = code(style(inks, inks), letters)[plain]
     tracks = style(np.full(len(index), styles.TRACK), inks)
     canvas.flat[index[rails], 0] = code(tracks, letters)[rails]
+    if canvas.width > 1:
+        beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
+        signed = beside & ~plain & ~rails
+        canvas.flat[index[signed], 1] = code(style(inks, inks), letters)[signed]
     crossings = np.flatnonzero(canvas.cells(zones.intersection).reshape(-1) & (tints == NIL))
     crossings = crossings[looks[crossings] == FLOOR]
     canvas.flat[crossings, 0] = crossing_sign(canvas.glyphs)

@@ -273,6 +273,17 @@ async def branch(user: Watched) -> None:
     assert user.tick == 150
 
 
+def test_a_branch_brings_its_zones(folder: Path) -> None:
+    async def story() -> None:
+        async with viewing(mini()) as user:
+            await user.at(20)
+            before = user.app.pictures.floors[0].zones.count
+            user.app._take_branch(("world.zones=directed",))
+            await user.until(lambda: user.app.pictures.floors[0].zones.count == 2 * before)
+
+    asyncio.run(story())
+
+
 def lays(name: str, before: str, after: str) -> None:
     async def action(user: Watched) -> None:
         await user.at(100)

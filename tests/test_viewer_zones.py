@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from panel_stage import moment, of_cell, shown
 from staged_scenes import camera_at, drawn, open_floor, shipped, stage, text
-from viewing import mini, viewing
+from viewing import mini, record, viewing
 
 from automaton.errors import InputError
 from automaton.history.overlays import Overlays, Paths, driven, explored, predicted, ties_of
@@ -19,6 +20,8 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL
 from automaton.world.zones import MODES, zones_of
+from tui.cast.making import make_picture
+from tui.cast.request import Request
 from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
@@ -31,7 +34,7 @@ from tui.widgets.inspector import Inspector
 SLOW = ("world={slowdown: zones}", "fleet.robots=5")
 AISLES = ".....\n.#.#.\n....."
 ZONES_PICTURE = ["+f+e+", "d%d%d", "+f+e+"]
-EXPLORED_PICTURE = [".....", ".:#:.", "....."]
+EXPLORED_PICTURE = [".....", ".=#=.", "....."]
 PREDICTED_PICTURE = [".....", "..-..", "....."]
 
 
@@ -44,6 +47,11 @@ def crowded() -> View:
 def observed() -> Simulation:
     resolved = resolve("tabletop-1", ["fleet.robots=5"])
     return Simulation(resolved, on_observe=Simulation.empty_observation)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("run") / "run.rec", "fleet.robots=6", until=60)
 
 
 @pytest.fixture(scope="module")
@@ -187,7 +195,7 @@ def test_a_cell_tells_its_zone_who_is_in_it_and_what_a_move_takes(crowded: View)
     zone, cell, robots = occupied(crowded)
     said = shown(Inspector(), of_cell(crowded, *crowded.plan.xy(cell)))
     many = len(robots)
-    assert f"zone zone {zone} with {many} robot" in said
+    assert f"zone {zone} with {many} robot" in said
     move = crowded.run.resolved.scenario.durations.move
     ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else f"{many} tick"
     assert f"a move from here takes {ticks}" in said
@@ -222,6 +230,8 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
             await user.until(lambda: "zone 3 of" in "".join(
                 span.text for line in user.app.column.inspector.lines for span in line
             ))  # fmt: skip
+            await user.press("i", "i")
+            assert user.app.choice.zone == 3  # it is what is inspected, not a cell
             before = user.app.codes_of(0)
             await user.press("escape")
             assert user.app.choice.zone == NIL
@@ -230,3 +240,14 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
             assert {(row, column) for row, column in changed} >= set(places)
 
     asyncio.run(story())
+
+
+@pytest.mark.parametrize("layer", ["zones", "explored", "predicted"])
+def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> None:
+    plain, laid = recording.with_suffix(".txt"), recording.with_name(f"{layer}.txt")
+    for out, name in ((plain, ""), (laid, layer)):
+        request = Request(layer=name, follow=1, color="none", ascii=True, zoom="1x1")
+        make_picture(recording, request, out, 60)
+    before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
+    assert f"{layer}  robot 1" in after[-2] + after[-1]
+    assert before[:-2] != after[:-2]

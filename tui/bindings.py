@@ -100,7 +100,10 @@ TOPICS: Final = (
             Action("layer_route", "f8", "Route", "the selected robot's route, on or off"),
             Action("layer_explored", "f9,E", "Explored", "what A* looks at for the selected robot"),
             Action(
-                "layer_predicted", "f10,P", "Predicted", "where 2 others will drive; again: 3, 4 .."
+                "layer_predicted",
+                "f10,P",
+                "Predicted",
+                "where 2 or more others will drive; again: 3, 4, 5, 1",
             ),
             Action("next_layer", "L", "Layer", "the next layer", True),
         ),

@@ -19,6 +19,7 @@ from tui.render.scene import NOTHING, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
+    from automaton.scenario.resolve import Resolved
     from tui.player import Shot
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
@@ -111,6 +112,14 @@ class Pictures:
             least=choice.least,
             marked=found if len(found) else differing(shot),
         )
+
+    def take_zones(self, resolved: Resolved) -> bool:
+        """After a branch of the only run: whether it has other zones."""
+        zones = self.floors[0].zones
+        other = zones is None or zones.mode != resolved.scenario.world.zones
+        if other:
+            self.floors[0] = floor_of(resolved)
+        return other
 
     def zone_cells(self, zone: int, side: int) -> list[int]:
         """The cells of a zone, in reading order."""

@@ -18,6 +18,7 @@ from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
     from automaton.history.run import Run
+    from automaton.scenario.resolve import Resolved
     from tui.screens.breakpoints import Stop
 
 
@@ -28,6 +29,7 @@ class Branched(NamedTuple):
     settings: tuple[str, ...]
     title: str
     path: Path | None
+    resolved: Resolved
 
 
 class ChooseActions(FindActions):
@@ -59,7 +61,8 @@ class ChooseActions(FindActions):
         camera = self.pictures.camera
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
         cell = self.hovered if self.hovered != NIL else middle
-        if self.choice.robot == NIL and self.choice.cell == NIL and cell is not None:
+        choice = self.choice
+        if choice.robot == choice.cell == choice.zone == NIL and cell is not None:
             self.choose_at(cell)
         self.open_panel("inspector")
 
@@ -115,7 +118,7 @@ class ChooseActions(FindActions):
         def branch(run: Run) -> Run:
             fresh = run.branch(settings, path)
             title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)
-            made.append(Branched(fresh.tick, settings, title, path))
+            made.append(Branched(fresh.tick, settings, title, path, fresh.resolved))
             return fresh
 
         def done(error: str) -> None:
@@ -135,6 +138,8 @@ class ChooseActions(FindActions):
     def _branched(self, made: Branched) -> None:
         self.live = True
         self.titles[0] = made.title
+        if self.pictures.take_zones(made.resolved):
+            self.choice.zone = NIL
         self.say_titles()
         self.marks = [mark for mark in self.marks if mark.tick <= made.tick]
         self.marks.append(Mark(made.tick, "branch"))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # they import what is here
     from tui.render.scene import Scene
 
 OVERLAYS: Final = ("explored", "predicted")
-EXPLORED, ON_PATH = 2, 7  # levels of heat: the cells that A* finds, and its path among them
+EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
 
 TINT_INKS: Final = np.array(TINTS, np.uint32)
@@ -66,6 +66,13 @@ def overlay_meanings(scene: Scene) -> list[tuple[int, str]]:
     return said
 
 
+def value_words(scene: Scene, value: int) -> list[str]:
+    """What the number of a cell means."""
+    if scene.layer != "explored":
+        return [f"{scene.layer} {value}"]
+    return [["not explored"], ["explored"], ["explored", "on the path of A*"]][value]
+
+
 def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
     """Signs and meanings of the layer "zones"."""
     zones = scene.floor.zones
@@ -84,7 +91,7 @@ def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], 
 
 def crossing_sign(glyphs: GlyphSet) -> int:
     """An intersection while zones are shown."""
-    return int(code(style(styles.TEXT, styles.FLOOR), glyphs.crossing))
+    return int(code(style(styles.DIM, styles.FLOOR), glyphs.crossing))
 
 
 def zone_words(scene: Scene, cell: int) -> list[str]:

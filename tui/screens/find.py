@@ -10,6 +10,7 @@ from textual.message import Message
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
+from automaton.units import count
 from automaton.world.cells import KINDS
 from automaton.world.state import NIL
 from tui.screens.dialog import Dialog
@@ -18,6 +19,7 @@ from tui.view import View
 from tui.widgets.lines import Line, cell_link, dim, line
 from tui.widgets.robot_columns import doing
 from tui.widgets.rows import Rows
+from tui.widgets.zone_facts import robots_in
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, 12,4, turntable, zone 9, "
@@ -52,7 +54,8 @@ class MatchList(Rows, can_focus=False):
     def row(self, index: int) -> Line:
         view = self.view
         if self.found.zones:
-            return line(f"zone {self.found.zones[index]}")
+            zone = self.found.zones[index]
+            return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
         if not self.found.robots:
             cell = self.found.cells[index]
             name = KINDS[int(view.plan.kind.reshape(-1)[cell])].name

@@ -33,7 +33,8 @@ def checked_zone(view: View, zone: int) -> int:
 
 
 def zone_link(zone: int) -> Span:
-    return Span(f"zone {zone}", "link", ("zone", zone))
+    """Its number, under which the inspector tells of it."""
+    return Span(str(zone), "link", ("zone", zone))
 
 
 def robots_in(view: View, zone: int) -> NDArray[np.intp]:

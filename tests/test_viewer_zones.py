@@ -247,7 +247,7 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
     plain, laid = recording.with_suffix(".txt"), recording.with_name(f"{layer}.txt")
     for out, name in ((plain, ""), (laid, layer)):
         request = Request(layer=name, follow=1, color="none", ascii=True, zoom="1x1")
-        make_picture(recording, request, out, 60)
+        make_picture(recording, request, out, 30)
     before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
     assert f"{layer}  robot 1" in after[-2] + after[-1]
     assert before[:-2] != after[:-2]

@@ -13,7 +13,7 @@ import pytest
 from hand_clock import FLEET, Clock, clock, hand, live, recorded
 
 from automaton.history.run import LiveRun, Run
-from automaton.history.snapshot import LAYERS
+from automaton.history.snapshot import HEAT, LAYERS, OVERLAYS
 from automaton.recording.verification import verify
 from tui.player import IDLE_S, REWIND, SPEEDS, TICKS_PER_S, Player, Shot
 
@@ -222,5 +222,5 @@ def test_figures_and_layers(clock: Clock) -> None:
     for layer in LAYERS:
         player.show_layer(layer)
         snapshot = player.settle().snapshots[0]
-        assert (snapshot.heat is not None) == (layer in ("visits", "waiting", "congestion"))
+        assert (snapshot.heat is not None) == (layer in (*HEAT, *OVERLAYS))
         assert (snapshot.flow is not None) == (layer == "flow")

@@ -55,7 +55,11 @@ class LayerActions(Stage):
 
     def action_next_layer(self) -> None:
         there = [name for name in LAYERS if name != "zones" or self._zones()]
-        self.show_layer(there[(there.index(self.choice.layer) + 1) % len(there)])
+        name = there[(there.index(self.choice.layer) + 1) % len(there)]
+        if name == "explored":  # which may have to say something
+            self.action_layer_explored()
+        else:
+            self.show_layer(name)
 
     def _zones(self) -> bool:
         zones = self.pictures.floors[self.choice.side].zones

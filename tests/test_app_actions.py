@@ -274,6 +274,17 @@ async def branch(user: Watched) -> None:
     assert user.tick == 150
 
 
+def test_a_branch_brings_its_zones(folder: Path) -> None:
+    async def story() -> None:
+        async with viewing(mini()) as user:
+            await user.at(20)
+            before = user.app.pictures.floors[0].zones.count
+            user.app._take_branch(("world.zones=directed",))
+            await user.until(lambda: user.app.pictures.floors[0].zones.count == 2 * before)
+
+    asyncio.run(story())
+
+
 def lays(name: str, before: str, after: str) -> None:
     async def action(user: Watched) -> None:
         await user.at(100)
@@ -292,10 +303,25 @@ lays("layer_flow", "", "flow")
 lays("next_layer", "visits", "waiting")
 
 
+lays("layer_zones", "", "zones")
+
+
 @check
-async def layer_zones(user: Watched) -> None:
-    await press(user, "layer_zones")
-    await user.until(lambda: "this floor has no zones" in user.toasts())
+async def layer_explored(user: Watched) -> None:
+    await press(user, "layer_explored")
+    assert "select a robot, and the search for its way is shown" in user.toasts()
+    await user.at(120)
+    user.app.choose(int(np.argmax(user.app.shot.snapshots[0].robots.route_length)))
+    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
+
+
+@check
+async def layer_predicted(user: Watched) -> None:
+    await user.at(120)
+    for least in (2, 3, 4, 5, 1):
+        await press(user, "layer_predicted")
+        assert user.app.choice.laid == f"predicted {least}+"
+    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
 
 
 @check

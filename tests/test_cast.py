@@ -291,7 +291,11 @@ STILL = ("--picture", "still.svg")
         (("run.rec", *MADE, "--size", "80x7"), "80x7 is not a size"),
         (("run.rec", *MADE, "--size", "9999x24"), "9999x24 is not a size"),
         (("run.rec", *MADE, "--size", "large"), "'large' is not a size such as 80x24"),
-        (("run.rec", *MADE, "--layer", "zones"), "unknown layer 'zones': allowed are visits, "),
+        (("run.rec", *MADE, "--layer", "heat"), "unknown layer 'heat': allowed are visits, "),
+        (
+            ("run.rec", *MADE, "--layer", "explored"),
+            "explored shows the search for one robot: --fo",
+        ),
         (("run.rec", *MADE, "--zoom", "4x1"), "unknown zoom '4x1': allowed are fit, 3x1, 2x1, "),
         (("run.rec", *MADE, "--follow", "4"), "there is no robot 4: the last one is robot 3"),
         (("run.rec", *MADE, "--speed", "0"), "'0' is not a speed: allowed are 0.01 to 10000"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from automaton.errors import InputError
-from automaton.history.run import LiveRun
+from automaton.history.live import LiveRun
 from automaton.picture import picture_of, world_from
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored

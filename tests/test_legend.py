@@ -12,10 +12,12 @@ from staged_scenes import (
     ink,
     mini,
     open_floor,
+    shipped,
     signs,
     stage,
 )
 
+from automaton.world.zones import zones_of
 from tui.render.describe import describe
 from tui.render.glyphs import UNICODE
 from tui.render.legend import legend, worst_cells
@@ -60,10 +62,11 @@ def test_the_legend_gives_the_numbers_of_a_layer():
     flow[plan.cell(1, 1), 2] = 90
     flowing = legend(stage(plan, flow=flow, layer="flow"), zoom, UNICODE)
     assert "moves: 77 to 100" in [entry.meaning for entry in flowing]
-    zones = np.full(plan.kind.size, 4, np.int16)
-    assert "zone 4" in [
-        e.meaning for e in legend(stage(plan, zones=zones, layer="zones"), zoom, UNICODE)
-    ]
+    plan = shipped("tabletop-mini")
+    shown = stage(plan, zones=zones_of(plan), layer="zones")
+    meanings = [entry.meaning for entry in legend(shown, zoom, UNICODE)]
+    assert "16 zones, undirected; those that touch differ" in meanings
+    assert "intersection, in no zone" in meanings
 
 
 def test_a_cell_is_described_in_one_line():

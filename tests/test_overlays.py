@@ -18,6 +18,7 @@ from staged_scenes import (
     text,
 )
 
+from automaton.world.zones import Zones
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.glyphs import ASCII, SHADED, UNICODE, GlyphSet
@@ -131,12 +132,13 @@ def test_flow_points_where_most_robots_went(zoom: str):
 @pytest.mark.parametrize("zoom", ALL)
 def test_zones_tint_their_cells(zoom: str):
     plan = open_floor(8, 8)
-    zones = np.full(plan.kind.size, -1, np.int16)
-    zones[[plan.cell(6, y) for y in range(8)]] = 11
+    of = np.full((plan.kind.size, 2), -1, np.int32)
+    of[[plan.cell(6, y) for y in range(8)]] = 0
+    zones = Zones("undirected", of, 1, of[:, 0] == 1)
     scene = stage(plan, {"cell": plan.cell(0, 0)}, zones=zones, layer="zones")
     tinted = at(scene, zoom, plan.cell(6, 5))
-    assert styles.ZONE_3 in (ink(tinted), paper(tinted))
-    assert styles.ZONE_3 not in (ink(at(scene, zoom, plan.cell(0, 5))),)
+    assert styles.ZONE_0 in (ink(tinted), paper(tinted))
+    assert styles.ZONE_0 not in (ink(at(scene, zoom, plan.cell(0, 5))),)
 
 
 @pytest.mark.parametrize("zoom", ALL)

@@ -14,10 +14,11 @@ from hand_clock import FLEET, Clock, clock, hand, live, recorded
 
 from automaton.history.live import LiveRun
 from automaton.history.run import Run
+from automaton.history.snapshot import OVERLAYS
 from automaton.recording.verification import verify
 from tui.options import SPEEDS
 from tui.player import IDLE_S, REWIND, TICKS_PER_S, Player
-from tui.render.scene import LAYERS
+from tui.render.scene import HEAT, LAYERS
 from tui.shot import Shot
 
 __all__ = ["clock"]
@@ -225,5 +226,5 @@ def test_figures_and_layers(clock: Clock) -> None:
     for layer in LAYERS:
         player.show_layer(layer)
         snapshot = player.settle().snapshots[0]
-        assert (snapshot.heat is not None) == (layer in ("visits", "waiting", "congestion"))
+        assert (snapshot.heat is not None) == (layer in (*HEAT, *OVERLAYS))
         assert (snapshot.flow is not None) == (layer == "flow")

@@ -40,7 +40,7 @@ from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
     from tui.player import Player
-    from tui.view import CellChosen, RobotChosen, TickChosen
+    from tui.view import CellChosen, RobotChosen, TickChosen, ZoneChosen
 
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
@@ -318,6 +318,9 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
         self.leave_full_panels()
         self.choose(cell=event.cell)
         self.show_cell(event.cell)
+
+    def on_zone_chosen(self, event: ZoneChosen) -> None:
+        self.choose_zone(event.zone)
 
     def on_tick_chosen(self, event: TickChosen) -> None:
         self.leave_full_panels()

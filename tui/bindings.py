@@ -76,7 +76,7 @@ TOPICS: Final = (
     Topic(
         "Looking closer",
         (
-            Action("find", "slash", "Find", "find a robot, an order, a cell", True),
+            Action("find", "slash", "Find", "find a robot, an order, a cell, a zone", True),
             Action("next_robot", "right_parenthesis", "Next robot"),
             Action("previous_robot", "left_parenthesis", "Previous robot"),
             Action("clear", "escape", "Clear", "nothing selected, found or followed"),
@@ -99,8 +99,15 @@ TOPICS: Final = (
                 "layer_congestion", "f5", "Congestion", "congestion: where time was lost of late"
             ),
             Action("layer_flow", "f6", "Flow", "flow: moves out of each cell"),
-            Action("layer_zones", "f7", "Zones"),
+            Action("layer_zones", "f7", "Zones", "zones of the floor, one tint each"),
             Action("layer_route", "f8", "Route", "the selected robot's route, on or off"),
+            Action("layer_explored", "f9,E", "Explored", "what A* looks at for the selected robot"),
+            Action(
+                "layer_predicted",
+                "f10,P",
+                "Predicted",
+                "where 2 or more others will drive; again: 3, 4, 5, 1",
+            ),
             Action("next_layer", "L", "Layer", "the next layer", True),
         ),
     ),

@@ -14,6 +14,7 @@ from automaton.recording.frames import Recording, read_recording
 from automaton.recording.header import resolved_of
 from automaton.scenario.resolve import Resolved
 from automaton.world.cells import SHELF
+from automaton.world.zones import zones_of
 from tui.render.scene import Floor
 from tui.titles import Head, heads_of, title_of
 
@@ -87,4 +88,5 @@ def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
     cells = resolved.plan.slots()
     endless = (resolved.plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
-    return Floor(resolved.plan, cells, endless, HEADINGS[resolved.scenario.fleet.kinematics])
+    zones = zones_of(resolved.plan, resolved.scenario.world.zones)
+    return Floor(resolved.plan, cells, endless, HEADINGS[resolved.scenario.fleet.kinematics], zones)

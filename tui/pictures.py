@@ -19,6 +19,7 @@ from tui.render.scene import NOTHING, Scene
 from tui.render.styles import style
 
 if TYPE_CHECKING:
+    from automaton.scenario.resolve import Resolved
     from tui.shot import Shot
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
@@ -34,12 +35,19 @@ class Choice:
 
     robot: int = NIL
     cell: int = NIL
+    zone: int = NIL
     layer: str = ""
+    least: int = 2  # paths through a cell of the layer "predicted"
     side: int = 0  # which of two runs the panels tell of
     following: bool = False
     route: bool = True
     minimap: bool = True
     found: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # robots
+
+    @property
+    def laid(self) -> str:
+        """The layer, as it is said."""
+        return f"predicted {self.least}+" if self.layer == "predicted" else self.layer
 
 
 class Corner(NamedTuple):
@@ -90,7 +98,7 @@ class Pictures:
     def scene(self, shot: Shot | None, choice: Choice, side: int) -> Scene:
         """What one run's picture is made of."""
         if shot is None:
-            return Scene(self.floors[side], cursor=_cursor(choice))
+            return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
         snapshot = shot.snapshots[side]
         robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
         found = choice.found[choice.found < len(snapshot.robots)]  # the other fleet may be larger
@@ -101,8 +109,23 @@ class Pictures:
             route=snapshot.route if choice.route and snapshot.selected == robot else NOTHING,
             cursor=_cursor(choice),
             layer=choice.layer,
+            zone=choice.zone,
+            least=choice.least,
             marked=found if len(found) else differing(shot),
         )
+
+    def take_zones(self, resolved: Resolved) -> bool:
+        """After a branch of the only run: whether it has other zones."""
+        zones = self.floors[0].zones
+        other = zones is None or zones.mode != resolved.scenario.world.zones
+        if other:
+            self.floors[0] = floor_of(resolved)
+        return other
+
+    def zone_cells(self, zone: int, side: int) -> list[int]:
+        """The cells of a zone, in reading order."""
+        cells: list[int] = Scene(self.floors[side], zone=zone).zone_cells.tolist()
+        return cells
 
     def picture(self, scene: Scene, choice: Choice, rows: int, columns: int) -> Codes:
         """(rows, columns) codes: the scene as the camera sees it, and the minimap."""

@@ -17,8 +17,9 @@ from typing import Final
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import Breakpoint
+from automaton.history.overlays import Overlays
 from automaton.history.run import SLICE_S, Run
-from automaton.history.snapshot import take_snapshot
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.world.state import NIL
 from tui.shot import Figures, Shot, figures_of
 from tui.stops import Hit, begun, held_by, reason
@@ -51,6 +52,7 @@ class Player:
         self._breakpoints: list[Breakpoint] = []
         self._stops, self._stopped, self._error = 0, "", ""
         self._hit: Hit | None = None  # the breakpoint that stopped it
+        self._overlays = [Overlays() for _ in self.runs]
         self._figures: tuple[Figures, ...] = ()
         self._figures_at = -math.inf
         self._stale = True
@@ -361,9 +363,7 @@ class Player:
             seq=seq,
             tick=self._tick,
             runs=tuple(self.runs),
-            snapshots=tuple(
-                take_snapshot(run.shown, self._selected, self._layer) for run in self.runs
-            ),
+            snapshots=tuple(map(self._snapshot_of, self.runs, self._overlays)),
             figures=self._figures,
             playing=self._direction,
             asked=TICKS_PER_S * self._speed,
@@ -379,6 +379,11 @@ class Player:
             error=self._error or trouble,
             failed=failed,
         )
+
+    def _snapshot_of(self, run: Run, overlays: Overlays) -> Snapshot:
+        bare = take_snapshot(run.shown, self._selected, self._layer)
+        playing = self._direction != 0 or self._goal is not None
+        return overlays.laid_over(bare, run.shown, self._layer, playing)
 
 
 def sentence(error: Exception) -> str:

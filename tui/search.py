@@ -1,4 +1,4 @@
-"""Robots and cells by what a user types: 17, load 7, 12,4, shelf, or a condition on robots."""
+"""Robots, cells, zones by what a user types: 17, load 7, 12,4, shelf, zone 9, waiting > 20."""
 
 from __future__ import annotations
 
@@ -13,23 +13,31 @@ from automaton.units import count
 from automaton.world.cells import KIND_BY_NAME, WALL
 from automaton.world.state import NIL
 from tui.view import View
+from tui.widgets.zone_facts import checked_zone
 
 
 class Found(NamedTuple):
-    """Robots, or else cells, to step through from the one at index `first` on."""
+    """Robots, or else cells or zones, to step through from the one at index `first` on."""
 
     text: str
     robots: tuple[int, ...] = ()
     cells: tuple[int, ...] = ()
     first: int = 0
+    zones: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.robots or self.cells)
+        return bool(self.places)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Those of them that there are."""
+        return self.robots or self.cells or self.zones
 
     @property
     def many(self) -> str:
         """How many of what."""
-        return count(len(self.robots), "robot") if self.robots else count(len(self.cells), "cell")
+        kind = "robot" if self.robots else "cell" if self.cells else "zone"
+        return count(len(self.places), kind)
 
 
 def find(text: str, view: View) -> Found:
@@ -39,6 +47,8 @@ def find(text: str, view: View) -> Found:
         return Found(words, robots=(_robot(int(number[1]), view),))
     if number := re.fullmatch(r"(?:load|order) (\d{1,9})", words):
         return _order(words, int(number[1]), view)
+    if number := re.fullmatch(r"zone (\d{1,9})", words):
+        return Found(words, zones=(checked_zone(view, int(number[1])),))
     if pair := re.fullmatch(r"\(?(-?\d{1,9}) ?, ?(-?\d{1,9})\)?", words):
         return Found(words, cells=(_cell(int(pair[1]), int(pair[2]), view),))
     kind = KIND_BY_NAME.get(words, KIND_BY_NAME.get(words.removesuffix("s")))

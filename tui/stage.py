@@ -183,16 +183,16 @@ class Stage(App[None]):
         choice = self.choice
         side = choice.side
         robot = choice.robot if choice.robot < len(self.shot.snapshots[side].robots) else NIL
-        return View(self.shot, self.shot.runs, robot, choice.cell, choice.layer, side)
+        return View(self.shot, self.shot.runs, robot, choice.cell, choice.layer, side, choice.zone)
 
-    def choose(self, robot: int = NIL, cell: int = NIL) -> None:
-        """Select a robot, a cell, or neither."""
+    def choose(self, robot: int = NIL, cell: int = NIL, zone: int = NIL) -> None:
+        """Select a robot, a cell, a zone, or nothing."""
         if robot != self.choice.robot:
             self.choice.following = self.choice.following and robot != NIL
             if self.player is not None:
                 self.player.select(robot)
                 self.ordered()
-        self.choice.robot, self.choice.cell = robot, cell
+        self.choice.robot, self.choice.cell, self.choice.zone = robot, cell, zone
         self.pointing = False
         self.changed()
 
@@ -291,7 +291,7 @@ class Stage(App[None]):
         side = self.choice.side
         words = time_words(shot, side, self.speed, self._unit, self.glyphs)
         words += fleet_words(shot.snapshots[side])
-        words += choice_words(self.choice.robot, self.choice.following, self.choice.layer)
+        words += choice_words(self.choice.robot, self.choice.following, self.choice.laid)
         changed |= self.status.say(words, [self.mode(shot)])
         changed |= self.timeline.tell(self.past(shot))
         changed |= self.say_titles()
@@ -355,7 +355,8 @@ class Stage(App[None]):
         if self.column is None or self.shot is None or now - self._panels_at < pause:
             return
         choice = self.choice
-        known = (self.shot, choice.robot, choice.cell, choice.layer, choice.side, self.look)
+        chosen = (choice.robot, choice.cell, choice.zone, choice.layer, choice.least, choice.side)
+        known = (self.shot, chosen, self.look)
         camera = (self.pictures.camera.zoom, self.pictures.glyphs)
         if self._panels_know == (known, camera) or not self.column.is_on_screen:
             return

@@ -22,8 +22,9 @@ class View:
     runs: Sequence[Run]
     robot: int = NIL  # the selected robot, or NIL
     cell: int = NIL  # the selected cell, or NIL
-    layer: str = ""  # of automaton.history.snapshot.LAYERS
+    layer: str = ""  # of tui.render.scene.LAYERS
     side: int = 0  # which of two compared runs the panels tell of
+    zone: int = NIL  # the selected zone of the floor, or NIL
 
     @property
     def snapshot(self) -> Snapshot:
@@ -54,6 +55,14 @@ class CellChosen(Message):
 
     def __init__(self, cell: int) -> None:
         self.cell = cell
+        super().__init__()
+
+
+class ZoneChosen(Message):
+    """Select a zone of the floor, and show where it is."""
+
+    def __init__(self, zone: int) -> None:
+        self.zone = zone
         super().__init__()
 
 

@@ -18,6 +18,7 @@ FLEET: Final = (  # fields of world.robots
 WATCHED: Final = (  # fields of the observation
     *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
 )
+OVERLAYS: Final = ("explored", "predicted")  # automaton.history.overlays brings their numbers
 
 
 @dataclass(frozen=True)

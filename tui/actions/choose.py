@@ -19,6 +19,7 @@ from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
     from automaton.history.run import Run
+    from automaton.scenario.resolve import Resolved
     from tui.screens.breakpoints import Stop
 
 
@@ -29,6 +30,7 @@ class Branched(NamedTuple):
     settings: tuple[str, ...]
     title: str
     path: Path | None
+    resolved: Resolved
 
 
 class ChooseActions(FindActions):
@@ -60,7 +62,7 @@ class ChooseActions(FindActions):
         if self.pointing and self.hovered != NIL:
             self.choice.side = self.hovered_side
             self.choose_at(self.hovered)
-        elif self.choice.robot == NIL and self.choice.cell == NIL:
+        elif self.choice.robot == self.choice.cell == self.choice.zone == NIL:
             self._choose_middle()
         self.open_panel("inspector")
 
@@ -124,7 +126,7 @@ class ChooseActions(FindActions):
         def branch(run: Run) -> Run:
             fresh = run.branch(settings, path)
             title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)
-            made.append(Branched(fresh.tick, settings, title, path))
+            made.append(Branched(fresh.tick, settings, title, path, fresh.resolved))
             return fresh
 
         def done(error: str) -> None:
@@ -144,6 +146,8 @@ class ChooseActions(FindActions):
     def _branched(self, made: Branched) -> None:
         self.live = True
         self.titles[0] = made.title
+        if self.pictures.take_zones(made.resolved):
+            self.choice.zone = NIL
         self.say_titles()
         self.marks = [mark for mark in self.marks if mark.tick <= made.tick]
         self.marks.append(Mark(made.tick, "branch"))

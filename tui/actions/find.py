@@ -1,4 +1,4 @@
-"""Actions that find: robots, orders, cells and events, and the way from one to the next."""
+"""Actions that find: robots, orders, cells, zones and events, and the way from one to the next."""
 
 from __future__ import annotations
 
@@ -72,12 +72,14 @@ class FindActions(PanelActions):
 
     def _show_found(self, index: int) -> None:
         assert self.found is not None
-        places = self.found.robots or self.found.cells
+        places = self.found.places
         self.at_found = index % len(places)
         place = places[self.at_found]
         if self.found.robots:
             self.choose(place)
             self.show_robot()
+        elif self.found.zones:
+            self.choose_zone(place)
         else:
             self.choose(cell=place)
             self.show_cell(place)
@@ -104,6 +106,13 @@ class FindActions(PanelActions):
         self.screen.remove_class("-map-alone")
         self.leave_full_panels()
         self.changed()
+
+    def choose_zone(self, zone: int) -> None:
+        """Select a zone, and bring its middle on the screen unless some of it is there."""
+        self.choose(zone=zone)
+        cells = self.pictures.zone_cells(zone, self.choice.side)
+        if not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
+            self.show_cell(cells[len(cells) // 2])
 
     def choose_at(self, cell: int) -> None:
         """Select the robot in a cell, or the cell if there is none."""

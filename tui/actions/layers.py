@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+from automaton.world.state import NIL
 from tui.render.scene import LAYERS
 from tui.stage import Stage
+
+MOST: Final = 5  # paths through a cell of the layer "predicted"
 
 
 class LayerActions(Stage):
@@ -25,10 +30,23 @@ class LayerActions(Stage):
         self.show_layer("flow")
 
     def action_layer_zones(self) -> None:
-        if self.pictures.floors[self.choice.side].zones is None:
-            self.notify("this floor has no zones")
-        else:
+        if self._zones():
             self.show_layer("zones")
+        else:
+            self.notify("this floor has no zones: all of it is intersections")
+
+    def action_layer_explored(self) -> None:
+        if self.choice.robot == NIL:
+            self.notify("select a robot, and the search for its way is shown")
+        self.show_layer("explored")
+
+    def action_layer_predicted(self) -> None:
+        """Again: where one more robot will drive, up to MOST; then one again."""
+        if self.choice.layer == "predicted":
+            self.choice.least = self.choice.least % MOST + 1
+        others = "other robots" if self.choice.robot != NIL else "robots"
+        self.notify(f"cells through which {self.choice.least} or more {others} will drive")
+        self.show_layer("predicted")
 
     def action_layer_route(self) -> None:
         self.choice.route = not self.choice.route
@@ -37,10 +55,15 @@ class LayerActions(Stage):
 
     def action_next_layer(self) -> None:
         there = [name for name in LAYERS if name != "zones" or self._zones()]
-        self.show_layer(there[(there.index(self.choice.layer) + 1) % len(there)])
+        name = there[(there.index(self.choice.layer) + 1) % len(there)]
+        if name == "explored":  # which may have to say something
+            self.action_layer_explored()
+        else:
+            self.show_layer(name)
 
     def _zones(self) -> bool:
-        return self.pictures.floors[self.choice.side].zones is not None
+        zones = self.pictures.floors[self.choice.side].zones
+        return zones is not None and zones.count > 0
 
     def show_layer(self, name: str) -> None:
         """One of LAYERS."""

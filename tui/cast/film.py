@@ -70,14 +70,17 @@ class Film:
 
     def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
         """(rows, columns) codes of each of these ticks, which ascend."""
+        from automaton.history.overlays import Overlays
         from automaton.history.playback import Playback
         from automaton.history.snapshot import take_snapshot
 
+        overlays = Overlays()
         playback = Playback(self.recording.header, self.recording.stored())
         robot, layer = self._choice.robot, self._choice.layer
         for tick in ticks:
             playback.go_to(tick)
-            yield self._codes(take_snapshot(playback.simulation, robot, layer))
+            bare = take_snapshot(playback.simulation, robot, layer)
+            yield self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
 
     def _codes(self, snapshot: Snapshot) -> Codes:
         shot, camera = self._shot(snapshot), self._pictures.camera
@@ -115,10 +118,11 @@ class Film:
             raise InputError(
                 f"there is no robot {request.follow}: the last one is robot {robots - 1}"
             )
-        # No recorded floor has zones.
-        known = [name for name in LAYERS if name not in ("", "zones")]
+        known = [name for name in LAYERS if name]
         if request.layer and request.layer not in known:
             raise InputError(f"unknown layer '{request.layer}': allowed are {alternatives(known)}")
+        if request.layer == "explored" and request.follow == NIL:
+            raise InputError("explored shows the search for one robot: --follow says for which")
         return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
 
     def _said(self, request: Request) -> Status:

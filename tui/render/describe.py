@@ -19,6 +19,7 @@ from automaton.world.cells import (
 )
 from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL, WAITING
 from automaton.world.waiting import CAUSES
+from tui.render.overlays import value_words, zone_words
 from tui.render.scene import CROWD, DETAIL_SHIFT, KIND_MASK, ONE_WAY, PASSING, Scene
 
 MOST_ROBOTS = 3  # named in one line
@@ -27,11 +28,9 @@ MOST_ROBOTS = 3  # named in one line
 def describe(scene: Scene, cell: int) -> str:
     """One line about a cell of the floor."""
     parts = [place(scene, cell) + " " + ground(scene, cell) + _content(scene, cell)]
-    zones = scene.floor.zones
-    if zones is not None and zones[cell] != NIL:
-        parts.append(f"zone {zones[cell]}")
+    parts += zone_words(scene, cell)
     if scene.values is not None and scene.floor.drivable[cell]:
-        parts.append(f"{scene.layer} {scene.values[cell]}")
+        parts += value_words(scene, int(scene.values[cell]))
     return ", ".join(parts + _robots(scene, cell))
 
 

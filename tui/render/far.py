@@ -41,6 +41,7 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     codes = base[part.top : part.bottom, part.left : part.right].copy()
     if scene.layer == "flow" and scene.values is not None:
         draw_flow(codes, part, scene, scene.values, camera, glyphs)
+    draw_dots(codes, part, camera, glyphs, scene.zone_cells, styles.MARKED)
     draw_over(codes, part, scene, camera, glyphs)
     return codes
 

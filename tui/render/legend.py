@@ -13,7 +13,8 @@ from tui.render.camera import Zoom
 from tui.render.cell_looks import FAR_SHELF, cell_codes, ink_of, look
 from tui.render.field import LEVELS
 from tui.render.glyphs import GlyphSet, code
-from tui.render.near import ZONES, flow_codes, heat_codes
+from tui.render.near import flow_codes, heat_codes
+from tui.render.overlays import OVERLAYS, overlay_meanings, zone_entries
 from tui.render.pixels import DRIVEN
 from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, KIND_MASK, OUTSIDE, PASSING, Scene
 from tui.render.styles import style
@@ -99,6 +100,12 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
         entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
         if near:
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    if scene.zone >= 0:
+        entries.append(
+            Entry(
+                (int(code(style(styles.FLOOR, styles.MARKED), glyphs.blank)),), f"zone {scene.zone}"
+            )
+        )
     if len(scene.marked):
         entries.append(Entry(paper(styles.MARKED), "found"))
     return entries
@@ -107,8 +114,12 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     """Levels with their numbers, or the zones."""
     if scene.zones is not None:
-        zones = np.unique(scene.zones[scene.zones >= 0]).tolist()
-        return [Entry((zone_sign(zone, glyphs),), f"zone {zone}") for zone in zones]
+        return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
+    if scene.layer in OVERLAYS:
+        said = overlay_meanings(scene)
+        return [
+            Entry((int(heat_codes(glyphs)[level]),) if level else (), text) for level, text in said
+        ]
     if scene.values is None:
         return []
     lines: dict[tuple[int, ...], list[int]] = {}
@@ -144,12 +155,6 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
 
     return [Entry((sign(kind),), KINDS[kind].name) for kind in kinds]
-
-
-def zone_sign(zone: int, glyphs: GlyphSet) -> int:
-    """Its number, seen where there are no colours, in its tint."""
-    ink = styles.ZONE_0 + zone % ZONES
-    return int(code(style(ink, ink), glyphs.digits[zone % 10]))
 
 
 def _meaning(number: int) -> str:

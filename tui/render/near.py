@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import FLOOR, SHELF
+from automaton.world.cells import SHELF
 from automaton.world.state import NIL
 from tui.render import robots as fleet
 from tui.render import styles
@@ -23,11 +23,11 @@ from tui.render.canvas import Canvas, Cells
 from tui.render.cell_looks import cell_codes, look
 from tui.render.field import LEVELS
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.scene import FULL, HEAT, Scene
+from tui.render.overlays import draw_zone_signs
+from tui.render.scene import FULL, SHADED, Scene
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
 
-ZONES = 8  # colours of zones, used in turn
 FLOW_LEVELS = (0, 4, 4, 4, 5, 5, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
 
 
@@ -41,8 +41,10 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_route(canvas)
         draw_claims(canvas)
         draw_robots(canvas)
-    if scene.values is not None and scene.layer in HEAT:
+    if scene.zones is not None or (scene.values is not None and scene.layer in SHADED):
         keep_heat(canvas, ground)
+    if scene.zone != NIL:
+        canvas.repaper(canvas.at(scene.zone_cells)[0], styles.MARKED)
     if scene.snapshot is not None:
         draw_chosen(canvas)
     if scene.cursor is not None:
@@ -65,11 +67,11 @@ def draw_layer(canvas: Canvas) -> None:
     """The layer of the scene on the cells that robots drive on."""
     scene = canvas.scene
     if scene.zones is not None:
-        draw_zones(canvas, scene.zones)
+        draw_zone_signs(canvas, scene.zones)
     elif scene.values is not None:
         levels = scene.levels(canvas.cells(scene.values)).reshape(-1)
         index = np.flatnonzero(levels)
-        if scene.layer in HEAT:
+        if scene.layer in SHADED:
             canvas.flat[index] = heat_codes(canvas.glyphs)[levels[index], None]
         else:
             draw_flow(canvas, index, levels[index])
@@ -81,17 +83,6 @@ def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]
     assert snapshot is not None and snapshot.flow is not None
     flow = canvas.cells(snapshot.flow).reshape(-1, 4)
     canvas.flat[index, 0] = flow_codes(canvas.glyphs)[levels, flow[index].argmax(axis=1)]
-
-
-def draw_zones(canvas: Canvas, zones: NDArray[np.int16]) -> None:
-    """Cells tinted by zone; free floor bears the number, visible where there are no colours."""
-    here = canvas.cells(zones).reshape(-1)
-    index = np.flatnonzero(here >= 0).astype(np.int32)
-    ink = styles.ZONE_0 + here[index] % ZONES
-    plain = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)[index] == look(FLOOR)
-    canvas.repaper(index, ink[:, None])
-    digits = np.array(canvas.glyphs.digits)[here[index] % 10]
-    canvas.flat[index[plain], 0] = code(style(ink, ink), digits)[plain]
 
 
 @lru_cache(maxsize=2)
@@ -160,9 +151,9 @@ def draw_robots(canvas: Canvas) -> None:
 
 
 def keep_heat(canvas: Canvas, ground: Codes) -> None:
-    """What is drawn on a hot cell stands on its heat; without colours its shade fills the rest."""
+    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest."""
     heat = (ground >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
-    hot = (heat > styles.HEAT_0) & (heat <= styles.HEAT_0 + LEVELS - 1)
+    hot = (heat > styles.HEAT_0) & (heat < styles.FLOOR_MARK)
     paper = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
     over = hot & (canvas.flat != ground) & (paper == styles.FLOOR)
     blank = over & (canvas.flat & GLYPHS == canvas.glyphs.blank)

@@ -33,7 +33,8 @@ from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
 from tui.render.far import draw_over
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.near import ZONES, heat_codes
+from tui.render.near import heat_codes
+from tui.render.overlays import paint_tints, sign_tints
 from tui.render.scene import KIND_MASK, LOOKS, Floor, Scene
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
@@ -62,8 +63,12 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     canvas = _Pixels(pixels, part, camera)
     if k == 1:
         canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
-    if draw_layer(canvas, scene):
+    laid = draw_layer(canvas, scene)
+    canvas.paint(scene.zone_cells, styles.MARKED)
+    if laid:
         codes = paired(pixels, glyphs)
+        if scene.zones is not None:
+            codes = sign_tints(codes, pixels)
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
@@ -194,9 +199,7 @@ class _Pixels:
 def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
     """Heat, or zones; whether there is a layer."""
     if scene.zones is not None:
-        zones = canvas.reduced(scene.zones, NIL)
-        inside = zones != NIL
-        canvas.pixels[inside] = styles.ZONE_0 + zones[inside] % ZONES
+        paint_tints(canvas.pixels, canvas.reduced(scene.floor.tints, NIL))
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0

@@ -25,13 +25,17 @@ from automaton.world.cells import (
 )
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL
+from automaton.world.zones import Zones
 from tui.render.field import Scale, levels_of, scale_for
+from tui.render.overlays import OVERLAYS, overlay_levels
+from tui.render.zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.history.snapshot import Snapshot
 
-LAYERS: Final = ("", "visits", "waiting", "congestion", "flow", "zones")
 HEAT: Final = ("visits", "waiting", "congestion")
+SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers
+LAYERS: Final = ("", *HEAT, "flow", "zones", *OVERLAYS)
 
 # What a cell looks like: its kind, and a detail in the bits above.
 DETAIL_SHIFT: Final = 4
@@ -90,7 +94,7 @@ class Floor:
     slots_cell: NDArray[np.int32]  # (s,)
     slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
-    zones: NDArray[np.int16] | None = None  # (C,) zone of a cell, or NIL
+    zones: Zones | None = None
 
     @cached_property
     def looks(self) -> NDArray[np.uint8]:
@@ -100,6 +104,13 @@ class Floor:
     def drivable(self) -> NDArray[np.bool_]:
         """(C,)"""
         return DRIVABLE[self.plan.kind].reshape(-1)
+
+    @cached_property
+    def tints(self) -> NDArray[np.int8]:
+        """(C,) the tint of each cell's zone, of tui.render.zone_tints, or NIL."""
+        if self.zones is None:
+            return np.full(self.plan.kind.size, NIL, np.int8)
+        return tints_of(self.zones, *self.plan.kind.shape)
 
     @cached_property
     def slot_in(self) -> NDArray[np.int32]:
@@ -120,6 +131,8 @@ class Scene:
     cursor: int | None = None  # cell
     layer: str = ""  # of LAYERS
     marked: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # robots
+    zone: int = NIL  # whose cells are marked
+    least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
     def with_(self, **changes: Any) -> Scene:
         """The same scene but for these fields."""
@@ -130,7 +143,7 @@ class Scene:
         """(C,) what the layer counts, as far as the snapshot brings it."""
         if self.snapshot is None:
             return None
-        if self.layer in HEAT:
+        if self.layer in SHADED:
             return self.snapshot.heat
         if self.layer == "flow" and self.snapshot.flow is not None:
             east, south, west, north = self.snapshot.flow.T
@@ -145,6 +158,8 @@ class Scene:
 
     def levels(self, values: NDArray[np.int32]) -> NDArray[np.uint8]:
         """0 to 8 on the scale of the layer."""
+        if self.layer in OVERLAYS:
+            return overlay_levels(self.layer, values, self.least)
         return levels_of(values, self.scale)
 
     @property
@@ -159,6 +174,14 @@ class Scene:
         return NIL if slot == NIL else int(self.floor.slots_cell[slot])
 
     @property
-    def zones(self) -> NDArray[np.int16] | None:
-        """(C,) the zones, while their layer is shown."""
+    def zones(self) -> Zones | None:
+        """The zones, while their layer is shown."""
         return self.floor.zones if self.layer == "zones" else None
+
+    @cached_property
+    def zone_cells(self) -> NDArray[np.int32]:
+        """(k,) the cells of the zone that is marked."""
+        if self.zone == NIL or self.floor.zones is None:
+            return NOTHING
+        cells = np.flatnonzero((self.floor.zones.of == self.zone).any(axis=1))
+        return cells.astype(np.int32)

@@ -1,4 +1,4 @@
-"""Find: robots, loads, cells, or all robots for which a condition holds; matches while one types."""
+"""Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from textual.message import Message
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
+from automaton.units import count
 from automaton.world.cells import KINDS
 from automaton.world.state import NIL
 from tui.screens.dialog import Dialog
@@ -18,9 +19,10 @@ from tui.view import View
 from tui.widgets.lines import Line, cell_link, dim, line
 from tui.widgets.robot_columns import doing
 from tui.widgets.rows import Rows
+from tui.widgets.zone_facts import robots_in
 
 EXAMPLES: Final = (
-    "17, robot 17, load 7, order 7, 12,4, turntable, "
+    "17, robot 17, load 7, order 7, 12,4, turntable, zone 9, "
     "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, x < 5 and not parked"
 )
 
@@ -46,11 +48,14 @@ class MatchList(Rows, can_focus=False):
         """List these matches."""
         self.found, self.cursor = found, 0
         self.scroll_to(y=0, animate=False)
-        self.update_rows(len(found.robots or found.cells))
+        self.update_rows(len(found.places))
         self.refresh()
 
     def row(self, index: int) -> Line:
         view = self.view
+        if self.found.zones:
+            zone = self.found.zones[index]
+            return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
         if not self.found.robots:
             cell = self.found.cells[index]
             name = KINDS[int(view.plan.kind.reshape(-1)[cell])].name

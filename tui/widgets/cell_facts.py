@@ -22,6 +22,7 @@ from tui.widgets.lines import (
     robot_link,
     title,
 )
+from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
 MOST: Final = 12  # robots or loads that are named one by one
@@ -30,6 +31,7 @@ COUNTED: Final = {  # what the layers count
     "visits": "visits",
     "waiting": "ticks lost here",
     "congestion": "ticks lost here of late",
+    "predicted": "robots are going to drive here",
 }
 
 
@@ -38,7 +40,12 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
     x, y = view.plan.xy(cell)
     lines = [line(title(f"cell ({x}, {y}) "), kind.name), line(dim(kind.meaning))]
-    facts = [*_ground(view, cell), *_traffic(view, cell), *_stored(view, cell)]
+    facts = [
+        *_ground(view, cell),
+        *zone_facts(view, cell),
+        *_traffic(view, cell),
+        *_stored(view, cell),
+    ]
     for name, parts in facts:
         lines += fact(name, *parts, width=width) if parts else []
     return lines

@@ -10,10 +10,11 @@ from tui.widgets.cell_facts import cell_lines, order_lines
 from tui.widgets.lines import Line, Link, dim, line, robot_link, title, wrapped
 from tui.widgets.robot_facts import robot_lines
 from tui.widgets.text_panel import TextPanel
+from tui.widgets.zone_facts import zone_lines
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
-    "/ finds robots, loads and cells; ( and ) go to the previous and the next robot.",
+    "/ finds robots, loads, cells and zones; ( and ) go to the previous and the next robot.",
     "i looks at the cell under the cursor, or in the middle of the map.",
     "What is underlined leads on: click it, or go to it with up and down and press enter.",
 )
@@ -28,16 +29,19 @@ class OrderChosen(Message):
 
 
 class Inspector(TextPanel):
-    """A robot goes before a cell; an order that was asked for, before both until they change."""
+    """A zone or a robot goes before a cell; an order that was asked for goes before all, until then."""
 
     order = NIL
-    _chosen = (NIL, NIL)
+    _chosen = (NIL, NIL, NIL)
 
     def written(self, view: View, width: int) -> list[Line]:
-        if (view.robot, view.cell) != self._chosen:
-            self._chosen, self.order = (view.robot, view.cell), NIL
+        chosen = (view.robot, view.cell, view.zone)
+        if chosen != self._chosen:
+            self._chosen, self.order = chosen, NIL
         if self.order != NIL:
             return [*order_lines(view, self.order, width), (), *_way_back(view)]
+        if view.zone != NIL:
+            return zone_lines(view, view.zone, width)
         if view.robot != NIL:
             return robot_lines(view, view.robot, width)
         if view.cell != NIL:
@@ -61,7 +65,7 @@ class Inspector(TextPanel):
             self.tell_order(number)
             self.post_message(OrderChosen(number))
             return
-        if kind in ("robot", "cell"):
+        if kind in ("robot", "cell", "zone"):
             self.tell_order(NIL)
         super().follow(link, column)
 

@@ -13,11 +13,11 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from automaton.world.state import NIL
-from tui.view import CellChosen, RobotChosen, TickChosen
+from tui.view import CellChosen, RobotChosen, TickChosen, ZoneChosen
 from tui.widgets.lines import LOOKS, Line, Link, Span, length
 from tui.widgets.signs import UNICODE, Signs
 
-MESSAGES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen}
+MESSAGES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
 
 
 NARROWEST = 20  # columns for which lines are made

@@ -146,7 +146,8 @@ class PanelColumn(Container):
     def show(self, view: View) -> None:
         """Show this in the figures and in the open panel, as far as they are in sight."""
         self._view = view = _within(view)
-        key = (id(view.run), view.shot.seq, view.robot, view.cell, view.side, view.layer)
+        chosen = (view.robot, view.cell, view.zone)
+        key = (id(view.run), view.shot.seq, *chosen, view.side, view.layer)
         self._fit_figures()
         if not self.is_mounted or not self.size or key == self._key:
             return

@@ -25,7 +25,8 @@ class TextPanel(Rows):
 
     def about(self, view: View) -> tuple[object, ...]:
         """What the lines depend on."""
-        return (id(view.run), view.shot.seq, view.robot, view.cell, view.side, view.layer)
+        chosen = (view.robot, view.cell, view.zone)
+        return (id(view.run), view.shot.seq, *chosen, view.side, view.layer)
 
     def show(self, view: View) -> None:
         """Tell of this."""

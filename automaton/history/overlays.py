@@ -1,0 +1,184 @@
+"""What A* looks at, and where robots are going to drive: figures 3 and 4 of Bhattathiri, Li & Kuhl.
+
+explored     1 in the cells that the search for the selected robot finds, 2 on the path it finds
+predicted    how many robots besides the selected one are going to drive through each cell
+
+A robot's predicted path is the rest of its route and, if it picks up an order with a target of its
+own, the path of A* from there to the target. Both overlays ignore other robots and closed zones.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from automaton.history.snapshot import OVERLAYS, Snapshot
+from automaton.kernels.routes.astar import astar
+from automaton.kernels.routes.frontier import LARGER_G, STAMP, TIES
+from automaton.scenario.schema import Scenario
+from automaton.simulation import Simulation
+from automaton.world.route_space import route_space
+from automaton.world.state import GOAL_PICK, NIL, Array, World
+
+PAUSE_S: Final = 0.25  # between two computations while ticks go by
+SHARE: Final = 4  # at most a fourth of the time goes into them
+LEGS_KEPT: Final = 20_000
+
+
+class Overlays:
+    """The overlays of one run; scratch and the legs searched are kept from picture to picture."""
+
+    def __init__(self) -> None:
+        self._of: tuple[Simulation, int, int, str] | None = None  # run, tick, robot and layer
+        self._field: Array | None = None
+        self._next = -math.inf  # when it may be computed again while ticks go by
+        self._paths: Paths | None = None
+
+    def laid_over(
+        self, snapshot: Snapshot, simulation: Simulation, layer: str, playing: bool
+    ) -> Snapshot:
+        """The snapshot of this moment with the numbers of an overlay as its heat.
+
+        While ticks go by they may be some tenths of a second old; otherwise they are of this tick.
+        """
+        if layer not in OVERLAYS:
+            return snapshot
+        now = (simulation, snapshot.tick, snapshot.selected, layer)
+        began = time.monotonic()
+        old = self._of is not None and self._of[2:] == now[2:] and began < self._next
+        if self._of != now and not (playing and old):
+            self._of, self._field = now, self._computed(simulation, snapshot.selected, layer)
+            ended = time.monotonic()
+            self._next = ended + max(PAUSE_S, SHARE * (ended - began))
+        return replace(snapshot, heat=self._field)
+
+    def _computed(self, simulation: Simulation, selected: int, layer: str) -> Array:
+        world, ties = simulation.world, ties_of(simulation.resolved.scenario)
+        if self._paths is None or not self._paths.fit(world, ties):
+            self._paths = Paths(world, ties)
+        if layer == "explored":
+            return explored(world, self._paths, selected)
+        return predicted(world, self._paths, selected)
+
+
+class Paths:
+    """Paths of A* on the empty floor of a world."""
+
+    def __init__(self, world: World, ties: int) -> None:
+        grid = world.grid
+        self._grid, self._duration, self._ties = grid, world.rules.duration, ties
+        self._seed = world.rules.seed
+        self._space = route_space(grid.rule.size * grid.headings, grid.zones)
+        self._steps = np.zeros(grid.rule.size, np.uint8)
+        self._legs: dict[tuple[int, int], Array] = {}
+
+    def fit(self, world: World, ties: int) -> bool:
+        """Whether they are those of this world."""
+        same = self._grid is world.grid and self._ties == ties
+        return same and np.array_equal(self._duration, world.rules.duration)
+
+    def found(self, pose: int, target: int) -> tuple[Array, Array]:
+        """The cells that a search from a pose to a cell finds, and those of its path."""
+        space, headings = self._space, self._grid.headings
+        path = self._search(pose, target)
+        poses = np.flatnonzero(space.label >> 32 == space.state[STAMP])
+        return np.unique(poses // headings), path
+
+    def leg(self, pose: int, target: int) -> Array:
+        """(k,) the cells of the path from a pose to a cell, both ends included; kept."""
+        path = self._legs.get((pose, target))
+        if path is None:
+            if len(self._legs) >= LEGS_KEPT:
+                self._legs.clear()
+            path = self._legs[pose, target] = self._search(pose, target)
+        return path
+
+    def _search(self, pose: int, target: int) -> Array:
+        """(k,) the cells of the path; without one, none."""
+        grid, steps = self._grid, self._steps
+        length = astar(
+            grid, self._duration, self._space, self._ties, self._seed, pose, target, False, steps
+        )
+        if length == NIL:
+            return np.zeros(0, np.int64)
+        return driven(grid.offset, pose // grid.headings, steps[:length])
+
+
+def ties_of(scenario: Scenario) -> int:
+    """The tie rule of the routing strategy if it has one, otherwise that of A* by default."""
+    routing = scenario.strategy.routing
+    name = routing.get("ties") if isinstance(routing, Mapping) else None
+    return TIES.index(name) if name in TIES else LARGER_G
+
+
+def driven(offset: Array, start: int, steps: Array) -> Array:
+    """(k + 1,) the cells of k steps from a cell, which is the first one."""
+    return np.concatenate(([start], start + np.cumsum(offset[steps])))
+
+
+def explored(world: World, paths: Paths, robot: int) -> Array:
+    """(C,) int32: 1 in cells found by the search from where a robot is to its stand, 2 on the path.
+
+    All are 0 for a robot that is on no way, or for NIL.
+    """
+    field = np.zeros(world.grid.rule.size, np.int32)
+    robots = world.robots
+    if not 0 <= robot < len(robots.cell):
+        return field
+    i = int(robots.at_index[robot])
+    if robots.stand[i] == NIL:
+        return field
+    pose = first_cell(world, i) * world.grid.headings + int(robots.heading[i])
+    found, path = paths.found(pose, int(robots.stand[i]))
+    field[found] = 1
+    field[path] = 2
+    return field
+
+
+def predicted(world: World, paths: Paths, besides: int) -> Array:
+    """(C,) int32: how many robots on a way are going to drive through each cell, but for one."""
+    field = np.zeros(world.grid.rule.size, np.int32)
+    robots = world.robots
+    for i in np.flatnonzero(robots.stand != NIL).tolist():
+        if robots.identity[i] != besides:
+            field[np.unique(_predicted_path(world, paths, i))] += 1
+    return field
+
+
+def _predicted_path(world: World, paths: Paths, i: int) -> Array:
+    """The cells of the rest of robot i's task, some of them twice."""
+    robots, grid = world.robots, world.grid
+    stand, heading = int(robots.stand[i]), int(robots.heading[i])
+    steps = robots.route[i, robots.at[i] : robots.length[i]]
+    if len(steps):
+        path = driven(grid.offset, first_cell(world, i), steps)
+        heading = int(steps[-1]) & (grid.headings - 1)
+    else:
+        path = paths.leg(first_cell(world, i) * grid.headings + heading, stand)
+    beyond = _next_stand(world, i)
+    if beyond == NIL:
+        return path
+    return np.concatenate((path, paths.leg(stand * grid.headings + heading, beyond)))
+
+
+def _next_stand(world: World, i: int) -> int:
+    """Where robot i sets down what it is on the way to pick up, or NIL."""
+    robots, orders = world.robots, world.orders
+    order = int(robots.order[i])
+    if robots.goal[i] != GOAL_PICK or order == NIL or orders.target[order] == NIL:
+        return NIL
+    access = world.slots.access[orders.target[order]]
+    return int(access[access != NIL][0]) if (access != NIL).any() else NIL
+
+
+def first_cell(world: World, i: int) -> int:
+    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its bay by."""
+    robots = world.robots
+    if robots.claim[i] != NIL:
+        return int(robots.claim[i])
+    return int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])

@@ -1,0 +1,147 @@
+"""Zones as tints and letters; what A* explores and where others will drive, as levels of heat.
+
+Where there are no colours, or the same ones, a letter tells touching zones apart: ddd+ee
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.world.cells import FLOOR, TRACK
+from automaton.world.state import NIL
+from automaton.world.zones import Zones
+from tui.render import styles
+from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
+from tui.render.styles import style
+from tui.render.zone_tints import LETTERS, TINTS
+
+if TYPE_CHECKING:  # they import what is here
+    from tui.render.canvas import Canvas
+    from tui.render.scene import Scene
+
+OVERLAYS: Final = ("explored", "predicted")
+EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
+PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
+
+TINT_INKS: Final = np.array(TINTS, np.uint32)
+TINT_LETTERS: Final = np.array(LETTERS, np.uint32)
+
+
+def overlay_levels(layer: str, values: NDArray[np.int32], least: int) -> NDArray[np.uint8]:
+    """The level of heat of each value: explored 1 or on the path 2; or so many predicted paths."""
+    if layer == "explored":
+        return np.array([0, EXPLORED, ON_PATH], np.uint8)[values]
+    table = np.array([0, *PREDICTED], np.uint8)
+    levels: NDArray[np.uint8] = table[np.clip(values - (least - 1), 0, len(PREDICTED))]
+    return levels
+
+
+def overlay_meanings(scene: Scene) -> list[tuple[int, str]]:
+    """What the levels mean on this floor now, with how many cells there are; level 0 has no sign."""
+    values = scene.values
+    if scene.layer == "explored":
+        if scene.selected == NIL:
+            return [(0, "explored: select a robot, and its search is shown")]
+        if values is None or not values.any():
+            return [(0, f"explored: robot {scene.selected} is on no way")]
+        found, path = np.count_nonzero(values), np.count_nonzero(values == 2)
+        who = f"robot {scene.selected}"
+        return [
+            (EXPLORED, f"explored by the search of A* for {who}: {found:,} cells"),
+            (ON_PATH, f"the path that it finds: {path:,} cells"),
+        ]
+    if values is None:
+        return []
+    others = "robots" if scene.selected == NIL else "other robots"
+    said = []
+    for at, level in enumerate(PREDICTED):
+        many = scene.least + at
+        more = at == len(PREDICTED) - 1
+        cells = np.count_nonzero(values >= many if more else values == many)
+        words = f"{many}{' or more' if more else ''} {others} will drive here: {cells:,} cells"
+        said.append((level, words))
+    return said
+
+
+def value_words(scene: Scene, value: int) -> list[str]:
+    """What the number of a cell means."""
+    if scene.layer != "explored":
+        return [f"{scene.layer} {value}"]
+    return [["not explored"], ["explored"], ["explored", "on the path of A*"]][value]
+
+
+def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
+    """Signs and meanings of the layer "zones"."""
+    zones = scene.floor.zones
+    if zones is None or not zones.count:
+        return [((), "zones: this floor has none, all of it is intersections")]
+    used = np.unique(scene.floor.tints[scene.floor.tints != NIL])
+    inks = TINT_INKS[used]
+    signs = code(style(inks, inks), TINT_LETTERS[used]).tolist()
+    said = f"{zones.count:,} zones, {zones.mode}; those that touch differ"
+    entries = [(tuple(signs[:4]), said)]
+    entries += [(tuple(signs[4:]), "more of them")] if signs[4:] else []
+    if zones.mode != "with-intersections" and zones.intersection.any():
+        entries.append(((crossing_sign(glyphs),), "intersection, in no zone"))
+    return entries
+
+
+def crossing_sign(glyphs: GlyphSet) -> int:
+    """An intersection while zones are shown."""
+    return int(code(style(styles.DIM, styles.FLOOR), glyphs.crossing))
+
+
+def zone_words(scene: Scene, cell: int) -> list[str]:
+    """The zone of a cell; two where directions have their own."""
+    zones = scene.floor.zones
+    if zones is None or not scene.floor.drivable[cell]:
+        return []
+    numbers = sorted({int(zone) for zone in zones.of[cell] if zone != NIL})
+    if not numbers:
+        return ["intersection"]
+    return [f"zone{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}"]
+
+
+def draw_zone_signs(canvas: Canvas, zones: Zones) -> None:
+    """Cells tinted by zone. Free floor bears a letter that is seen without colours only.
+
+    A straight track bears it in its own colour; other cells keep their signs and bear it beside.
+    """
+    tints = canvas.cells(canvas.scene.floor.tints).reshape(-1)
+    looks = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)
+    index = np.flatnonzero(tints != NIL)
+    tint = tints[index]
+    canvas.repaper(index, TINT_INKS[tint][:, None])
+    letters, inks = TINT_LETTERS[tint], TINT_INKS[tint]
+    plain, rails = looks[index] == FLOOR, looks[index] & 15 == TRACK
+    canvas.flat[index[plain], 0] = code(style(inks, inks), letters)[plain]
+    tracks = style(np.full(len(index), styles.TRACK), inks)
+    canvas.flat[index[rails], 0] = code(tracks, letters)[rails]
+    if canvas.width > 1:
+        beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
+        signed = beside & ~plain & ~rails
+        canvas.flat[index[signed], 1] = code(style(inks, inks), letters)[signed]
+    crossings = np.flatnonzero(canvas.cells(zones.intersection).reshape(-1) & (tints == NIL))
+    crossings = crossings[looks[crossings] == FLOOR]
+    canvas.flat[crossings, 0] = crossing_sign(canvas.glyphs)
+
+
+def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
+    """Pixels in the tints of their zones."""
+    inside = tints != NIL
+    pixels[inside] = TINT_INKS[tints[inside]]
+
+
+def sign_tints(codes: Codes, pixels: NDArray[np.uint8]) -> Codes:
+    """A character whose halves have one tint bears its letter, unseen where there are colours."""
+    top = pixels[0::2]
+    whole = (top == pixels[1::2]) & np.isin(top, TINT_INKS)
+    letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
+    letter_of[TINT_INKS] = TINT_LETTERS
+    ink = top[whole].astype(np.uint32)
+    signed = codes.copy()
+    signed[whole] = (style(ink, ink) << np.uint32(GLYPH_BITS)) | letter_of[ink]
+    return signed

@@ -1,0 +1,117 @@
+"""What the inspector says about zones: who is in them, and how long a move takes there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.units import count
+from automaton.world.cells import DIRECTIONS
+from automaton.world.plan import DRIVABLE
+from automaton.world.state import NIL
+from automaton.world.zones import Zones, zones_of
+from tui.view import View
+from tui.widgets.lines import Line, Span, cell_link, dim, fact, line, robot_link, title
+
+Parts = list[str | Span]
+MOST = 24  # robots that are named one by one
+
+
+def zones_in(view: View) -> Zones:
+    """The zones of the floor, as the rules have them by now."""
+    return zones_of(view.plan, view.run.resolved.scenario.world.zones)
+
+
+def checked_zone(view: View, zone: int) -> int:
+    """A zone of this floor. Raises InputError."""
+    many = zones_in(view).count
+    if zone >= many:
+        numbers = f"zones are numbered from 0 to {many - 1}" if many else "this floor has none"
+        raise InputError(f"there is no zone {zone}; {numbers}")
+    return zone
+
+
+def zone_link(zone: int) -> Span:
+    """Its number, under which the inspector tells of it."""
+    return Span(str(zone), "link", ("zone", zone))
+
+
+def robots_in(view: View, zone: int) -> NDArray[np.intp]:
+    """The robots that count as being in a zone: where they stand or leave, as they came."""
+    fleet, of = view.snapshot.robots, zones_in(view).of
+    there = of[fleet.cell, fleet.travel >> 1] == zone
+    return np.flatnonzero(there & (fleet.cell != NIL))
+
+
+def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """The zones of a cell, how many robots are in each, and what a move from here takes."""
+    if not DRIVABLE[view.plan.kind.reshape(-1)[cell]]:
+        return []
+    zones = zones_in(view)
+    numbers = sorted({int(zone) for zone in zones.of[cell] if zone != NIL})
+    if not numbers:
+        crossing = "none: an intersection" if zones.intersection[cell] else "none"
+        return [("zone", [crossing, *_free(view)])]
+    facts: list[tuple[str, Parts]] = []
+    for zone in numbers:
+        ways = [f" ({way})" for way in _ways(view, zones, cell, zone)]
+        now = f" with {count(len(robots_in(view, zone)), 'robot')} now"
+        parts: Parts = [zone_link(zone), *ways, now]
+        facts += [("zone", parts), ("a move", _pace(view, zone))]
+    return facts
+
+
+def _ways(view: View, zones: Zones, cell: int, zone: int) -> Parts:
+    """In which directions a zone is driven, where the opposite ones have another."""
+    if zones.of[cell, 0] == zones.of[cell, 1]:
+        return []
+    exits, column = int(view.plan.exits.reshape(-1)[cell]), int(zones.of[cell, 1] == zone)
+    pair = (2 * column, 2 * column + 1)
+    ways = [DIRECTIONS[d] for d in pair if exits >> d & 1 or exits >> (d ^ 2) & 1]
+    return [" and ".join(ways)]
+
+
+def _slow(view: View) -> bool:
+    return view.run.resolved.scenario.world.slowdown == "zones"
+
+
+def _free(view: View) -> Parts:
+    return [", which slows nobody down"] if _slow(view) else []
+
+
+def _pace(view: View, zone: int) -> Parts:
+    """How long a move takes that begins now in a zone; nothing to say where zones slow nobody."""
+    if not _slow(view):
+        return []
+    move = int(view.run.resolved.scenario.durations.move)
+    many = max(1, len(robots_in(view, zone)))
+    ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
+    return [f"from here takes {ticks}"]
+
+
+def zone_lines(view: View, zone: int, width: int) -> list[Line]:
+    """Everything about one zone."""
+    zones = zones_in(view)
+    if zone >= zones.count:  # of the other of two runs
+        return [line(title(f"zone {zone} "), "is none of this floor")]
+    cells = np.flatnonzero((zones.of == zone).any(axis=1))
+    robots = robots_in(view, zone)
+    ends: Parts = [cell_link(view.plan, int(cells[0]))]
+    ends += [" to ", cell_link(view.plan, int(cells[-1]))] if len(cells) > 1 else []
+    named: Parts = []
+    for robot in robots[:MOST].tolist():
+        named += [", "] * bool(named) + [robot_link(robot)]
+    named += [f" and {len(robots) - MOST:,} more"] if len(robots) > MOST else []
+    lines = [line(title(f"zone {zone} "), dim(f"of {zones.count:,}, {zones.mode}"))]
+    crossing = bool(zones.intersection[cells[0]])
+    for name, parts in (
+        ("is", ["an intersection" if crossing else "a stretch between intersections"]),
+        ("cells", [f"{len(cells):,}, ", *ends]),
+        ("driven", _ways(view, zones, int(cells[0]), zone)),
+        ("a move", _pace(view, zone)),
+        ("robots", [f"{len(robots):,}"]),
+        ("here", named),
+    ):
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines

@@ -173,7 +173,7 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
 def test_what_is_observed_is_what_happened() -> None:
     reached: Counter[str] = Counter()
 
-    @settings(max_examples=250)
+    @settings(max_examples=350)
     @given(cases())
     def check(case: Case) -> None:
         recorder, chronicle = MemoryRecorder(case.resolved), Chronicle()

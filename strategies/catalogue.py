@@ -93,6 +93,21 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
             raise ValueError("precision and recall are for predictor noisy alone")
 
 
+class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far routes go round the robots that the plans of all foretell."""
+
+    beta: Annotated[
+        float,
+        Meta(ge=0, le=100, description="moves that it is worth to meet one robot less in a zone"),
+    ] = 2.0
+    every: Annotated[
+        int, Meta(ge=0, le=1_000_000, description="ticks after which all plan anew; 0 never")
+    ] = 20
+    horizon: Annotated[
+        int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
+    ] = 500
+
+
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {},
     "charging": {},
@@ -138,6 +153,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.routing.traffic_avoidance:TrafficAvoidance",
             Avoidance,
             "A* around zones where many others are foreseen (Shaji Bhattathiri, Li & Kuhl)",
+        ),
+        "congestion": Entry(
+            "strategies.routing.congestion:Congestion",
+            SharedPlans,
+            "around the traffic that all robots' plans foretell, zone by zone and tick by tick",
         ),
     },
     "right_of_way": {

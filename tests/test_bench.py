@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.bench import PARTS, layers, loop, plans, routes, tabletop
+from automaton.bench import PARTS, congestion, layers, loop, plans, routes, tabletop
 from automaton.bench.floors import open_floor, scene
 from automaton.bench.measurement import Measurement, rounded, take
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
@@ -41,6 +41,12 @@ USUAL = [
     "A* leg on 1000x1000",
     "A* leg on 1000x1000, fifo",
     "avoidance plan on 1000x1000",
+    "leg in time on 100x100",
+    "forecast of 100 robots on 100x100",
+    "leg in time on 300x300",
+    "forecast of 100 robots on 300x300",
+    "leg in time on 1000x1000",
+    "forecast of 100 robots on 1000x1000",
     "layer asked every tick, compiled",
     "layer asked every tick, Python",
     "loop, idle fleet",
@@ -189,6 +195,8 @@ def test_every_sampler_returns_a_figure() -> None:
     assert tabletop.prepare([1])() > 0
     assert plans.prepare_legs(30, LARGER_G, 10)() > 0
     assert plans.prepare_avoidance(30, 10)() > 0
+    assert congestion.prepare_legs(30, 8)() > 0
+    assert congestion.prepare_forecast(30, 8)() > 0
     assert loop.prepare_loop(1000)() > 0
     assert loop.prepare_digest(10)() > 0
     for strategy in (layers.COMPILED, layers.IN_PYTHON):

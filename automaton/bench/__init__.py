@@ -21,6 +21,9 @@ PARTS: Final[dict[str, Part]] = {
     "tabletop": Part("automaton.bench.tabletop", True, "whole runs of the table-top warehouse"),
     "routes": Part("automaton.bench.routes", True, "the loop, driving routes without decisions"),
     "plans": Part("automaton.bench.plans", True, "A* and traffic avoidance on three warehouses"),
+    "congestion": Part(
+        "automaton.bench.congestion", True, "routes searched in time, three warehouses"
+    ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
     "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),

@@ -5,9 +5,12 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.routes.astar import astar, search, write_steps
 from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.forecast import foresee_one
 from automaton.kernels.routes.frontier import LARGER_G
+from automaton.kernels.routes.presence import forget
+from automaton.kernels.routes.timed import find_in_time
 from automaton.world.route_space import RouteSpace
-from automaton.world.state import NIL, Array, Grid
+from automaton.world.state import NIL, Array, Grid, Memory, Workspace, World
 
 MOST = 6  # the largest A
 
@@ -43,3 +46,13 @@ def plan_avoiding(
             pose = search(grid, duration, space, LARGER_G, seed, pose, target, threshold != PLAIN)
             if pose != NIL:
                 write_steps(grid, space, pose, steps)
+
+
+@kernel
+def plan_in_time(view: World, space: Workspace, memory: Memory, beta: int) -> None:
+    """Plan the way of every robot to its stand anew, each seeing the plans of those before it."""
+    for i in range(view.robots.cell.shape[0]):
+        if view.robots.stand[i] != NIL:
+            forget(memory, i)
+            length = find_in_time(view, space, memory, beta, i, False, space.steps)
+            foresee_one(view, space, memory, i, space.steps, length)

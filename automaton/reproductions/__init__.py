@@ -16,6 +16,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.reproductions.traffic",
         "warehouse with slow zones: A* and traffic avoidance (Bhattathiri, Li & Kuhl, Table 5)",
     ),
+    "traffic-fleet": (
+        "automaton.reproductions.traffic_fleet",
+        "the same warehouse, up to 100 robots, all by one policy: beyond the paper",
+    ),
 }
 
 

@@ -31,8 +31,8 @@ def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> N
     for made in reproduced.tables:
         print_made(out, made, reproduced.seeds)
     print_errors(out, reproduced)
-    print_claims(out, judged)
-    print_remarks(out, reproduction.remarks)
+    print_claims(out, reproduction.claims_title, judged)
+    print_remarks(out, reproduction.remarks_title, reproduction.remarks)
 
 
 def print_made(out: Console, made: MadeTable, seeds: int) -> None:
@@ -152,12 +152,12 @@ def print_errors(out: Console, reproduced: Reproduced) -> None:
         out.print(f"mean |error|: {', '.join(parts)}", soft_wrap=True)
 
 
-def print_claims(out: Console, judged: Sequence[JudgedClaim]) -> None:
+def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> None:
     """A verdict for each claim, with the figure that decides it."""
     if not judged:
         return
     out.print()
-    out.print(Text("The publication's claims", "bold"))
+    out.print(Text(title, "bold"))
     explanation = (
         "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
         "hold if one lies outside; else it is undecided. Shown is the figure that decides."
@@ -215,12 +215,12 @@ def bounds(figure: Judged) -> str:
     return "below 0" if high == 0 else f"at most {shown(figure, high)}"
 
 
-def print_remarks(out: Console, remarks: Sequence[str]) -> None:
-    """Where the publication contradicts itself."""
+def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:
+    """A list of sentences."""
     if not remarks:
         return
     out.print()
-    out.print(Text("Where the publication contradicts itself or leaves things open", "bold"))
+    out.print(Text(title, "bold"))
     for remark in remarks:
         lines = textwrap.wrap(remark, text_width(out) - 2)
         for bullet, line in zip(["- ", *["  "] * len(lines)], lines, strict=False):

@@ -98,8 +98,10 @@ class Reproduction:
     tables: tuple[Table, ...]
     averaged: tuple[str, ...]  # metrics whose mean |error| is reported
     claims: tuple[Claim, ...]
-    remarks: tuple[str, ...]  # where the publication contradicts itself or leaves things open
+    remarks: tuple[str, ...]
     seeds: int = 60  # unless another number is asked for
+    claims_title: str = "The publication's claims"
+    remarks_title: str = "Where the publication contradicts itself or leaves things open"
 
 
 @dataclass(frozen=True)

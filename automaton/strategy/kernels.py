@@ -3,15 +3,28 @@
 Strategies import compiled code from here and nowhere else (an import contract holds this).
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 from automaton.compiled import kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar, search
 from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.frontier import TIES
 from automaton.kernels.routes.noise import CERTAIN, blur, false_alarms
+from automaton.kernels.routes.presence import (
+    OWN_PARAMETERS,
+    forget,
+    forget_all,
+    row_size,
+    shared_size,
+)
 from automaton.kernels.routes.replay import add_zones, count_zones, has_zone, size_of
+from automaton.kernels.routes.timed import find_in_time
 from automaton.kernels.search import (
     FAR,
     begin_search,
@@ -22,12 +35,15 @@ from automaton.kernels.search import (
     nearest_mark,
 )
 from automaton.kernels.zone_network import add_predicted
+from automaton.strategy.layer import memory_of
+from automaton.world.state import Memory, World
 
 __all__ = [
     "ABORTS",
     "CERTAIN",
     "FAR",
     "LEAST_TIME",
+    "OWN_PARAMETERS",
     "PLAIN",
     "STRATEGY",
     "TIES",
@@ -45,7 +61,13 @@ __all__ = [
     "draw",
     "draw_between",
     "false_alarms",
+    "find_in_time",
     "find_path",
+    "forecast_memory",
+    "foresee",
+    "foresee_one",
+    "forget",
+    "forget_all",
     "has_room",
     "has_zone",
     "kernel",
@@ -61,3 +83,13 @@ __all__ = [
 def position(view, i):
     """The cell from which a robot drives on: in a long move the one that it enters, in a bay its home."""
     return first_cell(view.robots, i)
+
+
+def forecast_memory(view: World, horizon: int, own: Sequence[int] = ()) -> Memory:
+    """Memory for `foresee` over so many ticks, at most 65,535; nothing in it outlasts a call.
+
+    `own`: further parameters, in memory.parameters[OWN_PARAMETERS:].
+    """
+    zones = view.grid.zones
+    shared = shared_size(zones, horizon)
+    return memory_of(view, row_size(horizon), shared, parameters=(horizon, zones, *own))

@@ -19,6 +19,7 @@ class RouteSpace(Struct):
 
     label: Array  # (P,) int64: stamp << 32 | cost of the best way found to a pose
     came: Array  # (P,) uint8: how it came there: a direction, a turn, or the start
+    tick: Array  # (P,) int32: searches in time: when it comes there
     key: Array  # (4P + 1,) int64, heap: f << 32 | tie
     item: Array  # (4P + 1,) int64, heap: number << 32 | pose
     lane: Array  # (4P + 1,) int64: row << 32 | pose of the level that is expanded
@@ -52,6 +53,7 @@ def route_space(poses: int, zones: int) -> RouteSpace:
     return RouteSpace(
         label=np.zeros(poses, np.int64),
         came=np.zeros(poses, np.uint8),
+        tick=np.zeros(poses, np.int32),
         key=np.zeros(found, np.int64),
         item=np.zeros(found, np.int64),
         lane=np.zeros(found, np.int64),

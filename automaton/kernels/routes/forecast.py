@@ -1,0 +1,157 @@
+"""Plans replayed ahead of time: the world's rule of slow zones, without anything else.
+
+Each robot takes its steps as soon as it is free. A move takes as many times longer as its zone has
+robots when it begins; nobody waits for a cell. A robot whose plan has ended is counted for one more
+tick, then its next task is unknown; one that has nothing to do stays.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.routes.plans import (
+    DROPS,
+    PICKS,
+    has_task,
+    plan_all,
+    plan_on,
+    zone_of,
+)
+from automaton.kernels.routes.presence import (
+    COLUMNS,
+    FREE,
+    HEADING,
+    HORIZON,
+    LINK,
+    PLACE,
+    STEP,
+    STEPS,
+    TRAVEL,
+    ZONE,
+    ZONES,
+    enter_zone,
+    present,
+    words_of_zone,
+)
+from automaton.world.state import DROP, MOVE, NIL, PICK, TURN
+
+
+@kernel
+def foresee(view, space, memory):
+    """Count all robots with the routes that they have, from now to the horizon."""
+    plan_all(view, space, memory)
+    horizon, zones = memory.parameters[HORIZON], memory.parameters[ZONES]
+    first = zones * words_of_zone(memory)
+    crowd = memory.shared[first : first + zones]
+    calendar = memory.shared[first + zones : first + zones + horizon]
+    robots = view.robots.cell.shape[0]
+    for i in range(robots):
+        row = memory.own[i]
+        if row[ZONE] != NIL:
+            crowd[row[ZONE]] += 1
+        if row[FREE] or has_task(view.robots, i):
+            schedule(memory, calendar, i, row[FREE])
+    for tick in range(horizon):
+        go_on(view, memory, crowd, calendar, tick)
+    for i in range(robots):
+        enter_zone(memory, i, NIL, horizon)
+    crowd[:] = 0
+
+
+@kernel
+def schedule(memory, calendar, i, tick):
+    """Robot i begins its next step in a tick, unless that is beyond the horizon."""
+    if tick < memory.parameters[HORIZON]:
+        memory.own[i, LINK] = calendar[tick]
+        calendar[tick] = i + 1
+
+
+@kernel
+def go_on(view, memory, crowd, calendar, tick):
+    """A tick of the replay: first all arrive, then all begin what comes next."""
+    i = calendar[tick] - 1
+    while i >= 0:
+        arrive(view, memory, crowd, i, tick)
+        i = memory.own[i, LINK] - 1
+    i = calendar[tick] - 1
+    calendar[tick] = 0
+    while i >= 0:
+        following = memory.own[i, LINK] - 1
+        depart(view, memory, crowd, calendar, i, tick)
+        i = following
+
+
+@kernel
+def arrive(view, memory, crowd, i, tick):
+    """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
+    row = memory.own[i]
+    zone = NIL
+    if row[STEP] <= row[STEPS]:
+        zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
+    if zone != row[ZONE]:
+        if row[ZONE] != NIL:
+            crowd[row[ZONE]] -= 1
+        if zone != NIL:
+            crowd[zone] += 1
+        enter_zone(memory, i, zone, tick)
+
+
+@kernel
+def depart(view, memory, crowd, calendar, i, tick):
+    """Robot i begins its next step, or goes past its last one."""
+    row = memory.own[i]
+    while row[STEP] < row[STEPS]:
+        zone = zone_left(view, row)
+        others = 0 if zone == NIL else crowd[zone] - (1 if zone == row[ZONE] else 0)
+        ticks = begin_step(view, row, others)
+        if ticks:
+            schedule(memory, calendar, i, tick + ticks)
+            return
+    if row[STEP] == row[STEPS]:
+        row[STEP] += 1
+        schedule(memory, calendar, i, tick + 1)
+
+
+@kernel
+def zone_left(view, row):
+    """The zone of the move that comes next, NIL if it is no move."""
+    step = row[COLUMNS + row[STEP]]
+    return zone_of(view.grid, row[PLACE], step) if step < PICKS else NIL
+
+
+@kernel
+def begin_step(view, row, others):
+    """Begin the next step, beside `others` in its zone; returns the ticks until the one after it."""
+    duration, headings = view.rules.duration, view.grid.headings
+    step = row[COLUMNS + row[STEP]]
+    if step >= PICKS:
+        row[STEP] += 1
+        return np.int64(duration[DROP if step == DROPS else PICK])
+    heading = step & (headings - 1)
+    if heading != row[HEADING]:
+        left = headings == 4 and (heading - row[HEADING]) & 3 == 3
+        row[HEADING] = (row[HEADING] + (3 if left else 1)) & (headings - 1)
+        return np.int64(duration[TURN])
+    row[STEP] += 1
+    row[PLACE] += view.grid.offset[step]
+    row[TRAVEL] = step
+    return ticks_of_move(view, others)
+
+
+@kernel
+def ticks_of_move(view, others):
+    """What a move takes beside so many others."""
+    return np.int64(view.rules.duration[MOVE]) * (1 + (others if view.rules.slowdown else 0))
+
+
+@kernel
+def foresee_one(view, space, memory, i, steps, length):
+    """Count robot i with a new route, slowed down by all who are counted; they keep their times."""
+    plan_on(view, space, memory, i, steps, 0, length)
+    row, horizon = memory.own[i], memory.parameters[HORIZON]
+    tick = row[FREE]
+    while row[STEP] < row[STEPS] and tick < horizon:
+        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick)
+        tick += begin_step(view, row, present(memory, zone_left(view, row), tick))
+    if tick < horizon:
+        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick)
+    enter_zone(memory, i, NIL, min(tick + 1, horizon))

@@ -1,0 +1,111 @@
+"""Who will be where: foreseen robots in each zone, tick by tick, from now to a horizon.
+
+memory.shared   the counts of the zones, four ticks to a word; then room for a replay. All of it is
+                zero between two calls of a strategy.
+memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
+                visits to zones, which are what it adds to the counts.
+
+A visit is zone << 32 | first tick << 16 | tick in which it is over.
+"""
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+
+HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them
+ZONES = 1
+OWN_PARAMETERS = 2
+
+# Columns of memory.own; ticks are counted from now.
+PLACE = 0  # the cell in which its next step begins
+TRAVEL = 1  # direction in which it comes there
+HEADING = 2
+FREE = 3  # tick in which its next step begins
+STEP = 4  # steps begun
+STEPS = 5  # steps of its plan
+ZONE = 6  # where it is counted, or NIL
+SINCE = 7  # the tick in which it came there
+VISITS = 8
+LINK = 9  # the robot whose step begins in the same tick, plus one
+COLUMNS = 10
+
+LANES = 4  # counts in a word
+LANE = 16  # bits of a count
+MASK = (1 << LANE) - 1
+EVERY_LANE = 0x0001000100010001
+MOST_TICKS = MASK  # of a horizon
+
+
+def row_size(horizon: int) -> int:
+    """Columns of memory.own for a horizon of so many ticks."""
+    return COLUMNS + 2 * (horizon + 2)
+
+
+def shared_size(zones: int, horizon: int) -> int:
+    """Length of memory.shared for so many zones and ticks."""
+    return zones * -(-horizon // LANES) + zones + horizon
+
+
+@kernel
+def most_steps(memory):
+    """Steps, and visits, that a row has room for: one for each tick, and for work that takes none."""
+    return memory.parameters[HORIZON] + 2
+
+
+@kernel
+def words_of_zone(memory):
+    return (memory.parameters[HORIZON] + LANES - 1) // LANES
+
+
+@kernel
+def present(memory, zone, tick):
+    """Robots foreseen in a zone at a tick; none where there is no zone, and beyond the horizon."""
+    if zone == NIL or tick >= memory.parameters[HORIZON]:
+        return 0
+    word = memory.shared[zone * words_of_zone(memory) + tick // LANES]
+    return (word >> (tick % LANES * LANE)) & MASK
+
+
+@kernel
+def add(memory, zone, begin, end, sign):
+    """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
+    base = zone * words_of_zone(memory)
+    tick = begin
+    while tick < end:
+        if tick % LANES == 0 and tick + LANES <= end:
+            memory.shared[base + tick // LANES] += sign * EVERY_LANE
+            tick += LANES
+        else:
+            memory.shared[base + tick // LANES] += sign << (tick % LANES * LANE)
+            tick += 1
+
+
+@kernel
+def enter_zone(memory, i, zone, tick):
+    """Robot i is in `zone` from `tick` on: its visit to the zone before is over, and counted."""
+    row = memory.own[i]
+    if zone == row[ZONE]:
+        return
+    if row[ZONE] != NIL and tick > row[SINCE]:
+        visit = COLUMNS + most_steps(memory) + row[VISITS]
+        row[visit] = (row[ZONE] << 32) | (row[SINCE] << LANE) | tick
+        row[VISITS] += 1
+        add(memory, row[ZONE], row[SINCE], tick, 1)
+    row[ZONE] = zone
+    row[SINCE] = tick
+
+
+@kernel
+def forget(memory, i):
+    """Take robot i out of the counts."""
+    row = memory.own[i]
+    first = COLUMNS + most_steps(memory)
+    for visit in row[first : first + row[VISITS]]:
+        add(memory, visit >> 32, (visit >> LANE) & MASK, visit & MASK, -1)
+    row[VISITS] = 0
+
+
+@kernel
+def forget_all(memory):
+    """Leave the counts as they are found: all zero."""
+    for i in range(memory.own.shape[0]):
+        forget(memory, i)

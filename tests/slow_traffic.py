@@ -1,0 +1,139 @@
+"""Robots drawn on a floor of slow zones, where any number of them fits into a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
+from automaton.simulation import Simulation
+from automaton.strategy.entry import NoParameters
+from automaton.strategy.kernels import forecast_memory
+from automaton.strategy.layer import Strategy
+from automaton.world.cells import FLOOR, UNLIMITED, Symbol
+from automaton.world.state import (
+    GOAL_NONE,
+    GOAL_PARK,
+    LAYERS,
+    NEED_ROUTE,
+    NEEDING_ROUTE,
+    NIL,
+    PLAN,
+    Array,
+    Memory,
+)
+
+STEPS = "ESWN"
+ONE_WAY = {  # symbols of cells for any number of robots, left in one direction
+    symbol: Symbol(FLOOR, 1 << direction, UNLIMITED) for direction, symbol in enumerate("eswn")
+}
+
+
+class Traffic:
+    """Robots A, B, ... stand in cells ~ (any number fits) and have nothing to do; e s w n are one-way.
+
+    `robots` instead of letters: flat cells of robots 0, 1, ...
+    """
+
+    def __init__(
+        self,
+        picture: str,
+        *,
+        robots: tuple[int, ...] = (),
+        routing: Strategy | None = None,
+        kinematics: str = "omni",
+        zones: str = "undirected",
+        slowdown: str = "zones",
+        move: int = 1,
+        turn: int = 1,
+    ) -> None:
+        letters = sorted(set(picture) & set("ABCDEFGHIJKLMNOP"))
+        plain = "".join("~" if symbol in letters else symbol for symbol in picture)
+        self.plan = draw_floor(plain, tuple(ONE_WAY.items()))
+        lines = picture.split("\n")
+        places = [
+            (line.index(name), y)
+            for name in letters
+            for y, line in enumerate(lines)
+            if name in line
+        ]
+        start = robots or tuple(self.plan.cell(*place) for place in places)
+        scenario = Scenario(
+            name="traffic",
+            layout={},
+            fleet=Fleet(robots=len(start), kinematics=kinematics),  # type: ignore[arg-type]
+            durations=Durations(move=move, turn=turn),
+            orders=Orders(generator="drawn-loads"),
+            world=WorldRules(zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
+            stop=Stop(when="never", at_most=10_000),
+        )
+        picks = {layer: Pick("none", NoParameters()) for layer in LAYERS}
+        self.run = Simulation(
+            Resolved(scenario, self.plan, picks, start=start, source=""),
+            strategies=[routing if layer == "routing" else None for layer in LAYERS],
+        )
+        self.world = self.run.world
+        self.world.robots.parked[:] = 0
+        self.world.robots.home[:] = 0  # a wall: nobody ever parks
+
+    def index(self, name: str) -> int:
+        return int(self.world.robots.at_index[ord(name) - ord("A")])
+
+    def place(self, name: str) -> tuple[int, int]:
+        return self.plan.xy(int(self.world.robots.cell[self.index(name)]))
+
+    def put(self, name: str, place: tuple[int, int]) -> None:
+        """Move a robot by hand."""
+        self.world.robots.cell[self.index(name)] = self.plan.cell(*place)
+
+    def send(self, i: int, route: list[int]) -> None:
+        """Give a robot a route, at whose end it does nothing."""
+        robots = self.world.robots
+        robots.route[i, : len(route)] = route
+        robots.length[i], robots.at[i], robots.goal[i] = len(route), 0, GOAL_PARK
+        robots.stand[i] = int(robots.cell[i]) + int(self.world.grid.offset[route].sum())
+
+    def drive(self, **routes: str) -> Traffic:
+        """Give robots routes, such as A="EES"."""
+        for name, route in routes.items():
+            self.send(self.index(name), [STEPS.index(step) for step in route])
+        return self
+
+    def want(self, **targets: tuple[int, int]) -> Traffic:
+        """Have robots ask for routes to cells."""
+        for name, place in targets.items():
+            i, robots = self.index(name), self.world.robots
+            robots.goal[i], robots.stand[i] = GOAL_PARK, self.plan.cell(*place)
+            robots.need[i] |= NEED_ROUTE
+            robots.route_reason[i] = PLAN
+            self.world.clock[NEEDING_ROUTE] += 1
+        return self
+
+    def tick(self, ticks: int = 1) -> Traffic:
+        self.run.run(self.run.tick + ticks)
+        return self
+
+    def route(self, name: str) -> str:
+        """What a robot has still to drive."""
+        robots, i = self.world.robots, self.index(name)
+        return "".join(STEPS[step] for step in robots.route[i, robots.at[i] : robots.length[i]])
+
+    def crowd(self) -> Array:
+        """(Z,) robots in each zone, counted here."""
+        robots, grid = self.world.robots, self.world.grid
+        inside = robots.cell != NIL
+        zone = grid.zone[robots.cell[inside], robots.travel[inside] >> 1]
+        return np.bincount(zone[zone != NIL], minlength=grid.zones)
+
+    def tick_and_take_away(self) -> None:
+        """A tick; robots that stood at the end of their routes before it vanish after it."""
+        robots = self.world.robots
+        there = (robots.length > 0) & (robots.at >= robots.length)
+        there &= (robots.busy == 0) & (robots.claim == NIL)
+        self.tick()
+        robots.cell[there], robots.length[there] = NIL, 0
+        robots.goal[there], robots.stand[there] = GOAL_NONE, NIL
+
+    def memory(self, horizon: int, *own: int) -> Memory:
+        return forecast_memory(self.run.view, horizon, own)

@@ -1,0 +1,123 @@
+"""The strategy `congestion`: round a queue, with regard to each other, on every shipped floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from slow_traffic import Traffic
+
+from automaton.metrics import metrics_of
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.world.state import ROUTING
+from strategies.catalogue import SharedPlans
+from strategies.routing.congestion import Congestion
+
+
+def routing(**parameters: float) -> Congestion:
+    return Congestion(SharedPlans(**parameters))  # type: ignore[arg-type]
+
+
+# Straight on, A has 10 moves to the upper right corner, round the south 14.
+QUEUE = "A~~~~~~~BC~\n~####~####~\n~~~~~~~~~~~"
+CORNER = (10, 0)
+STRAIGHT, ROUND = "EEEEEEEEEE", "SSEEEEEEEEEENN"
+
+
+def test_it_goes_round_a_queue_that_stays() -> None:
+    traffic = Traffic(QUEUE, routing=routing()).want(A=CORNER).tick()
+    assert traffic.route("A") in ("SEEEEEEEEEENN", "EEEESSEEEEENN"), "after the first move"
+
+
+def test_it_goes_straight_on_if_the_queue_will_be_gone() -> None:
+    traffic = Traffic(QUEUE, routing=routing()).drive(B="EE", C="E").want(A=CORNER).tick()
+    assert traffic.route("A") == STRAIGHT[1:]
+
+
+def test_without_beta_only_the_distance_counts() -> None:
+    traffic = Traffic(QUEUE, routing=routing(beta=0)).want(A=CORNER).tick()
+    assert traffic.route("A") == STRAIGHT[1:]
+
+
+@pytest.mark.parametrize(("beta", "ways"), [(0, 1), (2, 2)])
+def test_of_two_that_plan_at_once_the_second_sees_the_route_of_the_first(
+    beta: float, ways: int
+) -> None:
+    """Both ways from the upper left corner to the lower right one are as short."""
+    ring = "~~~~~\n~###~\n~###~\n~###~\n~~~~~"
+    traffic = Traffic(ring, robots=(8, 8), routing=routing(beta=beta))
+    assert traffic.plan.xy(8) == (0, 0)
+    traffic.want(A=(4, 4), B=(4, 4)).tick()
+    assert len({traffic.route("A"), traffic.route("B")}) == ways
+    assert len(traffic.route("A")) == len(traffic.route("B")) == 7
+
+
+@pytest.mark.parametrize(("every", "route"), [(0, STRAIGHT[3:]), (3, "EESSEEEEENN")])
+def test_routes_are_made_anew_every_so_many_ticks(every: int, route: str) -> None:
+    """B and C come into A's aisle when A is under way."""
+    picture = "A~~~~~~~~~~\n~####~####~\n~~~~~~~~~~~\n####B######\n####C######"
+    traffic = Traffic(picture, routing=routing(every=every)).want(A=CORNER).tick(2)
+    assert traffic.route("A") == STRAIGHT[2:]
+    traffic.put("B", (8, 0))
+    traffic.put("C", (9, 0))
+    assert traffic.tick().route("A") == route
+
+
+SMALL = ("layout.rows=40", "layout.columns=40", "fleet.robots=30", "stop.at_most=500")
+
+
+def test_how_robots_are_stored_does_not_matter() -> None:
+    resolved = resolve("warehouse-100", (*SMALL, "strategy.routing=congestion"))
+    digests = set()
+    for storage in (None, np.random.default_rng(1).permutation(30)):
+        run = Simulation(resolved, storage=storage)
+        run.run(120)
+        digests.add(run.digest)
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize("extra_tick", [0.0, 0.1])
+def test_a_fleet_loses_less_time_to_itself(extra_tick: float) -> None:
+    delays = {}
+    for name in ("astar", "congestion"):
+        rules = (
+            f"strategy.routing={name}",
+            f"world.extra_tick={extra_tick}",
+            "measure.warm_up=100",
+        )
+        runs = [Simulation(resolve("warehouse-100", (*SMALL, *rules, f"seed={k}"))) for k in (1, 2)]
+        for run in runs:
+            run.run()
+            assert run.world.tally.illegal.sum() == 0
+        delays[name] = np.array([metrics_of(run)["delay"] for run in runs])
+    assert (delays["congestion"] < 0.7 * delays["astar"]).all(), delays
+
+
+OTHERS = [
+    (floor, ways) for floor in ("tabletop-mini", "crossing") for ways in ("differential", "omni")
+]
+
+
+@pytest.mark.parametrize(("scenario", "kinematics"), [("tabletop-mini", "rail"), *OTHERS])
+def test_it_finishes_on_other_floors(scenario: str, kinematics: str) -> None:
+    """One robot to a cell, turns that take time, aisles that are no rails, bays."""
+    finishes(scenario, f"fleet.kinematics={kinematics}")
+
+
+@pytest.mark.parametrize("scenario", ["tabletop-1", "tabletop-2"])
+def test_it_finishes_in_the_large_table_top_warehouses(scenario: str) -> None:
+    finishes(scenario)
+
+
+@pytest.mark.parametrize("information", ["orders", "{radius: 3}"])
+def test_it_finishes_when_robots_see_little(information: str) -> None:
+    """Who is not seen is not foreseen."""
+    finishes("tabletop-mini", f"information={information}")
+
+
+def finishes(scenario: str, *overrides: str) -> None:
+    run = Simulation(resolve(scenario, ("strategy.routing=congestion", *overrides)))
+    run.run()
+    assert run.finished
+    assert run.world.tally.illegal[ROUTING] == 0
+    assert not run.memories[ROUTING].shared.any(), "nothing is left of a forecast"

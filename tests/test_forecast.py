@@ -1,0 +1,163 @@
+"""Forecasts of zones: what they say is what the world does, as long as nobody plans anew."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from drawn_floors import pictures
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slow_traffic import ONE_WAY, Traffic
+
+from automaton.kernels.routes.forecast import foresee, foresee_one
+from automaton.kernels.routes.presence import ZONE, add, forget, forget_all, present
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.strategy.kernels import forecast_memory
+from automaton.world.state import NIL, Array, Memory
+from automaton.world.zones import MODES
+
+HORIZON = 40
+
+
+def table(memory: Memory, zones: int, horizon: int = HORIZON) -> Array:
+    """(ticks, zones) the counts of a forecast."""
+    return np.array([[present(memory, z, t) for z in range(zones)] for t in range(horizon)])
+
+
+def foreseen(traffic: Traffic, horizon: int = HORIZON) -> Array:
+    memory = traffic.memory(horizon)
+    foresee(traffic.run.view, traffic.run.space, memory)
+    counts = table(memory, traffic.world.grid.zones, horizon)
+    forget_all(memory)
+    assert not memory.shared.any(), "a forecast leaves nothing behind"
+    return counts
+
+
+def happened(traffic: Traffic, horizon: int = HORIZON) -> Array:
+    """(ticks, zones) what the world does from now on; who arrives is gone a tick later."""
+    counts = []
+    for _ in range(horizon):
+        counts.append(traffic.crowd())
+        traffic.tick_and_take_away()
+    return np.array(counts)
+
+
+def test_a_queue_is_foreseen_as_it_will_be() -> None:
+    """A and B slow each other down in the west arm; B alone goes on through the east arm."""
+    traffic = Traffic("##~##\nAB~~~\n##~##").drive(A="EES", B="EEE")
+    west = traffic.world.grid.zone[traffic.world.robots.cell[0], 0]
+    counts = foreseen(traffic)
+    assert counts[:, west].tolist()[:8] == [2, 2, 1, 0, 0, 0, 0, 0]
+    assert np.array_equal(counts, happened(traffic))
+
+
+class Case(NamedTuple):
+    """Robots that drive about at random."""
+
+    traffic: Traffic
+    before: int  # ticks until the forecast
+
+
+@st.composite
+def cases(draw: Any) -> Case:
+    width, height = draw(st.integers(2, 7)), draw(st.integers(1, 5))
+    picture = draw(pictures("~~~~~~~~~~~###eswn", width, height))
+    plan = draw_floor(picture, tuple(ONE_WAY.items()))
+    cells = np.flatnonzero(plan.drivable()).tolist()
+    if not cells:
+        picture, cells = "~~~", [6, 7, 8]
+    n = draw(st.integers(1, 8))
+    traffic = Traffic(
+        picture,
+        robots=tuple(draw(st.sampled_from(cells)) for _ in range(n)),
+        kinematics=draw(st.sampled_from(["omni", "omni", "differential"])),
+        zones=draw(st.sampled_from(MODES)),
+        slowdown=draw(st.sampled_from(["zones", "zones", "none"])),
+        move=draw(st.integers(1, 2)),
+        turn=draw(st.integers(1, 3)),
+    )
+    grid = traffic.world.grid
+    walk = np.random.default_rng(draw(st.integers(0, 2**32)))
+    for i in range(n):
+        cell, route = int(traffic.world.robots.cell[i]), []
+        for _ in range(min(draw(st.integers(0, 12)), traffic.world.robots.route.shape[1])):
+            ways = [d for d in range(4) if grid.rule[cell] >> d & 1]
+            if not ways:
+                break
+            route.append(int(walk.choice(ways)))
+            cell += int(grid.offset[route[-1]])
+        if route:
+            traffic.send(i, route)
+    return Case(traffic, draw(st.integers(0, 6)))
+
+
+@given(cases())
+@settings(max_examples=60)
+def test_what_is_foreseen_happens(case: Case) -> None:
+    for _ in range(case.before):  # some are then in the middle of a long move or a turn
+        case.traffic.tick_and_take_away()
+    counts = foreseen(case.traffic)
+    assert np.array_equal(counts, happened(case.traffic))
+
+
+@given(cases(), st.integers(0, 7), st.integers(1, 30))
+@settings(max_examples=30)
+def test_a_robot_taken_out_and_put_back_leaves_the_others_alone(
+    case: Case, robot: int, horizon: int
+) -> None:
+    """The last robot that is put in sees the others as they will be, and is slowed down by them."""
+    traffic, view, space = case.traffic, case.traffic.run.view, case.traffic.run.space
+    i = robot % len(traffic.world.robots.cell)
+    route = traffic.world.robots.route[i, : traffic.world.robots.length[i]].copy()
+    everybody = foreseen(traffic, horizon)
+    memory = traffic.memory(horizon)
+    foresee(view, space, memory)
+    forget(memory, i)
+    others = table(memory, traffic.world.grid.zones, horizon)
+    assert (others <= everybody).all()
+    foresee_one(view, space, memory, i, route, len(route))
+    together = table(memory, traffic.world.grid.zones, horizon)
+    assert ((together - others).sum(axis=1) <= 1).all(), "it is in one zone at a time"
+    assert (together >= others).all()
+    assert (memory.own[:, ZONE] == NIL).all()
+    forget_all(memory)
+    assert not memory.shared.any()
+
+
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 23), st.integers(0, 23)), max_size=40))
+@settings(max_examples=50)
+def test_four_counts_in_a_word_do_not_touch_each_other(spans: list[tuple[int, int, int]]) -> None:
+    traffic = Traffic("A~#~~\n###\n~~~~~")
+    memory, expected = traffic.memory(23), np.zeros((23, 3), np.int64)
+    for zone, a, b in spans:
+        add(memory, zone, min(a, b), max(a, b), 1)
+        expected[min(a, b) : max(a, b), zone] += 1
+    assert np.array_equal(table(memory, 3, 23), expected)
+    for zone, a, b in spans:
+        add(memory, zone, min(a, b), max(a, b), -1)
+    assert not memory.shared.any()
+
+
+def test_beyond_the_horizon_and_in_no_zone_nobody_is_foreseen() -> None:
+    traffic = Traffic("AB~")
+    memory = traffic.memory(5)
+    foresee(traffic.run.view, traffic.run.space, memory)
+    assert [present(memory, 0, tick) for tick in (0, 4, 5, 500)] == [2, 2, 0, 0]
+    assert present(memory, NIL, 0) == 0
+
+
+def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
+    """Its way to the dock, 3 ticks of work there, its way to the rack, 2 ticks, and one more."""
+    floor = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=1")
+    work = ("durations.pick=3", "durations.drop=2", "stop.at_most=400", "measure.warm_up=0")
+    run = Simulation(resolve("warehouse-100", (*floor, *work, "strategy.routing=congestion")))
+    run.run(1)
+    memory = forecast_memory(run.view, 200)
+    foresee(run.view, run.space, memory)
+    last = int(np.flatnonzero(table(memory, run.world.grid.zones, 200).sum(axis=1))[-1])
+    run.run(400)
+    # Tick 0 of the forecast is tick 2 of the run; the load is down in the first tick of the drop.
+    assert run.world.orders.delivered[0] == 2 + last - 2

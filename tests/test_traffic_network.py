@@ -43,20 +43,20 @@ def test_both_files_were_made_with_the_settings_of_the_paper():
 
 
 def test_the_printed_hinge_predicts_every_zone_that_it_ever_saw_touched(site, rows):
-    """Its rows follow from the legs alone: recall 1 and, for precision, the share of touched zones."""
+    """Its rows follow from the legs: no zone that a leg touched is left out, others may come in."""
     settings = stored()["settings"]
     known = legs_of(site, settings["legs"], settings["seed"])
     fresh = legs_of(site, settings["legs"], settings["seed"] + 1)
-    everything = known.touched.any(axis=0)
-    for row in rows:
-        if row.loss != "hinge" or row.monitored != ("recall",):
-            continue
-        legs = known if row.table in (1, 3) else fresh
-        expected = measured(np.broadcast_to(everything, legs.touched.shape), legs.touched)
-        assert expected["recall"] > 0.999 and 0.02 < expected["precision"] < 0.04
-        assert row.ours["recall"] == pytest.approx(expected["recall"], abs=0.001)
-        assert row.ours["precision"] == pytest.approx(expected["precision"], abs=0.002)
-        assert row.ours["accuracy"] == pytest.approx(expected["accuracy"], abs=0.02)
+    hinge = [row for row in rows if row.loss == "hinge"]
+    assert len(hinge) == 19
+    for row in hinge:
+        truth = (known if row.table in (1, 3) else fresh).touched
+        most = measured(np.ones_like(truth), truth)
+        least = measured(np.broadcast_to(known.touched.any(axis=0), truth.shape), truth)
+        assert row.ours["recall"] == 1.0 and least["recall"] > 0.9999
+        for name in ("accuracy", "precision"):
+            assert most[name] - 0.0001 < row.ours[name] < least[name] + 0.0001
+        assert most["precision"] > 0.028 and least["precision"] < 0.035
 
 
 def test_rows_that_monitor_the_same_thing_twice_are_equal(rows):

@@ -16,7 +16,7 @@ from automaton.kernels.routes import legs
 from automaton.kernels.routes.frontier import FIFO
 from automaton.scenario.resolve import Resolved
 from automaton.world.cells import DOCK, RACK
-from automaton.world.floor import Floor, floor_for
+from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.route_space import route_space, words
 from automaton.world.rules import duration_table
 from automaton.world.starts import first_headings
@@ -77,7 +77,8 @@ def site_of(resolved: Resolved) -> Site:
     racks, docks = _access(resolved, floor, inner), _access(resolved, floor, outer)
     if not racks.size or not docks.size:
         racks = docks = np.flatnonzero(resolved.plan.drivable()).astype(np.int32)
-    return Site(floor, duration_table(durations), racks, docks)
+    duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
+    return Site(floor, duration, racks, docks)
 
 
 def _access(resolved: Resolved, floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:

@@ -18,7 +18,8 @@ from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.tasks import TASK_METRICS
 from automaton.units import Unit, listed, number, unit
 
-METRICS = [name for name in GLOSSARY if name not in TASK_METRICS]
+OF_OTHER_RUNS = (*TASK_METRICS, "slowed")  # shown where tasks are measured, or moves take longer
+METRICS = [name for name in GLOSSARY if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
 from automaton.strategy.layer import Strategy

@@ -154,7 +154,7 @@ def finish_move(rules, robots, traffic, i, cell, target, releases):
         robots.busy[U(i)] = span - 1
         return releases
     if not rules.following or want & ENTERED:
-        releases = give_up(traffic, cell, np.int64(robots.travel[U(i)]), False, releases)
+        releases = give_up(traffic, cell, np.int64(robots.travel[U(i)]), 0, releases)
     robots.cell[U(i)] = target
     robots.travel[U(i)] = direction
     return releases
@@ -297,13 +297,13 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
             rotate_ring(traffic, k)
     for k in range(pending):
         contest[U(intents[U(k), U(GOAL)])] = NIL
-        i = U(intents[U(k), U(ROBOT)])
+        i = np.int64(intents[U(k), U(ROBOT)])
         if intents[U(k), U(STATE)] == MOVED:
             cell = np.int64(intents[U(k), U(CELL)])
             target = cell + grid.offset[U(intents[U(k), U(DIRECTION)])]
             releases = finish_move(rules, robots, traffic, i, cell, target, releases)
         else:
-            traffic.want[i] = np.uint8(np.int64(traffic.want[i]) | REFUSED)
+            traffic.want[U(i)] = np.uint8(np.int64(traffic.want[U(i)]) | REFUSED)
     return releases
 
 

@@ -55,11 +55,14 @@ class Hand(Player):
     loops = 0
 
     def turn(self, times: int = 1) -> Shot:
+        self._carry_on(times)
+        return self.latest()
+
+    def _carry_on(self, times: int) -> None:
         for _ in range(times):
             self.loops = 0
             self._alive = True
             self._carry_along()
-        return self.latest()
 
     def settle(self, most: int = 3000) -> Shot:
         """Turn until it waits for the next order."""

@@ -11,7 +11,7 @@ from hand_clock import FLEET, Clock, clock, hand, live, recorded
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
 from automaton.history.run import Run
-from tui.player import SHOT_S
+from tui.player import SHOT_S, UNSEEN_S
 
 __all__ = ["clock"]
 FAILING = ("strategy.right_of_way=test_run_history:FailsLater",)
@@ -165,8 +165,16 @@ def test_shots_are_no_more_frequent_than_a_screen_can_show(clock: Clock) -> None
     seq = player.latest().seq
     player.turn(5)  # the clock stands still: nothing waits at full speed
     assert player.latest().seq <= seq + 1
-    clock.now += 2 * SHOT_S
-    assert player.turn().seq > seq
+    for pause, fresh in ((1.5 * SHOT_S, 1), (1.5 * SHOT_S, 0), (UNSEEN_S, 1)):
+        seq = player._shot.seq
+        clock.now += pause
+        player._carry_on(1)
+        assert player._shot.seq == seq + fresh, "a shot that nobody has looked at yet lasts longer"
+    clock.now += 1.5 * SHOT_S
+    seq = player.latest().seq
+    assert player.turn().seq == seq + 1
+    clock.now += 1.5 * SHOT_S
+    assert player.turn().seq == seq + 2
 
 
 def test_a_speed_that_was_not_measured_yet_is_not_told(clock: Clock) -> None:

@@ -184,11 +184,12 @@ def test_bytes_of_a_frame(tmp_path: Path, robots: int, budget: int) -> None:
 def test_a_slow_link_never_holds_more_than_two_frames(tmp_path: Path) -> None:
     line = Link(bytes_per_second=125_000, round_trip=0.05)
     with moving_map(tmp_path, rows=60, columns=200, robots=1000, link=line) as session:
-        session.host.max_backlog = 0
+        session.host.max_backlog = session.host.max_frames = 0
         session.walk(12)
         session.press(" ")
         figures = session.figures()
         assert session.host.max_backlog <= 2 * 15_000
+        assert session.host.max_frames <= 2
         assert figures["skipped"] > 0
         session.wait_until_right()
 

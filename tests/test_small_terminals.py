@@ -68,6 +68,15 @@ def test_a_resize_under_a_dialog_reaches_the_screen_behind_it() -> None:
     story(tell, (80, 24))
 
 
+def test_a_resize_just_before_the_end_does_no_harm() -> None:
+    async def tell(user: Watched) -> None:
+        await user.pilot.resize_terminal(90, 24)
+        user.app.leave(0)
+        await user.until(lambda: user.app.return_code == 0)
+
+    story(tell, (80, 24))
+
+
 def test_the_palette_has_its_lower_edge_on_the_smallest_screen() -> None:
     async def tell(user: Watched) -> None:
         await user.press("ctrl+p")

@@ -193,7 +193,11 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
         elif self.screen.focused is None:
             last: Widget = self._focused or self.maps[0]
             last = last if last.is_attached else self.maps[0]
-            self.call_after_refresh(lambda: last.focus() if last.screen is self.screen else None)
+            self.call_after_refresh(self._focus, last)
+
+    def _focus(self, widget: Widget) -> None:
+        if self.screen_stack and widget.screen is self.screen:  # it may have ended meanwhile
+            widget.focus()
 
     def on_cursor_position(self) -> None:
         self.frames.answered()

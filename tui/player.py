@@ -26,7 +26,8 @@ from tui.stops import Hit, begun, held_by, reason
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
-SHOT_S: Final = 0.012  # between two shots while ticks fly by: less than between two pictures
+SHOT_S: Final = 0.012  # between two shots while ticks fly by: less than between two pictures,
+UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
 FIGURES_S: Final = 0.3  # between two readings of the metrics
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
@@ -66,6 +67,7 @@ class Player:
 
     def latest(self) -> Shot:
         """The newest shot; never waits."""
+        self._seen = True
         return self._shot
 
     @property
@@ -347,12 +349,13 @@ class Player:
             rate = abs(self._tick - tick) / (now - measured)
             self._rate = (now, self._tick, rate)
             self._stale = True
-        if self._stale and (now - self._published >= SHOT_S or not self._direction):
+        pause = SHOT_S if self._seen else UNSEEN_S
+        if self._stale and (now - self._published >= pause or not self._direction):
             self._shot = self._take_shot(self._shot.seq + 1)
             self.published()
 
     def _take_shot(self, seq: int) -> Shot:
-        self._stale = False
+        self._stale = self._seen = False
         self._published = now = time.monotonic()
         if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
             self._figures_at = now

@@ -149,7 +149,12 @@ class Presenter:
 
         Textual repaints only if it finds another size than the last time.
         """
-        self._app.set_timer(0.1, lambda: self._app.screen.refresh())
+
+        def repaint() -> None:
+            if self._app.screen_stack:  # the app may have ended meanwhile
+                self._app.screen.refresh()
+
+        self._app.set_timer(0.1, repaint)
 
     def fail(self, error: BaseException) -> None:
         """End the app with this error, as if a handler of its own had raised it."""

@@ -30,7 +30,7 @@ QUESTIONS = {
     b"\x1b[6n": b"\x1b[1;1R",  # where is the cursor?
     b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
 }
-OVERLAP = max(map(len, QUESTIONS)) - 1  # a question may be cut in two by the link
+FRAME_END = b"\x1b[6n"  # the question that ends each frame of the viewer
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,20 @@ class Link:
     bytes_per_second: float = math.inf
     round_trip: float = 0.0  # seconds
     buffer: int = 1 << 20  # bytes that the near end takes at once
+
+
+class Marks:
+    """Counts a marker in a stream that comes in pieces: it may be cut in two."""
+
+    def __init__(self, marker: bytes) -> None:
+        self._marker = marker
+        self._tail = b""
+
+    def count(self, piece: bytes) -> int:
+        """How many end in the next piece."""
+        seen = self._tail + piece
+        self._tail = seen[max(0, len(seen) - len(self._marker) + 1) :]
+        return seen.count(self._marker)
 
 
 @dataclass(frozen=True)
@@ -75,17 +89,22 @@ class TerminalHost:
     ) -> None:
         self.rows, self.columns = rows, columns
         self.history: list[Arrived | Resized] = []
-        self.max_backlog = 0  # most bytes that ever waited in front of the link
+        self.max_backlog = 0  # most bytes that ever waited in front of the link,
+        self.max_frames = 0  # and most frames that had not got through whole
         self._link = link or Link()
-        self._answers = QUESTIONS if answers else {}
-        if not synchronized:
-            self._answers = {q: a for q, a in self._answers.items() if b"2026" not in q}
+        questions = QUESTIONS if answers else {}
+        self._answers = [
+            (Marks(question), answer)
+            for question, answer in questions.items()
+            if synchronized or b"2026" not in question
+        ]
+        self._ends_in, self._ends_out = Marks(FRAME_END), Marks(FRAME_END)
+        self._frames = 0  # in front of the link
         self._waiting: deque[bytes] = deque()
         self._backlog = 0
         self._free_at = 0.0
         self._down: deque[tuple[float, bytes]] = deque()
         self._up: deque[tuple[float, bytes]] = deque()
-        self._tail = b""
         self._hung_up = self._closing = False
         self._news = threading.Condition()
         self._wake_in, self._wake_out = os.pipe()
@@ -244,6 +263,8 @@ class TerminalHost:
         step = PIECE if self._link.bytes_per_second < math.inf else len(data)
         self._waiting.extend(data[i : i + step] for i in range(0, len(data), step))
         self._backlog += len(data)
+        self._frames += self._ends_in.count(data)
+        self.max_frames = max(self.max_frames, self._frames)
         self.max_backlog = max(self.max_backlog, self._backlog)
         return bool(data)
 
@@ -251,6 +272,7 @@ class TerminalHost:
         while self._waiting and self._free_at <= now:
             piece = self._waiting.popleft()
             self._backlog -= len(piece)
+            self._frames -= self._ends_out.count(piece)
             # Busy until this piece is through; a link that was idle starts now.
             start = self._free_at if now - self._free_at < 0.05 else now
             self._free_at = start + len(piece) / self._link.bytes_per_second
@@ -265,11 +287,8 @@ class TerminalHost:
                 self._news.notify_all()
 
     def _answer(self, piece: bytes, now: float) -> None:
-        seen, self._tail = self._tail + piece, (self._tail + piece)[-OVERLAP:]
-        for question, answer in self._answers.items():
-            # Counted where it ends in the new piece, so that none is answered twice.
-            start = max(0, len(seen) - len(piece) - len(question) + 1)
-            for _ in range(seen.count(question, start)):
+        for marks, answer in self._answers:
+            for _ in range(marks.count(piece)):
                 self._up.append((now + self._link.round_trip / 2, answer))
 
     def _type(self, now: float) -> None:

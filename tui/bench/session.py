@@ -13,9 +13,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from tui.render.styles import CURSOR
-from tui.terminal_host import Arrived, Link, TerminalHost
+from tui.terminal_host import FRAME_END, Arrived, Link, TerminalHost
 
-FRAME_END = b"\x1b[6n"  # the question that ends each frame
 SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
 HERTZ = os.sysconf("SC_CLK_TCK")
 

@@ -185,7 +185,7 @@ def cases_in_aisles(draw: Any) -> Case:
     for layer, name in STRATEGIES.items():
         picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, False)))
     fleet = Fleet(robots=2, kinematics=draw(st.sampled_from(["rail", "differential"])))
-    scenario = msgspec.structs.replace(draw(scenarios(2, False)), fleet=fleet)
+    scenario = msgspec.structs.replace(draw(scenarios(2, False, True)), fleet=fleet)
     return Case(Resolved(scenario, plan, picks, start="bays", source=""), (1, 0))
 
 

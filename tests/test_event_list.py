@@ -11,7 +11,7 @@ import pytest
 from panel_stage import NARROW, WIDE, Stage, busy, click, of_robot, on_stage, said, text
 from textual.pilot import Pilot
 
-from automaton.history.chronicle import Chronicle, Event
+from automaton.history.chronicle import Chronicle, Event, Growing
 from automaton.world.waiting import DELIVERED_AT, EVENT_NAMES, TOOK, WITHDREW
 from tui.view import View
 from tui.widgets.event_rows import KINDS, Wanted, event_words
@@ -276,5 +276,32 @@ def test_a_long_log_is_looked_at_once_and_written_in_sight_only() -> None:
         assert len(set(written)) < 200
         chronicle._events.append(rows[:1] + np.array([many, 0, 0, 0, 0]))
         assert len(events.matching(view)) == many + 1
+
+    on_stage(events, story, NARROW, 30)
+
+
+def test_events_that_are_not_kept_are_counted_and_the_list_goes_on() -> None:
+    chronicle = Chronicle()
+    chronicle._events = Growing(5, 2000)
+    rows = np.zeros((1000, 5), np.int32)
+    rows[:, 0], rows[:, 1] = np.arange(1000), TOOK
+    view = busy()
+    run = SimpleNamespace(chronicle=chronicle, plan=view.plan)
+    view = replace(view, runs=[run], shot=earlier(9000).shot)  # type: ignore[list-item]
+    events = Events()
+
+    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+        for first in range(0, 2000, 1000):
+            chronicle._events.append(rows + np.array([first, 0, 0, 0, 0]))
+        events.show(view)
+        assert len(events.matching(view)) == 2000
+        chronicle._events.append(rows + np.array([2000, 0, 0, 0, 0]))  # half of them go
+        shown = "".join(span.text for span in events.list.row(1999))
+        assert "1,999" in shown, "what is shown stays until it is told anew"
+        events.show(view)
+        await pilot.pause()
+        assert "1,000 events 2,000 older are not kept" in text(events.list)
+        assert len(events.matching(view)) == 1000
+        assert said(events.list)[-1].startswith("▸ 2,999")
 
     on_stage(events, story, NARROW, 30)

@@ -107,6 +107,8 @@ class EventList(Rows):
             self.cursor = max(0, self._present - 1)
         self.boxes.tell(self._boxes(view))
         self.heading = [self._heading(view)]
+        if self.kept.dropped:
+            self.heading.append(line(dim(f"{self.kept.dropped:,} older are not kept")))
         self.update_rows(len(self._found))
         if self._followed and self._present != before:
             self.keep_in_sight(max(0, self._present - 1))
@@ -121,8 +123,6 @@ class EventList(Rows):
         """What is in the columns, and how many events there are."""
         found, all_of = len(self._found), len(self.kept.rows)
         told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
-        if self.kept.dropped:
-            told += f"; {self.kept.dropped:,} older ones are not kept"
         return line(title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT}} "), dim(told))
 
     def row(self, index: int) -> Line:

@@ -42,9 +42,10 @@ class Replay:
         self._stream = pyte.Stream(self.screen)
 
     def catch_up(self) -> pyte.Screen:
-        """The screen as it is now."""
+        """The screen as it is now; an app may write faster than this emulator reads."""
         history = self._host.history
-        while self._next < len(history):
+        now = len(history)
+        while self._next < now:
             event = history[self._next]
             self._next += 1
             if isinstance(event, Resized):

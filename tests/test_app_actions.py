@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import map_checks  # its checks are entered into the table
 import numpy as np
 import pytest
 from action_checks import CHECKS, check, press, said
@@ -16,6 +17,8 @@ from automaton.world.state import NIL
 from tui.app import Viewer
 from tui.bindings import ACTIONS, COMPARING
 from tui.screens.help import HelpScreen
+
+__all__ = ["map_checks"]
 
 
 def moves(name: str, start: int, end: int) -> None:
@@ -104,71 +107,6 @@ async def previous_event(user: Watched) -> None:
     await user.at(ticks[3])
     await press(user, "previous_event")
     await user.until(lambda: user.tick == ticks[2])
-
-
-def pans(name: str, rows: int, columns: int) -> None:
-    """An action that moves the map in these directions, and lets the followed robot go."""
-
-    async def action(user: Watched) -> None:
-        camera = user.app.pictures.camera
-        while camera.zoom is not camera.ladder[0]:
-            camera.zoom_in()
-        user.app.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
-        camera.resize(3, 20)  # so that there is something beside what is seen
-        camera.centre_on(camera.plan.cell(6, 3))
-        user.app.choice.robot, user.app.choice.following = 0, True
-        top, left = camera.top, camera.left
-        await press(user, name)
-        assert np.sign(camera.top - top) == rows and np.sign(camera.left - left) == columns
-        assert not user.app.choice.following
-
-    CHECKS[name] = action
-
-
-for way, step in {"left": (0, -1), "right": (0, 1), "up": (-1, 0), "down": (1, 0)}.items():
-    pans(f"pan_{way}", *step)
-    pans(f"page_{way}", *step)
-
-
-def zooms(name: str, start: int, end: int) -> None:
-    """An action that goes from one step of the ladder to another."""
-
-    async def action(user: Watched) -> None:
-        camera = user.app.pictures.camera
-        camera.zoom = camera.ladder[start]
-        user.app.pictures.fitted = False
-        await press(user, name)
-        assert camera.ladder.index(camera.zoom) == end
-        assert user.app.pictures.fitted == (name == "zoom_fit")
-
-    CHECKS[name] = action
-
-
-zooms("zoom_in", 2, 1)
-zooms("zoom_out", 2, 3)
-zooms("zoom_cell", 4, 2)
-zooms("zoom_fit", 4, 0)
-
-
-def zooms_time(name: str, before: int, after: int) -> None:
-    """An action that changes the length of what the timeline shows, about the present tick."""
-
-    async def action(user: Watched) -> None:
-        await user.at(120)
-        await user.until(lambda: user.app.timeline.past.head == 120)
-        user.app.timeline.zoom(before)
-        ticks, column = user.app.timeline.track.part.ticks, user.app.timeline.track.column_of(120)
-        await press(user, name)
-        track = user.app.timeline.track
-        assert track.part.ticks == ticks * 2**-after and abs(track.column_of(120) - column) <= 4
-        assert f"{track.part.last:,}" in said(user.app.timeline)
-
-    CHECKS[name] = action
-
-
-zooms_time("timeline_in", 0, 1)
-zooms_time("timeline_out", 2, -1)
-zooms_time("timeline_whole", 1, -1)
 
 
 @check

@@ -152,7 +152,7 @@ def test_a_screenshot_while_playing_changes_nothing(tmp_path: Path) -> None:
     ids=["no colour", "16 colours", "256 colours", "ASCII", "compositor"],
 )
 def test_every_terminal_shows_the_picture(tmp_path: Path, environ: dict[str, str]) -> None:
-    with moving_map(tmp_path, synchronized=False, **environ) as session:
+    with moving_map(tmp_path, rows=24, columns=80, synchronized=False, **environ) as session:
         session.walk()
         session.press("t")
         session.wait_for_text("a toast over the map")

@@ -33,12 +33,15 @@ class Keyframe(NamedTuple):
     tick: int
     arrays: dict[str, Delta]
     routes: Array  # the steps of all routes, one after another
+    plans: Array  # likewise the orders of all plans
     clock: Array
 
     @property
     def nbytes(self) -> int:
         parts = [a for delta in self.arrays.values() for a in delta if a is not None]
-        return sum(part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.clock))
+        return sum(
+            part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.plans, self.clock)
+        )
 
 
 class Keyframes:
@@ -67,7 +70,8 @@ class Keyframes:
         arrays = {
             name: _delta(array, self._base[name]) for name, array in state_arrays(world, watch)
         }
-        frame = Keyframe(tick, arrays, _routes(world), world.clock.copy())
+        routes, plans = (rows[mask] for rows, mask in _ragged(world))
+        frame = Keyframe(tick, arrays, routes, plans, world.clock.copy())
         self._frames.append(frame)
         self.ticks.append(tick)
         self._bytes += frame.nbytes
@@ -94,7 +98,8 @@ class Keyframes:
             else:
                 np.copyto(array, self._base[name])
                 array.reshape(-1)[where] = values
-        world.robots.route[_route_mask(world)] = frame.routes
+        for (rows, mask), values in zip(_ragged(world), (frame.routes, frame.plans), strict=True):
+            rows[mask] = values
         copy_clock(world.clock, frame.clock)
         return frame.tick
 
@@ -107,13 +112,8 @@ def _delta(array: Array, base: Array) -> Delta:
     return Delta(None, array.copy())
 
 
-def _route_mask(world: World) -> Array:
-    """(n, R): the steps that routes have."""
-    steps = np.arange(world.robots.route.shape[1])
-    mask: Array = steps[None, :] < world.robots.length[:, None]
-    return mask
-
-
-def _routes(world: World) -> Array:
-    routes: Array = world.robots.route[_route_mask(world)]
-    return routes
+def _ragged(world: World) -> tuple[tuple[Array, Array], ...]:
+    """Routes and plans: (n, k) rows of different lengths, and the mask of what is in use."""
+    robots = world.robots
+    pairs = ((robots.route, robots.length), (robots.plan, robots.planned))
+    return tuple((rows, np.arange(rows.shape[1]) < used[:, None]) for rows, used in pairs)

@@ -14,6 +14,7 @@ from automaton.world.waiting import LOST_EVER, congestion_of, visits_of
 FLEET: Final = (  # fields of world.robots
     *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
     *("goal", "stand", "home", "bay", "parked", "zone", "blocked", "withdrawing"),
+    *("charge", "level", "status", "until", "ticket", "planned"),
 )
 WATCHED: Final = (  # fields of the observation
     *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
@@ -43,6 +44,12 @@ class Fleet:
     zone: Array
     blocked: Array
     withdrawing: Array
+    charge: Array
+    level: Array
+    status: Array
+    until: Array
+    ticket: Array
+    planned: Array
     route_length: Array  # (n,) int32: steps left
     cause: Array
     blocker: Array
@@ -67,6 +74,7 @@ class OrderBook:
     target: Array
     by: Array
     released: Array
+    coming: Array
     dispatched: Array
     dispatched_from: Array
     delivered: Array
@@ -113,8 +121,8 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
             **{name: getattr(world.orders, name).copy() for name in world.orders._fields}
         ),
         slots=SlotStates(
-            cell=world.slots.cell,
-            endless=world.slots.endless,
+            cell=world.slots.cell.copy(),
+            endless=world.slots.endless.copy(),
             content=world.slots.content.copy(),
             by=world.slots.by.copy(),
         ),

@@ -4,15 +4,19 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell, no_route_needed
+from automaton.world.battery import RUNNING
 from automaton.world.state import (
     ALLOCATION,
     CHANGES,
+    CHARGING,
     FRESH_ALLOCATION,
     HOLD_ASK,
     KEEP,
     NEED_ALLOCATION,
+    NEED_CHARGING,
     NEED_ROUTE,
     NEED_WAY,
+    NEEDING_CHARGING,
     NEEDING_ROUTE,
     NEEDING_WAY,
     NIL,
@@ -44,13 +48,38 @@ def append(asked, i, reason):
 
 @kernel
 def batch_everybody(world, asked, layer):
-    """All robots, on the ticks that a layer asked for; used by zoning and charging."""
+    """All robots, on the ticks that a layer asked for; used by zoning."""
     asked.count[0] = 0
     if not is_due(world, layer):
         return False
     for identity in range(world.robots.cell.shape[0]):
         append(asked, world.robots.at_index[identity], PERIODIC)
     world.tally.asked[layer] += 1
+    return True
+
+
+@kernel
+def batch_charging(world, asked):
+    """Robots with a battery that are free, have taken an order, or were left without one.
+
+    Once each, when they are not busy; on the ticks that the strategy asked for, all in order.
+    """
+    robots, clock = world.robots, world.clock
+    asked.count[0] = 0
+    due = is_due(world, CHARGING)
+    if clock[NEEDING_CHARGING] == 0 and not due:
+        return False
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0:
+            robots.need[i] &= np.uint8(255 - NEED_CHARGING)
+            clock[NEEDING_CHARGING] -= 1
+            append(asked, i, robots.charging_reason[i])
+        elif due and robots.status[i] == RUNNING:
+            append(asked, i, PERIODIC)
+    if asked.count[0] == 0 and not due:
+        return False
+    world.tally.asked[CHARGING] += 1
     return True
 
 
@@ -73,7 +102,7 @@ def batch_allocation(world, asked):
         )
         if concerned and robots.asked_at[i] != clock[CHANGES]:
             append(asked, i, robots.reason[i])
-        elif due:
+        elif due and robots.status[i] == RUNNING:
             append(asked, i, PERIODIC)
     if asked.count[0] == 0 and not due:
         return False
@@ -134,7 +163,7 @@ def batch_right_of_way(world, asked):
             continue
         if robots.need[i] & NEED_WAY:
             append(asked, i, STUCK if robots.hold[i] == HOLD_ASK else WITHDRAWING)
-        elif due:
+        elif due and robots.status[i] == RUNNING:
             append(asked, i, PERIODIC)
     if asked.count[0] == 0 and not due:
         return False
@@ -150,6 +179,8 @@ def clear_answers(asked, answers, layer):
         given = answers.allocation
         given.order_taken[:] = 0
         given.slot_taken[:] = 0
+        if given.plan.shape[1]:
+            given.planned[:] = KEEP
         for k in range(n):
             given.verb[k] = KEEP
             given.order[k] = NIL
@@ -170,4 +201,5 @@ def clear_answers(asked, answers, layer):
         for k in range(n):
             answers.zoning.zone[k] = KEEP
             answers.charging.stand[k] = KEEP
-            answers.charging.ticks[k] = 0
+            answers.charging.level[k] = 0
+            answers.charging.yields[k] = 0

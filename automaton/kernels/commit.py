@@ -5,26 +5,29 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.draws import mix
 from automaton.kernels.drive import replan
+from automaton.kernels.energy import end_charging
 from automaton.kernels.operations import (
+    allocation_done,
     begin,
     drop_route,
     first_cell,
     lose_tick,
     need_allocation,
-    need_route,
+    need_charging,
     need_way,
     no_route_needed,
     no_way_needed,
     note,
+    refuse,
     reserve_order,
     reserve_slot,
+    set_goal,
 )
-from automaton.recording.codes import DID_ILLEGAL, DID_WAIT, DID_WITHDRAW, DURATION, ZONE
-from automaton.world.cells import CHARGER
+from automaton.recording.codes import DID_WAIT, DID_WITHDRAW, DURATION, ZONE
+from automaton.world.battery import EXHAUSTED
 from automaton.world.state import (
     ALLOCATION,
     CHANGES,
-    CHARGING,
     FRESH_ALLOCATION,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -33,13 +36,12 @@ from automaton.world.state import (
     GOAL_PICK,
     HOLD_ASK,
     HOLD_NONE,
-    ILLEGAL,
+    IDLE_NOW,
     KEEP,
     NEED_ALLOCATION,
     NIL,
     PARK,
     PAUSE,
-    PLAN,
     RELEASED,
     RETREAT,
     RIGHT_OF_WAY,
@@ -48,6 +50,7 @@ from automaton.world.state import (
     STEP,
     TAKE,
     TICK,
+    TOOK,
     UNPARKED,
     WAIT,
     WAITING,
@@ -55,23 +58,6 @@ from automaton.world.state import (
 )
 
 MOST_TICKS = 10_000  # of one pause or withdrawal
-
-
-@kernel
-def refuse(world, layer, i):
-    """An illegal answer: the robot waits for one tick, unless an operation runs anyway."""
-    world.tally.illegal[layer] += 1
-    if world.robots.busy[i] == 0:
-        lose_tick(world, i, ILLEGAL)
-        world.robots.busy[i] = 1  # motion takes it away again in this tick
-        world.robots.did[i] = DID_ILLEGAL
-
-
-@kernel
-def set_goal(world, i, goal, stand):
-    world.robots.goal[i] = goal
-    world.robots.stand[i] = stand
-    need_route(world, i, PLAN)
 
 
 @kernel
@@ -96,41 +82,16 @@ def commit_zoning(world, record, asked, answers):
 
 
 @kernel
-def commit_charging(world, asked, answers):
-    """A robot without load and order may be sent to a charger."""
-    robots = world.robots
-    for k in range(asked.count[0]):
-        stand = np.int64(answers.charging.stand[k])
-        if stand == KEEP:
-            continue
-        i = np.int64(asked.robot[k])
-        ticks = answers.charging.ticks[k]
-        inside = 0 <= stand < world.grid.rule.shape[0] and 0 < ticks <= MOST_TICKS
-        if not inside or world.grid.kind[stand] != CHARGER or robots.order[i] != NIL:
-            refuse(world, CHARGING, i)
-            continue
-        allocation_done(world, i)
-        robots.stay[i] = ticks
-        set_goal(world, i, GOAL_CHARGE, stand)
-
-
-@kernel
-def allocation_done(world, i):
-    robots = world.robots
-    if robots.need[i] & NEED_ALLOCATION:
-        if robots.asked_at[i] == NIL:
-            world.clock[FRESH_ALLOCATION] -= 1
-        robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
-    robots.asked_at[i] = NIL
-
-
-@kernel
 def commit_allocation(world, record, asked, answers):
     robots = world.robots
     given = answers.allocation
+    if robots.plan.shape[1]:
+        commit_plans(world, given)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         verb = given.verb[k]
+        if robots.status[i] > EXHAUSTED:
+            continue  # it went out of order in this tick
         if verb == TAKE:
             take(world, record, i, np.int64(given.order[k]), np.int64(given.stand[k]))
         elif verb == SET_DOWN:
@@ -138,16 +99,40 @@ def commit_allocation(world, record, asked, answers):
             choose_slot(world, record, i, slot, stand, np.int64(given.try_drop[k]))
         elif verb == PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
             refuse(world, ALLOCATION, i)
+        elif verb == PARK and robots.goal[i] == GOAL_CHARGE:
+            stay_idle(world, i, given.ask_again[k])
         elif verb == PARK and world.rules.leave and robots.cell[i] != NIL:
             leave_floor(world, i, given.ask_again[k])
         elif verb == PARK and robots.parked[i] == 0:
             allocation_done(world, i)
             if robots.goal[i] != GOAL_PARK:
                 set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+                need_charging(world, i, IDLE_NOW)
         elif verb == PARK or verb == KEEP:
             stay_idle(world, i, given.ask_again[k])
         else:
             refuse(world, ALLOCATION, i)
+
+
+@kernel
+def commit_plans(world, given):
+    """Enter the orders that robots are to do next; a plan with one that nobody may take is illegal."""
+    robots, orders = world.robots, world.orders
+    for i in range(robots.cell.shape[0]):
+        count = np.int64(given.planned[i])
+        if count == KEEP:
+            continue
+        legal = 0 <= count <= robots.plan.shape[1]
+        for k in range(count if legal else 0):
+            order = np.int64(given.plan[i, k])
+            legal = legal and 0 <= order < orders.state.shape[0]
+            legal = legal and orders.state[order] == WAITING
+        if not legal:
+            world.tally.illegal[ALLOCATION] += 1
+            continue
+        robots.planned[i] = count
+        for k in range(count):
+            robots.plan[i, k] = given.plan[i, k]
 
 
 @kernel
@@ -171,11 +156,13 @@ def stay_idle(world, i, ask_again):
     robots = world.robots
     if robots.need[i] & NEED_ALLOCATION == 0 or ask_again:
         return
-    if robots.goal[i] != GOAL_NONE:
+    if robots.goal[i] != GOAL_NONE and robots.yields[i] == 0:
         allocation_done(world, i)
         return
     if robots.asked_at[i] == NIL:
         world.clock[FRESH_ALLOCATION] -= 1
+        if robots.goal[i] == GOAL_NONE:
+            need_charging(world, i, IDLE_NOW)
     robots.asked_at[i] = world.clock[CHANGES]
 
 
@@ -204,7 +191,10 @@ def take(world, record, i, order, stand):
         in_bay = robots.cell[i] == NIL
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
+    if robots.goal[i] == GOAL_CHARGE:
+        end_charging(robots, i)
     set_goal(world, i, GOAL_PICK, stand)
+    need_charging(world, i, TOOK)
 
 
 @kernel

@@ -3,8 +3,9 @@
     tick * 8 + layer | identity * 65,536 + number of values | values ...
 
 in the order in which they entered the world; robots that were asked and got KEEP are left out.
-Values: zoning (zone), charging (stand, ticks), allocation (verb, order, slot, stand, try_drop,
-ask_again), routing (steps, then 31 directions of 2 bits each; -1 for an illegal route), right of way
+Values: zoning (zone), charging (stand, level, yields), allocation (verb, order, slot, stand,
+try_drop, ask_again) and, before these answers, plans (PLAN_WORDS times the number of orders, the
+orders), routing (steps, then 31 directions of 2 bits each; -1 for an illegal route), right of way
 (verb, value, release, priority).
 """
 
@@ -30,18 +31,23 @@ STEPS = 31  # directions in a word
 CURSOR = 0  # columns of a replaying strategy's memory.own
 END = 1
 ILLEGAL_ROUTE = -1
+ILLEGAL_PLAN = -1
+ANSWER_WORDS = 6  # values of an answer of allocation
+PLAN_WORDS = 7  # values of a plan, its orders aside
 
 
 @kernel
-def most_words(longest_route):
+def most_words(longest_route, longest_plan):
     """Words that the decisions about one robot may take in a tick."""
-    heads, values = 2 * 5, 1 + 2 + 6 + 1 + 4
+    heads, values = 2 * 6, 1 + 3 + ANSWER_WORDS + PLAN_WORDS + longest_plan + 1 + 4
     return heads + values + (longest_route + STEPS - 1) // STEPS
 
 
 @kernel
 def keep_decisions(world, record, asked, answers, layer):
     """Append the answers of one call, before they are committed."""
+    if layer == ALLOCATION and world.robots.plan.shape[1]:
+        keep_plans(world, record, answers.allocation)
     for k in range(asked.count[0]):
         at = world.clock[DECIDED]
         size = put(world, record.decisions, at + 2, asked, answers, layer, k)
@@ -50,6 +56,26 @@ def keep_decisions(world, record, asked, answers, layer):
             record.decisions[at] = (world.clock[TICK] << LAYER_BITS) | layer
             record.decisions[at + 1] = (identity << COUNT_BITS) | size
             world.clock[DECIDED] = at + 2 + size
+
+
+@kernel
+def keep_plans(world, record, given):
+    """Append the plans that allocation made, by identity."""
+    for identity in range(world.robots.cell.shape[0]):
+        i = np.int64(world.robots.at_index[identity])
+        count = np.int64(given.planned[i])
+        if count == KEEP:
+            continue
+        count = count if 0 <= count <= world.robots.plan.shape[1] else ILLEGAL_PLAN
+        at = world.clock[DECIDED]
+        size = PLAN_WORDS + max(count, 0)
+        record.decisions[at] = (world.clock[TICK] << LAYER_BITS) | ALLOCATION
+        record.decisions[at + 1] = (identity << COUNT_BITS) | size
+        for k in range(PLAN_WORDS):
+            record.decisions[at + 2 + k] = count
+        for k in range(count):
+            record.decisions[at + 2 + PLAN_WORDS + k] = given.plan[i, k]
+        world.clock[DECIDED] = at + 2 + size
 
 
 @kernel
@@ -86,8 +112,9 @@ def put(world, words, at, asked, answers, layer, k):
         return 0 if answers.zoning.zone[k] == KEEP else 1
     if layer == CHARGING:
         words[at] = answers.charging.stand[k]
-        words[at + 1] = answers.charging.ticks[k]
-        return 0 if answers.charging.stand[k] == KEEP else 2
+        words[at + 1] = answers.charging.level[k]
+        words[at + 2] = answers.charging.yields[k]
+        return 0 if answers.charging.stand[k] == KEEP else 3
     if layer == ALLOCATION:
         given = answers.allocation
         words[at] = given.verb[k]
@@ -131,6 +158,8 @@ def repeat(view, asked, answers, memory, space):
     key = (view.clock[TICK] << LAYER_BITS) | layer
     words = memory.shared
     at, end = memory.own[0, CURSOR], memory.own[0, END]
+    if layer == ALLOCATION:
+        at = repeat_plans(view, answers.allocation, words, at, end, key)
     for k in range(asked.count[0]):
         # Earlier ticks, and other layers of this one.
         while at + 1 < end and words[at] < key:
@@ -147,12 +176,36 @@ def repeat(view, asked, answers, memory, space):
 
 
 @kernel
+def repeat_plans(view, given, words, at, end, key):
+    """Enter the recorded plans of this tick; returns where its answers begin."""
+    robots = view.robots
+    while at + 1 < end and words[at] <= key:
+        size = words[at + 1] & ((1 << COUNT_BITS) - 1)
+        if words[at] == key and (size < PLAN_WORDS or at + 2 + size > end):
+            return at
+        if words[at] == key:
+            identity = words[at + 1] >> COUNT_BITS
+            if 0 <= identity < robots.cell.shape[0]:
+                give_plan(robots, given, words, at + 2, size, np.int64(robots.at_index[identity]))
+        at += 2 + size
+    return at
+
+
+@kernel
+def give_plan(robots, given, words, at, size, i):
+    count = size - PLAN_WORDS
+    given.planned[i] = words[at] if words[at] < 0 else count
+    for k in range(min(count, robots.plan.shape[1])):
+        given.plan[i, k] = words[at + PLAN_WORDS + k]
+
+
+@kernel
 def fewest_values(layer):
     """How many values a recorded answer has at least."""
     if layer == CHARGING:
-        return 2
+        return 3
     if layer == ALLOCATION:
-        return 6
+        return ANSWER_WORDS
     return 4 if layer == RIGHT_OF_WAY else 1
 
 
@@ -163,7 +216,8 @@ def give(words, at, size, answers, layer, k):
         answers.zoning.zone[k] = words[at]
     elif layer == CHARGING:
         answers.charging.stand[k] = words[at]
-        answers.charging.ticks[k] = words[at + 1]
+        answers.charging.level[k] = words[at + 1]
+        answers.charging.yields[k] = words[at + 2]
     elif layer == ALLOCATION:
         answers.allocation.verb[k] = words[at]
         answers.allocation.order[k] = words[at + 1]

@@ -13,11 +13,12 @@ from automaton.kernels.draws import mix
 from automaton.world.state import NIL, TICK
 
 ROBOT_FIELDS = (
-    "cell claim heading travel action busy priority load order slot goal stand stay try_drop "
-    "length at withdrawing blocked hold parked zone need reason route_reason asked_at route"
+    "cell claim heading travel action busy priority load order slot goal stand level try_drop "
+    "length at withdrawing blocked hold parked zone need reason route_reason asked_at route "
+    "yields charge status until ticket plan charging_reason"
 ).split()
 ORDER_FIELDS = "state place source target by released delivered legs".split()
-SLOT_FIELDS = "content by".split()
+SLOT_FIELDS = "content by cell".split()
 ROBOT_COUNT = len(ROBOT_FIELDS)
 ORDER_COUNT = len(ORDER_FIELDS)
 DIGEST_NAMES = (
@@ -60,7 +61,8 @@ def digest_world(world, out, v):
     for i in range(world.slots.content.shape[0]):
         v[0] = world.slots.content[i]
         v[1] = world.slots.by[i]
-        add_element(out, first, 2, v, i)
+        v[2] = world.slots.cell[i]
+        add_element(out, first, 3, v, i)
     out[out.shape[0] - 1] = mix(np.uint64(world.clock[TICK]))
 
 
@@ -81,7 +83,7 @@ def digest_robots(r, out, v):
         v[9] = r.slot[i]
         v[10] = r.goal[i]
         v[11] = r.stand[i]
-        v[12] = r.stay[i]
+        v[12] = r.level[i]
         v[13] = r.try_drop[i]
         v[14] = r.length[i]
         v[15] = r.at[i]
@@ -95,7 +97,23 @@ def digest_robots(r, out, v):
         v[23] = r.route_reason[i]
         v[24] = r.asked_at[i]
         v[25] = r.route_sum[i]
+        v[26] = r.yields[i]
+        v[27] = r.charge[i]
+        v[28] = r.status[i]
+        v[29] = r.until[i]
+        v[30] = r.ticket[i]
+        v[31] = plan_sum(r, i)
+        v[32] = r.charging_reason[i]
         add_element(out, 0, ROBOT_COUNT, v, r.identity[i])
+
+
+@kernel
+def plan_sum(r, i):
+    """A hash of the plan of robot i."""
+    total = np.uint64(r.planned[i])
+    for k in range(r.planned[i]):
+        total = mix(total ^ np.uint64(r.plan[i, k]))
+    return np.int64(total >> np.uint64(1))
 
 
 @kernel

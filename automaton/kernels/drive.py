@@ -8,6 +8,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import WAITS, draw_between
+from automaton.kernels.energy import affords, charge_up
 from automaton.kernels.motion import (
     ARRIVED,
     ENTERED,
@@ -29,13 +30,14 @@ from automaton.kernels.operations import (
     no_route_needed,
     no_way_needed,
     note,
+    pay,
     pick_up,
+    price,
     set_down,
 )
 from automaton.recording.codes import (
     DID_BAY_BLOCKED,
     DID_BLOCKED,
-    DID_CHARGE,
     DID_DROP,
     DID_PICK,
     DID_TRY_DROP,
@@ -53,7 +55,6 @@ from automaton.world.state import (
     AROUND,
     BAY_BLOCKED,
     BLOCKED,
-    CHARGE,
     DROP,
     FREE,
     GOAL_CHARGE,
@@ -156,6 +157,8 @@ def drive_without_route(world, record, i):
             if robots.withdrawing[i] == 0:
                 replan(world, i)
     elif robots.try_drop[i]:
+        if not affords(world, i, TRY_DROP):
+            return
         robots.try_drop[i] = 0
         begin(world, i, TRY_DROP, world.rules.duration[TRY_DROP])
         robots.did[i] = DID_TRY_DROP
@@ -172,24 +175,18 @@ def do_goal(world, record, i):
     robots = world.robots
     flags = np.int64(robots.did[i])
     goal = robots.goal[i]
-    if goal == GOAL_PICK:
+    if goal == GOAL_PICK and affords(world, i, PICK):
         robots.blocked[i] = 0
         pick_up(world, record, i, max(np.int64(world.rules.duration[PICK]), 1))
         robots.did[i] = flags | DID_PICK
-    elif goal == GOAL_DROP:
+    elif goal == GOAL_DROP and affords(world, i, DROP):
         robots.blocked[i] = 0
         set_down(world, record, i, max(np.int64(world.rules.duration[DROP]), 1))
         robots.did[i] = flags | DID_DROP
     elif goal == GOAL_PARK:
         world.traffic.want[i] = ARRIVED
     elif goal == GOAL_CHARGE:
-        ticks = np.int64(robots.stay[i])
-        begin(world, i, CHARGE, ticks)
-        robots.did[i] = flags | DID_CHARGE
-        note(world.clock, record, DURATION, robots.identity[i], ticks)
-        robots.goal[i] = GOAL_NONE
-        robots.stand[i] = NIL
-        need_allocation(world, i, FREE)
+        charge_up(world, i)
 
 
 @kernel
@@ -199,6 +196,8 @@ def turn(world, i, direction):
     In a cell of capacity 2 a turning robot needs both lanes; it claims its own cell meanwhile.
     """
     robots, grid = world.robots, world.grid
+    if not affords(world, i, TURN):
+        return
     cell = np.int64(robots.cell[i])
     if np.int64(grid.rule[cell]) >> 5 & 3 == 2:
         other_lane = np.int64(robots.travel[i]) ^ 2
@@ -230,6 +229,8 @@ def settle(world, record):
             if span != usual:
                 world.tally.slowed[U(i)] += span - usual
                 note(world.clock, record, DURATION, robots.identity[U(i)], span)
+            if world.rules.battery:
+                pay(world, i, price(world, i, MOVE, span))
             robots.action[U(i)] = MOVE
             robots.did[U(i)] = (np.int64(robots.did[U(i)]) & LEFT_BAY) | (MOVE_EAST + (want & 3))
             at = robots.at[U(i)]

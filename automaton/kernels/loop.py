@@ -1,6 +1,7 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
-    zoning -> charging -> allocation -> routing -> right of way -> motion -> record -> observe
+    faults -> orders -> zoning -> charging -> allocation -> routing -> right of way
+           -> motion -> faults -> record -> observe
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
@@ -12,14 +13,15 @@ from numba import types
 from automaton.compiled import jit_is_on, kernel
 from automaton.kernels.batches import (
     batch_allocation,
+    batch_charging,
     batch_everybody,
     batch_right_of_way,
     batch_routing,
     clear_answers,
 )
+from automaton.kernels.charging import commit_charging
 from automaton.kernels.commit import (
     commit_allocation,
-    commit_charging,
     commit_right_of_way,
     commit_routing,
     commit_zoning,
@@ -27,9 +29,13 @@ from automaton.kernels.commit import (
 from automaton.kernels.decisions import keep_decisions, most_words
 from automaton.kernels.digest import digest_world
 from automaton.kernels.drive import drive, leave_bays, settle
+from automaton.kernels.energy import hold_back
 from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
+from automaton.kernels.faults import begin_faults, end_faults
 from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
+from automaton.kernels.operations import MOST_CHANGES
+from automaton.kernels.releases import release_orders
 from automaton.kernels.sight import end_turn, take_turn, turns
 from automaton.kernels.zones import count_robots, slow_down
 from automaton.world.state import (
@@ -41,6 +47,7 @@ from automaton.world.state import (
     FINISHED,
     LAYERS,
     OBSERVING,
+    OUT,
     RECORDED,
     RECORDING,
     RIGHT_OF_WAY,
@@ -86,6 +93,9 @@ def ticks(
             continue
         clock[TICK] += 1
         world.robots.did[:] = 0
+        if world.rules.may_fail:
+            begin_faults(world, record)
+        release_orders(world)
         for layer in range(LAYER_COUNT):  # in the order of automaton.world.state.LAYERS
             if serving[layer] == ABSENT or not concerns(world, batch, layer):
                 continue
@@ -101,6 +111,8 @@ def ticks(
                 commit(world, record, asked, answers, layer)
                 end_turn(world, memories[layer], vaults[layer], batch, turn)
         motion(world, record)
+        if clock[OUT]:
+            end_faults(world, record)
         if clock[RECORDING]:
             write_record(world, record)
         if clock[OBSERVING]:
@@ -113,6 +125,8 @@ def ticks(
 @kernel
 def concerns(world, batch, layer):
     """Whether something concerns a layer in this tick; its robots are then in the batch."""
+    if layer == CHARGING:
+        return batch_charging(world, batch)
     if layer == ALLOCATION:
         return batch_allocation(world, batch)
     if layer == ROUTING:
@@ -128,7 +142,7 @@ def commit(world, record, asked, answers, layer):
     if layer == ZONING:
         commit_zoning(world, record, asked, answers)
     elif layer == CHARGING:
-        commit_charging(world, asked, answers)
+        commit_charging(world, record, asked, answers)
     elif layer == ALLOCATION:
         commit_allocation(world, record, asked, answers)
     elif layer == ROUTING:
@@ -152,6 +166,8 @@ def motion(world, record):
     drive(world, record)
     if world.rules.slowdown or world.rules.extra_tick:
         slow_down(world)
+    if world.rules.battery:
+        hold_back(world)
     move_all(world.grid, world.rules, world.robots, world.traffic, world.clock[TICK])
     settle(world, record)
 
@@ -170,11 +186,12 @@ def is_full(world, record, watch):
     if clock[RECORDED] >= record.did.shape[0]:
         return True
     if (
-        clock[DECIDED] + robots * most_words(world.robots.route.shape[1])
+        clock[DECIDED]
+        + robots * most_words(world.robots.route.shape[1], world.robots.plan.shape[1])
         > record.decisions.shape[0]
     ):
         return True
-    return clock[CHANGED] + 8 * robots + 8 > record.changes.shape[0]
+    return clock[CHANGED] + MOST_CHANGES * (robots + 1) > record.changes.shape[0]
 
 
 @kernel

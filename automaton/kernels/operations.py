@@ -3,7 +3,8 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.recording.codes import ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
+from automaton.recording.codes import DID_ILLEGAL, ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
+from automaton.world.battery import EXHAUSTED, RUNNING
 from automaton.world.state import (
     CARRIED,
     CHANGED,
@@ -13,19 +14,26 @@ from automaton.world.state import (
     FREE,
     FRESH_ALLOCATION,
     GOAL_NONE,
+    ILLEGAL,
     NEED_ALLOCATION,
+    NEED_CHARGING,
     NEED_ROUTE,
     NEED_WAY,
+    NEEDING_CHARGING,
     NEEDING_ROUTE,
     NEEDING_WAY,
     NIL,
+    OUT,
     PICK,
     PICKED,
+    PLAN,
     RECORDING,
     TICK,
     UNDELIVERED,
     WAITING,
 )
+
+MOST_CHANGES = 12  # rows that a robot may add in a tick
 
 
 @kernel
@@ -41,8 +49,37 @@ def note(clock, record, code, subject, value):
 
 
 @kernel
+def price(world, i, action, ticks):
+    """Units of charge that an operation of robot i takes."""
+    loaded = 1 if world.robots.load[i] != NIL else 0
+    return ticks * np.int64(world.rules.drain[action, loaded])
+
+
+@kernel
+def exhaust(world, i):
+    """The battery of robot i lacks what it needs: it goes out of order at the end of this tick."""
+    if world.robots.status[i] == RUNNING:
+        world.clock[OUT] += 1
+    if world.robots.status[i] <= EXHAUSTED:
+        world.robots.status[i] = EXHAUSTED
+
+
+@kernel
+def pay(world, i, units):
+    """Take units from the battery of robot i; one that cannot pay is empty and exhausted."""
+    robots = world.robots
+    taken = min(units, np.int64(robots.charge[i]))
+    robots.charge[i] -= taken
+    world.tally.spent[i] += taken
+    if taken < units:
+        exhaust(world, i)
+
+
+@kernel
 def begin(world, i, action, ticks):
     """Robot i begins an operation of so many ticks, the current one included; motion counts them."""
+    if world.rules.battery:
+        pay(world, i, price(world, i, action, ticks))
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.robots.busy[i] = ticks
@@ -53,6 +90,8 @@ def begin(world, i, action, ticks):
 @kernel
 def lose_tick(world, i, action):
     """Count a tick in which robot i executes nothing, and why."""
+    if world.rules.battery:
+        pay(world, i, price(world, i, action, 1))
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.tally.times[i, action, loaded] += 1
@@ -67,6 +106,30 @@ def need_allocation(world, i, reason):
     robots.need[i] |= np.uint8(NEED_ALLOCATION)
     robots.reason[i] = reason
     robots.asked_at[i] = NIL
+    if reason == FREE:
+        need_charging(world, i, FREE)
+
+
+@kernel
+def allocation_done(world, i):
+    robots = world.robots
+    if robots.need[i] & NEED_ALLOCATION:
+        if robots.asked_at[i] == NIL:
+            world.clock[FRESH_ALLOCATION] -= 1
+        robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
+    robots.asked_at[i] = NIL
+
+
+@kernel
+def need_charging(world, i, reason):
+    """Charging is to be asked about robot i, which has a battery."""
+    robots = world.robots
+    if world.rules.battery == 0:
+        return
+    if robots.need[i] & NEED_CHARGING == 0:
+        world.clock[NEEDING_CHARGING] += 1
+    robots.need[i] |= np.uint8(NEED_CHARGING)
+    robots.charging_reason[i] = reason
 
 
 @kernel
@@ -150,18 +213,44 @@ def pick_up(world, record, i, ticks):
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
     handle(world, i, PICK, ticks)
-    slot = orders.place[order]
-    world.slots.content[slot] = NIL
-    orders.place[order] = NIL
-    orders.state[order] = CARRIED
-    orders.legs[order] += 1
-    robots.load[i] = order
+    slot = np.int64(orders.place[order])
     robots.goal[i] = GOAL_NONE
     robots.stand[i] = NIL
     drop_route(robots, i)
-    world.clock[CHANGES] += 1
+    orders.legs[order] += 1
     note(world.clock, record, PICKED_UP, robots.identity[i], order)
+    if slot == orders.target[order]:
+        visit(world, record, i, order)
+        return
+    empty_slot(world, slot)
+    orders.place[order] = NIL
+    orders.state[order] = CARRIED
+    robots.load[i] = order
+    world.clock[CHANGES] += 1
     need_allocation(world, i, PICKED)
+
+
+@kernel
+def visit(world, record, i, order):
+    """The order lies where it has to go: with the robot's coming it is done."""
+    world.robots.order[i] = NIL
+    world.orders.state[order] = DELIVERED
+    world.orders.delivered[order] = world.clock[TICK]
+    world.clock[UNDELIVERED] -= 1
+    reserve_order(world, record, order, NIL)
+    need_allocation(world, i, FREE)
+
+
+@kernel
+def empty_slot(world, slot):
+    """A load is taken from a slot; a spare one is put away."""
+    slots = world.slots
+    slots.content[slot] = NIL
+    if slot >= slots.spare:
+        slots.cell[slot] = NIL
+        slots.endless[slot] = 1  # no shelf: nobody sets a load down there
+        for direction in range(4):
+            slots.access[slot, direction] = NIL
 
 
 @kernel
@@ -190,3 +279,20 @@ def set_down(world, record, i, ticks):
     reserve_order(world, record, order, NIL)
     reserve_slot(world, record, slot, NIL)
     need_allocation(world, i, FREE)
+
+
+@kernel
+def refuse(world, layer, i):
+    """An illegal answer: the robot waits for one tick, unless an operation runs anyway."""
+    world.tally.illegal[layer] += 1
+    if world.robots.busy[i] == 0:
+        lose_tick(world, i, ILLEGAL)
+        world.robots.busy[i] = 1  # motion takes it away again in this tick
+        world.robots.did[i] = DID_ILLEGAL
+
+
+@kernel
+def set_goal(world, i, goal, stand):
+    world.robots.goal[i] = goal
+    world.robots.stand[i] = stand
+    need_route(world, i, PLAN)

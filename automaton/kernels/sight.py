@@ -107,12 +107,15 @@ def hide(seen, j):
     r = seen.robots
     for array in (r.cell, r.claim, r.load, r.order, r.slot, r.stand, r.zone, r.home, r.bay):
         array[j] = NIL
-    for array in (r.length, r.at, r.stay):
+    for array in (r.length, r.at, r.level, r.charge, r.planned):
         array[j] = 0
     for array in (r.heading, r.travel, r.action, r.goal, r.try_drop, r.blocked, r.hold):
         array[j] = 0
-    for array in (r.parked, r.need, r.reason, r.route_reason, r.did):
+    for array in (r.parked, r.need, r.reason, r.route_reason, r.did, r.yields, r.status):
         array[j] = 0
+    r.charging_reason[j] = 0
+    r.until[j] = 0
+    r.ticket[j] = 0
     r.busy[j] = 0
     r.priority[j] = 0
     r.withdrawing[j] = 0
@@ -139,7 +142,16 @@ def show(world, seen, j):
     a.slot[j] = b.slot[j]
     a.goal[j] = b.goal[j]
     a.stand[j] = b.stand[j]
-    a.stay[j] = b.stay[j]
+    a.level[j] = b.level[j]
+    a.yields[j] = b.yields[j]
+    a.charge[j] = b.charge[j]
+    a.status[j] = b.status[j]
+    a.until[j] = b.until[j]
+    a.ticket[j] = b.ticket[j]
+    a.planned[j] = b.planned[j]
+    for k in range(b.planned[j]):
+        a.plan[j, k] = b.plan[j, k]
+    a.charging_reason[j] = b.charging_reason[j]
     a.try_drop[j] = b.try_drop[j]
     a.length[j] = b.length[j]
     a.at[j] = b.at[j]

@@ -19,6 +19,7 @@ NUMBERS = ("state", "delivered", "legs")
 
 STATE = (
     Phrase("delivered to {place} in tick {delivered}", state=DELIVERED),
+    Phrase("lies at {place} as load {spare} for {target}", state=WAITING),
     Phrase("waits on {place} for {target}", state=WAITING),
     Phrase("on its way to {target}", state=CARRIED),
 )
@@ -46,12 +47,15 @@ def order_facts(world: World, plan: FloorPlan, order: int) -> Facts:
     facts: Facts = {name: int(getattr(orders, name)[order]) for name in NUMBERS}
     for name in ("place", "target", "source"):
         facts[name] = xy(int(getattr(orders, name)[order]))
+    place = int(orders.place[order])
+    facts["spare"] = place - world.slots.spare if place >= world.slots.spare else NIL
     return facts
 
 
 def default_facts(facts: Facts) -> Facts:
     """The values that a line leaves out: an order with a line was picked up once."""
-    return {"state": NIL, "delivered": NIL, "legs": 1, "place": None, "target": None}
+    numbers: Facts = {"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL}
+    return numbers | {"place": None, "target": None}
 
 
 def read_order(text: str) -> tuple[int, Facts]:

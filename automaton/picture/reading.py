@@ -14,12 +14,14 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.kernels.draws import mix
+from automaton.kernels.faults import open_slot
 from automaton.picture.orders import read_order
 from automaton.picture.phrases import Facts, Pair, Value
-from automaton.picture.robots import NEEDS, NUMBERS, name_of, read_robot
+from automaton.picture.robots import NEEDS, NUMBERS, RobotLine, name_of, read_robot
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
+from automaton.world.battery import GONE, RUNNING
 from automaton.world.floor import floor_for
 from automaton.world.plan import FloorPlan
 from automaton.world.starts import occupy_starts
@@ -31,23 +33,33 @@ from automaton.world.state import (
     FRESH_ALLOCATION,
     GOAL_PARK,
     NEED_ALLOCATION,
+    NEED_CHARGING,
     NEED_ROUTE,
     NEED_WAY,
+    NEEDING_CHARGING,
     NEEDING_ROUTE,
     NEEDING_WAY,
+    NEXT_FAULT,
+    NEXT_ORDER,
     NIL,
+    OUT,
     SEEN_CHANGES,
     TICK,
+    TICKETS,
     UNDELIVERED,
     UNPARKED,
+    UNRELEASED,
+    WAITING,
     World,
 )
 
 PLACE = "the picture"
-HEAD = re.compile(r"tick (\d+), seed (\d+), (\d+) order changes, (\d+|none) seen by allocation")
+HEAD = re.compile(
+    r"tick (\d+), seed (\d+), (\d+) order changes, (\d+|none) seen by allocation"
+    r"(?:, (\d+) tickets)?"
+)
 BEGINNING = "tick 0, seed 1, 0 order changes, none seen by allocation"
 LEGEND = re.compile(r"\S is kind .*")
-Route = tuple[list[int], int]
 
 
 class Said(NamedTuple):
@@ -57,7 +69,8 @@ class Said(NamedTuple):
     seed: int
     changes: int
     seen: int
-    robots: dict[int, tuple[Facts, Route]]  # by identity
+    tickets: int
+    robots: dict[int, RobotLine]  # by identity
     orders: dict[int, Facts]
 
 
@@ -72,8 +85,8 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     simulation = Simulation(resolved, said.seed)
     world, plan = simulation.world, resolved.plan
     check_names(said, world)
-    for identity, (facts, route) in said.robots.items():
-        set_robot(world, plan, int(world.robots.at_index[identity]), facts, route)
+    for identity, line in said.robots.items():
+        set_robot(world, plan, int(world.robots.at_index[identity]), line)
     for order, facts in said.orders.items():
         set_order(world, plan, order, facts)
     set_reservations(world)
@@ -89,7 +102,7 @@ def read_lines(lines: list[str]) -> Said:
     if head is None:
         raise InputError(f"it has to begin with a line such as: {BEGINNING}", PLACE, 1)
     seen = NIL if head[4] == "none" else int(head[4])
-    said = Said(int(head[1]), int(head[2]), int(head[3]), seen, {}, {})
+    said = Said(int(head[1]), int(head[2]), int(head[3]), seen, int(head[5] or 0), {}, {})
     body = [number for number, line in enumerate(lines) if not line][1:2]  # the map lies between
     for number in range(body[0] if body else len(lines), len(lines)):
         line = lines[number]
@@ -98,8 +111,8 @@ def read_lines(lines: list[str]) -> Said:
                 order, facts = read_order(line)
                 said.orders[order] = facts
             elif line and not LEGEND.fullmatch(line):
-                identity, facts, route = read_robot(line, said.tick)
-                said.robots[identity] = (facts, route)
+                robot = read_robot(line, said.tick)
+                said.robots[robot.identity] = robot
         except InputError as error:
             raise error.at(PLACE, number + 1) from None
     return said
@@ -114,14 +127,14 @@ def check_names(said: Said, world: World) -> None:
     surplus = [name_of(identity) for identity in said.robots if identity >= robots]
     if surplus:
         raise InputError(f"{PLACE} has a robot {surplus[0]}, but the scenario has only {robots}")
-    numbers = [*said.orders, *(_number(facts["order"]) for facts, _ in said.robots.values())]
+    numbers = [*said.orders, *(_number(facts["order"]) for _, facts, _, _ in said.robots.values())]
     if max(numbers, default=0) >= orders:
         raise InputError(f"{PLACE} has an order {max(numbers)}, but the scenario has only {orders}")
 
 
-def set_robot(world: World, plan: FloorPlan, i: int, facts: Facts, route: Route) -> None:
+def set_robot(world: World, plan: FloorPlan, i: int, line: RobotLine) -> None:
     """Put a robot at storage index i into the state that its line tells."""
-    robots = world.robots
+    robots, facts = world.robots, line.facts
     for name in NUMBERS:
         getattr(robots, name)[i] = facts[name]
     for name in ("cell", "claim", "stand"):
@@ -132,13 +145,24 @@ def set_robot(world: World, plan: FloorPlan, i: int, facts: Facts, route: Route)
         robots.stand[i] = robots.home[i]
     robots.slot[i] = _slot(world, plan, facts["slot"])
     robots.need[i] = sum(bit for name, bit in NEEDS.items() if facts[name])
-    steps, driven = route
+    set_plan(world, i, line.plan)
+    steps, driven = line.route
     if len(steps) > robots.route.shape[1]:
         raise InputError(f"{PLACE} has a route longer than {robots.route.shape[1]} steps")
     robots.route[i, : len(steps)] = steps
     robots.length[i] = len(steps)
     robots.at[i] = driven
     robots.route_sum[i] = route_sum(steps)
+
+
+def set_plan(world: World, i: int, orders: list[int]) -> None:
+    """Let a robot have these orders ahead of it."""
+    if len(orders) > world.robots.plan.shape[1]:
+        raise InputError(f"{PLACE} has a plan longer than {world.robots.plan.shape[1]} orders")
+    if max(orders, default=0) >= len(world.orders.state):
+        raise InputError(f"{PLACE} has a plan with an order {max(orders)}, which does not exist")
+    world.robots.plan[i, : len(orders)] = orders
+    world.robots.planned[i] = len(orders)
 
 
 def route_sum(steps: list[int]) -> int:
@@ -155,7 +179,14 @@ def set_order(world: World, plan: FloorPlan, order: int, facts: Facts) -> None:
     orders = world.orders
     for name in ("state", "delivered", "legs"):
         getattr(orders, name)[order] = facts[name]
-    orders.place[order] = _slot(world, plan, facts["place"])
+    spare = _number(facts["spare"])
+    if spare == NIL:
+        orders.place[order] = _slot(world, plan, facts["place"])
+        return
+    slot, cell = world.slots.spare + spare, _cell(plan, facts["place"])
+    if slot >= len(world.slots.cell) or not open_slot(world, slot, cell):
+        raise InputError(f"{PLACE} has a load {spare} on the floor, which no robot can have left")
+    orders.place[order] = slot
 
 
 def set_reservations(world: World) -> None:
@@ -203,6 +234,14 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     clock[SEEN_CHANGES] = said.seen
     clock[UNDELIVERED] = np.count_nonzero(world.orders.state != DELIVERED)
     clock[UNPARKED] = np.count_nonzero(robots.parked == 0)
+    orders = world.orders
+    known = orders.released <= said.tick
+    orders.state[known & (orders.state == UNRELEASED)] = WAITING
+    clock[NEXT_ORDER] = np.count_nonzero(known)
+    clock[NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
+    clock[TICKETS] = said.tickets
+    clock[OUT] = np.count_nonzero((robots.status != RUNNING) & (robots.status != GONE))
+    clock[NEEDING_CHARGING] = np.count_nonzero(robots.need & NEED_CHARGING)
     asking = robots.need & NEED_ALLOCATION != 0
     clock[FRESH_ALLOCATION] = np.count_nonzero(asking & (robots.asked_at == NIL))
     clock[NEEDING_ROUTE] = np.count_nonzero(robots.need & NEED_ROUTE)

@@ -9,6 +9,7 @@ said; the default of some values depends on others (a robot has come in the dire
 from __future__ import annotations
 
 import re
+from typing import NamedTuple
 
 from automaton.errors import InputError
 from automaton.picture.phrases import (
@@ -21,6 +22,7 @@ from automaton.picture.phrases import (
     write_facts,
     write_route,
 )
+from automaton.world.battery import FULL, STATUS_NAMES
 from automaton.world.cells import DIRECTIONS
 from automaton.world.plan import FloorPlan
 from automaton.world.state import (
@@ -34,7 +36,9 @@ from automaton.world.state import (
     GOAL_PICK,
     HOLD_ASK,
     HOLD_WAITED,
+    IDLE_NOW,
     NEED_ALLOCATION,
+    NEED_CHARGING,
     NEED_ROUTE,
     NEED_WAY,
     NIL,
@@ -43,20 +47,26 @@ from automaton.world.state import (
     PLAN,
     RELEASED,
     REPLAN,
+    TOOK,
     World,
 )
 
 # Fields that a line gives as they are, and of those the ones that are 0 unless it says otherwise.
 ZERO = (
-    *("action", "busy", "goal", "stay", "try_drop", "priority"),
-    *("withdrawing", "blocked", "hold"),
+    *("action", "busy", "goal", "level", "yields", "try_drop", "priority"),
+    *("withdrawing", "blocked", "hold", "status", "until", "ticket", "charging_reason"),
 )
 NUMBERS = (
     *ZERO,
     *("heading", "travel", "load", "order", "parked", "zone"),
-    *("reason", "route_reason", "asked_at", "step"),
+    *("reason", "route_reason", "asked_at", "step", "charge"),
 )
-NEEDS = {"need_work": NEED_ALLOCATION, "need_route": NEED_ROUTE, "need_way": NEED_WAY}
+NEEDS = {
+    "need_work": NEED_ALLOCATION,
+    "need_route": NEED_ROUTE,
+    "need_way": NEED_WAY,
+    "need_charging": NEED_CHARGING,
+}
 
 DOING = {  # of each action: while it lasts, and when it is over
     "idle": ("rests", "rested"),
@@ -71,6 +81,8 @@ DOING = {  # of each action: while it lasts, and when it is over
     "withdraw": ("decides to withdraw", "decided to withdraw"),
     "bay_blocked": ("is kept in its bay", "was kept in its bay"),
     "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
+    "in_line": ("stands in line", "stood in line"),
+    "out_of_order": ("is out of order", "went out of order"),
 }
 
 TASK = (
@@ -78,7 +90,7 @@ TASK = (
     Phrase("carries {load}", goal=GOAL_NONE),
     Phrase("fetches {order} from {place} via {stand}", goal=GOAL_PICK),
     Phrase("goes home", goal=GOAL_PARK),
-    Phrase("goes to {stand} to charge for {stay} tick(s)", goal=GOAL_CHARGE),
+    Phrase("goes to {stand} to charge up to {level}", goal=GOAL_CHARGE),
 )
 ACTION = tuple(
     Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
@@ -116,7 +128,16 @@ GROUPS = (
     (Phrase("parked", parked=1),),
     (Phrase("priority {priority}"),),
     (Phrase("zone {zone}"),),
-    (Phrase("charged for {stayed} tick(s)"),),
+    (Phrase("may have an order while it charges", yields=1),),
+    (Phrase("charge {charge}"),),
+    tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
+    (Phrase("until tick {until}"), Phrase("for good", until=NIL)),
+    (Phrase("has ticket {ticket}"),),
+    (Phrase("asks for charging", need_charging=1),),
+    (
+        Phrase("charging asked after an order", charging_reason=TOOK),
+        Phrase("charging asked when idle", charging_reason=IDLE_NOW),
+    ),
 )
 
 # Names of the headings, by how many there are: omni, rail, differential.
@@ -130,7 +151,7 @@ LINE = re.compile(
     r"(?P<name>[A-Z]|\d+) "
     r"(?P<place>\(-?\d+, -?\d+\)|in its bay|off the floor at \(\d+, \d+\))"
     r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
-    r"(?:; route (?P<route>\w+))?"
+    r"(?:; route (?P<route>\w+))?(?:; plan (?P<plan>[\d ]+))?"
 )
 
 
@@ -154,10 +175,12 @@ def robot_line(world: World, plan: FloorPlan, i: int) -> str:
     if heading:
         start += f"{',' if facts['cell'] is None else ''} {heading}"
     line = ", ".join([start, *said])
-    length = int(robots.length[i])
-    if not length:
-        return line
-    return f"{line}; route {write_route(robots.route[i, :length].tolist(), int(robots.at[i]))}"
+    length, planned = int(robots.length[i]), int(robots.planned[i])
+    if length:
+        line += f"; route {write_route(robots.route[i, :length].tolist(), int(robots.at[i]))}"
+    if planned:
+        line += f"; plan {' '.join(str(order) for order in robots.plan[i, :planned])}"
+    return line
 
 
 def _place(facts: Facts) -> str:
@@ -185,18 +208,16 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
     facts["place"] = None if place == NIL else xy(int(world.slots.cell[place]))
     for name, bit in NEEDS.items():
         facts[name] = int(int(robots.need[i]) & bit != 0)
-    charging = facts["goal"] == GOAL_CHARGE  # the ticks of the last stay are kept after it
-    facts["stayed"] = 0 if charging else facts["stay"]
-    facts["stay"] = facts["stay"] if charging else 0
     return facts
 
 
 def default_facts(facts: Facts, tick: int) -> Facts:
     """The values that a line leaves out, given what else it says."""
-    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "stayed"], 0)
+    default: Facts = dict.fromkeys([*ZERO, *NEEDS], 0)
     default.update(dict.fromkeys(("load", "order", "zone", "asked_at"), NIL))
     default.update(dict.fromkeys(("claim", "stand", "slot", "place", "left")))
     default["step"] = NO_STEP
+    default["charge"] = FULL
     default["cell"] = None
     default["heading"] = default["travel"] = facts.get("heading", 0)
     default["parked"] = int(facts["cell"] is None)
@@ -205,8 +226,17 @@ def default_facts(facts: Facts, tick: int) -> Facts:
     return default
 
 
-def read_robot(text: str, tick: int) -> tuple[int, Facts, tuple[list[int], int]]:
-    """Identity, values and route that a robot's line gives. Raises InputError."""
+class RobotLine(NamedTuple):
+    """What a robot's line says."""
+
+    identity: int
+    facts: Facts
+    route: tuple[list[int], int]  # steps, and how many are driven
+    plan: list[int]
+
+
+def read_robot(text: str, tick: int) -> RobotLine:
+    """What a robot's line gives. Raises InputError."""
     match = LINE.fullmatch(text)
     if match is None:
         raise InputError(f"'{text}' is no line about a robot, such as A (2, 3) vertical, moved")
@@ -218,8 +248,8 @@ def read_robot(text: str, tick: int) -> tuple[int, Facts, tuple[list[int], int]]
         facts["heading"] = _heading(match["heading"])
     facts["order"] = facts.get("load", facts.get("order", NIL))
     facts = default_facts(facts, tick) | facts
-    facts["stay"] = facts["stay"] or facts["stayed"]
-    return identity_of(match["name"]), facts, read_route(match["route"] or "")
+    plan = [int(order) for order in (match["plan"] or "").split()]
+    return RobotLine(identity_of(match["name"]), facts, read_route(match["route"] or ""), plan)
 
 
 def _heading(words: str) -> int:

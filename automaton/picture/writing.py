@@ -24,7 +24,7 @@ from automaton.picture.floor import Drawing, floor_drawing, legend_entry
 from automaton.picture.orders import order_line
 from automaton.picture.robots import name_of, robot_line
 from automaton.world.plan import FloorPlan
-from automaton.world.state import CHANGES, NIL, SEEN_CHANGES, TICK, World
+from automaton.world.state import CHANGES, NIL, SEEN_CHANGES, TICK, TICKETS, World
 
 if TYPE_CHECKING:
     from automaton.simulation import Simulation
@@ -57,7 +57,8 @@ def head_line(world: World) -> str:
     clock = world.clock
     seen = "none" if clock[SEEN_CHANGES] == NIL else str(clock[SEEN_CHANGES])
     seed, changes = int(world.rules.seed), clock[CHANGES]
-    return f"tick {clock[TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
+    text = f"tick {clock[TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
+    return text + (f", {clock[TICKETS]} tickets" if clock[TICKETS] else "")
 
 
 def map_rows(world: World, plan: FloorPlan) -> list[str]:

@@ -50,10 +50,13 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
             **{name: getattr(plan, name) for name in FLOOR_ARRAYS},
         },
         "robots": {
-            name: getattr(robots, name).copy() for name in ("home", "bay", "cell", "heading")
+            name: getattr(robots, name).copy()
+            for name in ("home", "bay", "cell", "heading", "charge")
         },
-        "orders": {name: getattr(world.orders, name).copy() for name in ("source", "target")},
-        "slots": {"cell": world.slots.cell},
+        "orders": {
+            name: getattr(world.orders, name).copy() for name in ("source", "target", "released")
+        },
+        "slots": {"cell": world.slots.cell.copy(), "spare": world.slots.spare},
     }
 
 

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from automaton.recording.codes import (
     ACTION_MASK,
-    DID_CHARGE,
     DID_DROP,
     DID_PICK,
     DID_TRY_DROP,
@@ -19,21 +18,25 @@ from automaton.recording.codes import (
     DROPPED_AT_ONCE,
     DURATION,
     INTO_BAY,
+    LEFT_LOAD,
     MOVE_NORTH,
     ORDER_BY,
     PICKED_AT_ONCE,
     PICKED_UP,
     SET_AT,
     SLOT_BY,
+    STATUS,
     ZONE,
 )
 from automaton.recording.motion_rules import Acts, Complaint, Motion
 from automaton.recording.pace_rules import NONE
-from automaton.world.cells import KINDS, RACK
+from automaton.world.cells import KINDS, RACK, STATION
 
 WAITING: Final = 0  # states of an order
 CARRIED: Final = 1
 DELIVERED: Final = 2
+UNRELEASED: Final = 3
+GONE: Final = 6  # the last status of a robot
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 
@@ -62,13 +65,20 @@ class Loads:
         self.motion = motion
         self.complain = complain
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        kinds = [KINDS[motion.kind[cell]] for cell in self.slot_cell]
-        self.rack = [kind.code == RACK for kind in kinds]
-        self.dock = [kind.supplies for kind in kinds]
-        self.endless = [kind.swallows or kind.supplies for kind in kinds]
+        self.spare: int = header["slots"]["spare"]  # the first slot for loads that robots left
+        spares = len(self.slot_cell) - self.spare
+        kinds = [KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
+        none = [False] * spares
+        self.rack = [kind.code == RACK for kind in kinds] + none
+        self.dock = [kind.supplies and not kind.swallows for kind in kinds] + none
+        self.station = [kind.code == STATION for kind in kinds] + none
+        self.endless = [kind.swallows or kind.supplies for kind in kinds] + [True] * spares
         self.target: list[int] = header["orders"]["target"].tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
-        self.state = [WAITING] * len(self.place)
+        released = header["orders"]["released"].tolist()
+        self.state = [UNRELEASED if tick else WAITING for tick in released]
+        coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
+        self._coming = [(released[order], order) for order in coming if released[order]]
         self.by = [NONE] * len(self.place)
         self.content = [NONE] * len(self.slot_cell)
         self.reserved = [NONE] * len(self.slot_cell)
@@ -77,13 +87,29 @@ class Loads:
         self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
         for order, slot in enumerate(self.place):
-            if self.dock[slot]:
+            if self.dock[slot] or self.station[slot]:
                 continue
             if not kinds[slot].slot or self.endless[slot]:
                 complain(0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf")
             if self.content[slot] != NONE:
                 complain(0, "load", [], self.slot_cell[slot], "two loads start on one shelf")
             self.content[slot] = order
+
+    def release(self, tick: int) -> None:
+        """Orders become known."""
+        while self._coming and self._coming[-1][0] <= tick:
+            self.state[self._coming.pop()[1]] = WAITING
+
+    def leave(self, tick: int, r: int, slot: int) -> None:
+        """A robot that goes out of order leaves its load in a spare slot in its cell."""
+        order, cell = self.load[r], self.motion.cell[r]
+        if order == NONE or slot < self.spare or self.slot_cell[slot] != NONE:
+            self.complain(
+                tick, "load", [r], cell, "leaves no load, or in a slot that is no spare one"
+            )
+            return
+        self.load[r], self.place[order], self.state[order] = NONE, slot, WAITING
+        self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
 
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
         """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
@@ -150,6 +176,8 @@ class Loads:
             DURATION: (robots, 1 << 31),
             PICKED_UP: (robots, orders),
             SET_AT: (robots, slots),
+            LEFT_LOAD: (robots, slots),
+            STATUS: (robots, GONE + 1),
             ZONE: (robots, 1 << 31),
         }
         subjects, values = limits.get(code, (0, 0))
@@ -157,7 +185,7 @@ class Loads:
         return 0 <= subject < subjects and least <= value < values
 
     def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
-        if ticks < 1 or not (code in (DID_WAIT, DID_CHARGE) or 1 <= code <= MOVE_NORTH):
+        if ticks < 1 or not (code == DID_WAIT or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
             self.complain(tick, "duration", [r], self.motion.cell[r], text)
 
@@ -168,15 +196,15 @@ class Loads:
             cell = self.motion.cell[r]
             if code in (DID_PICK, DID_DROP) and r not in handled:
                 self.complain(tick, "load", [r], cell, "handles a load that is not named")
-            elif code in (DID_WAIT, DID_CHARGE) and r not in lengths:
-                self.complain(tick, "duration", [r], cell, "waits or charges without a duration")
+            elif code == DID_WAIT and r not in lengths:
+                self.complain(tick, "duration", [r], cell, "waits without a duration")
             elif code == DID_TRY_DROP and self.load[r] == NONE:
                 self.complain(tick, "load", [r], cell, "tries to set down without a load")
 
     def _reserve_order(self, tick: int, order: int, r: int) -> None:
         had = self.by[order]
         if r == NONE:
-            if had == NONE or self.state[order] == CARRIED:
+            if had == NONE or self.state[order] in (CARRIED, UNRELEASED):
                 text = f"order {order} is given back, but is carried or was nobody's"
                 self.complain(tick, "order", [had] if had != NONE else [], NONE, text)
             if had != NONE and self.order[had] == order:
@@ -210,7 +238,11 @@ class Loads:
 
     def _beside(self, tick: int, r: int, slot: int) -> None:
         offset = self.slot_cell[slot] - self.motion.cell[r]
-        if self.motion.cell[r] == NONE or offset not in self.motion.step:
+        if self.station[slot]:
+            if offset:
+                text = "handles a load of a station that it is not on"
+                self.complain(tick, "load", [r], self.slot_cell[slot], text)
+        elif self.motion.cell[r] == NONE or offset not in self.motion.step:
             self.complain(tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it")
         elif self.rack[slot] and abs(offset) == 1:
             self.complain(tick, "load", [r], self.slot_cell[slot], "handles a rack from its side")
@@ -230,7 +262,13 @@ class Loads:
         else:
             self._beside(tick, r, slot)
             self.content[slot] = NONE
+        if slot != NONE and slot == self.target[order]:
+            self.state[order] = DELIVERED  # it had only to be visited
+            self.undelivered -= 1
+            return
         self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
+        if slot >= self.spare:
+            self.slot_cell[slot], self.endless[slot] = NONE, True
 
     def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
         order, cell = self.load[r], self.slot_cell[slot]

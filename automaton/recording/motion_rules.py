@@ -14,7 +14,6 @@ from typing import Any, Final
 from automaton.recording.codes import (
     ACTION_MASK,
     DID_BAY_BLOCKED,
-    DID_CHARGE,
     DID_DROP,
     DID_ILLEGAL,
     DID_PICK,
@@ -277,6 +276,12 @@ class Motion:
             self.cell[r] = NONE
             self.heading[r] = self.entry_heading(cell)
 
+    def tow(self, r: int) -> None:
+        """Robot r is off the floor, at home."""
+        if self.cell[r] != NONE:
+            self._give(r, self.cell[r], self.travel[r])
+        self.cell[r], self.parked[r] = NONE, True
+
     def busy(self, tick: int) -> list[int]:
         """Ticks that each robot still needs after this one."""
         return [max(0, free - tick - 1) for free in self.free]
@@ -290,5 +295,5 @@ def _durations(given: dict[str, int]) -> list[int]:
     # One that takes no time costs a tick where no move precedes it.
     ticks[DID_PICK], ticks[DID_DROP] = max(1, given["pick"]), max(1, given["drop"])
     ticks[DID_TRY_DROP] = given["try_drop"]
-    ticks[DID_WAIT] = ticks[DID_CHARGE] = 1  # the recording says how long
+    ticks[DID_WAIT] = 1  # the recording says how long
     return ticks

@@ -46,11 +46,11 @@ KEYFRAME_TICKS = 2048
 KEYFRAME_ARRAYS = {
     "robots": (
         *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
-        *("slot", "goal", "stand", "stay", "try_drop", "withdrawing", "blocked", "hold", "parked"),
-        *("zone", "need", "reason"),
+        *("slot", "goal", "stand", "level", "try_drop", "withdrawing", "blocked", "hold", "parked"),
+        *("zone", "need", "reason", "charge", "status"),
     ),
     "orders": ("state", "place", "by", "released", "delivered", "legs"),
-    "slots": ("content", "by"),
+    "slots": ("content", "by", "cell"),
 }
 
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests

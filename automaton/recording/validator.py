@@ -20,8 +20,13 @@ from automaton.recording.codes import (
     DROPPED_AT_ONCE,
     INTO_BAY,
     LEFT_BAY,
+    LEFT_LOAD,
+    ORDER_BY,
     PICKED_AT_ONCE,
+    SLOT_BY,
+    STATUS,
 )
+from automaton.recording.energy_rules import Energy, parted_faults
 from automaton.recording.frames import (
     CONDITIONS,
     END,
@@ -49,7 +54,8 @@ RULES: Final = {
     "slot": "a shelf is reserved by one robot at a time, while empty",
     "pace": "a move takes its duration times the robots in its slow zone, and what chance adds",
     "arrival": "loads are handled on arrival only where that takes no time of its own",
-    "duration": "waits and charging say how long they take",
+    "duration": "waits say how long they take",
+    "energy": "batteries pay for what begins; robots out of order stand still until they are towed",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
@@ -57,6 +63,7 @@ ACTS: Final = (  # by code of recorded action
     *("pick", "drop", "try_drop", "wait", "blocked", "withdraw", "bay_blocked", "illegal"),
     "charge",
 )
+FAILING: Final = 1  # a recorded status
 MOST_VIOLATIONS: Final = 100
 
 
@@ -141,6 +148,7 @@ class Validator:
         """The state at tick 0, checked."""
         self.motion = Motion(self.header, self._complain)
         self.loads = Loads(self.header, self.motion, self._complain)
+        self.energy = Energy(self.header, self.motion, self._complain)
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""
@@ -166,14 +174,33 @@ class Validator:
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         leaves = any(did & LEFT_BAY for _, did in acts)
+        back, rows, failed = parted_faults(rows)
+        self._change_status(tick, back)
+        self.loads.release(tick)
         self.motion.look(acts)
         placed = self.motion.open_bays(tick, acts) if leaves else set()
+        self.energy.spend(tick, acts, rows, self.loads.load)
         before, after = parted(rows, acts)
         lengths = self.loads.apply(tick, before, acts)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
+        self._change_status(tick, failed)
         self.loads.check_parked(tick, acts)
         self.report.ticks = tick
+
+    def _change_status(self, tick: int, rows: list[list[int]]) -> None:
+        """Robots go out of order, with what follows for their loads and orders, or come back."""
+        for row in rows:
+            _, code, subject, value = row
+            if code == STATUS and 0 <= subject < len(self.motion.home):
+                self.energy.become(tick, subject, value)
+            elif code == LEFT_LOAD and 0 <= subject < len(self.motion.home):
+                self.loads.leave(tick, subject, value)
+            elif code in (ORDER_BY, SLOT_BY) and value == NONE:
+                self.loads.apply(tick, [row], [])
+            else:
+                text = f"a change among faults: {code} {subject} {value}"
+                self._complain(tick, "record", [], NONE, text)
 
     def keyframe(self, content: dict[str, Any]) -> None:
         """Compare a recorded state with the replayed one."""
@@ -198,13 +225,21 @@ class Validator:
                 "load": loads.load,
                 "order": loads.order,
                 "parked": [int(parked) for parked in motion.parked],
+                "charge": self.energy.charge,
+                "status": self._statuses(content),
             },
             "orders": {"state": loads.state, "place": loads.place, "by": loads.by},
-            "slots": {"content": loads.content, "by": loads.reserved},
+            "slots": {"content": loads.content, "by": loads.reserved, "cell": loads.slot_cell},
         }
         for part, arrays in expected.items():
             for name, values in arrays.items():
                 self._compare(f"{part}.{name}", values, content[part][name].tolist())
+
+    def _statuses(self, content: dict[str, Any]) -> list[int]:
+        """Statuses as replayed; what fails in a moment is in order as far as actions tell."""
+        recorded = content["robots"]["status"].tolist()
+        pairs = zip(self.energy.status, recorded, strict=True)
+        return [theirs if mine == 0 and theirs == FAILING else mine for mine, theirs in pairs]
 
     def _compare(self, name: str, replayed: list[int], recorded: list[int]) -> None:
         if replayed == recorded:
@@ -222,6 +257,7 @@ class Validator:
             self._complain(self.report.ticks, "record", [], NONE, text)
         self.header = {**self.header, "scenario": content["scenario"]}
         self.motion.follow(content["scenario"])
+        self.energy.follow(content["scenario"])
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""

@@ -11,7 +11,7 @@ from automaton.errors import alternatives
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.floors import Floor
 from automaton.scenario.schema import OrderLine, Scenario
-from automaton.world.cells import DESTINATION, DOCK, KINDS, RACK, SHELF, UNLIMITED
+from automaton.world.cells import CHARGER, DESTINATION, DOCK, KINDS, RACK, SHELF, STATION, UNLIMITED
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import (
     around_home,
@@ -24,10 +24,16 @@ from automaton.world.state import NIL
 
 Start = Literal["bays", "random", "stands"] | tuple[int, ...]
 
+NEEDED = {  # kinds of cells without which a generator has nothing to draw
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION,),
+    "visits": (STATION,),
+}
+NO_STRATEGY = "none"
 ROBOTS: Keys = ("fleet", "robots")
 START: Keys = ("fleet", "start")
-SOURCES = (SHELF, DOCK)  # kinds of slots where an order may begin, and end
-TARGETS = (SHELF, DESTINATION, RACK)
+SOURCES = (SHELF, DOCK, STATION)  # kinds of slots where an order may begin, and end
+TARGETS = (SHELF, DESTINATION, RACK, STATION)
 
 
 def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
@@ -106,18 +112,22 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     """Orders lead from slots that supply loads to slots that take them. Raises InputError."""
     generator = scenario.orders.generator
     if scenario.orders.listed is None:
-        for kind in (DOCK, RACK) if generator == "dock-to-rack" else (SHELF, DESTINATION):
+        for kind in NEEDED.get(generator or "", (SHELF, DESTINATION)):
             if not np.any(floor.plan.kind == kind):
                 name = KINDS[kind].name
                 raise document.error(
                     ("layout",), f"the orders {generator} need a {name}, the floor has none"
                 )
+        if generator == "stations" and np.count_nonzero(floor.plan.kind == STATION) < 2:
+            raise document.error(
+                ("layout",), "the orders stations lead from a station to another, there is only one"
+            )
         return
     taken: dict[tuple[int, int], int] = {}
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
         _check_order(document, order, keys, floor.plan)
-        if floor.plan.kind.flat[floor.plan.cell(*order.source)] == DOCK:
+        if KINDS[floor.plan.kind.flat[floor.plan.cell(*order.source)]].supplies:
             continue
         if order.source in taken:
             x, y = order.source
@@ -143,7 +153,8 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, plan: FloorPl
             raise document.error(
                 (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
             )
-    if order.source == order.target:
+    visit = KINDS[plan.kind.flat[plan.cell(*order.source)]].code == STATION
+    if order.source == order.target and not visit:
         raise document.error((*keys, "to"), "an order ends where it begins")
 
 
@@ -179,11 +190,13 @@ def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start
     access = slot_access(plan)
     served = ((access != NIL) & within[access]).any(axis=1)
     why = "a robot must get in front of it from its start, and back"
-    if orders.generator == "dock-to-rack":
-        kinds = plan.kind.reshape(-1)[plan.slots()]
-        for kind in (DOCK, RACK):
-            if not served[kinds == kind].any():
-                raise document.error(("layout",), f"no {KINDS[kind].name} can be served: {why}")
+    kinds = plan.kind.reshape(-1)[plan.slots()]
+    for kind in NEEDED.get(orders.generator or "", ()):
+        few = 2 if orders.generator == "stations" else 1
+        if np.count_nonzero(served[kinds == kind]) < few:
+            name = KINDS[kind].name
+            found = f"no {name}" if few == 1 else f"fewer than two {name}s"
+            raise document.error(("layout",), f"{found} can be served: {why}")
     slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())} if orders.listed else {}
     for index, order in enumerate(orders.listed or ()):
         for name, (x, y) in (("from", order.source), ("to", order.target)):
@@ -194,6 +207,33 @@ def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {why}",
                 )
+
+
+def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> None:
+    """Batteries fit the fleet, and there is a charger if something charges. Raises InputError."""
+    battery, robots = scenario.battery, scenario.fleet.robots
+    charging = scenario.strategy.charging
+    named = charging if isinstance(charging, str) else charging.get("name")
+    if battery is None and named != NO_STRATEGY:
+        raise document.error(
+            ("strategy", "charging"),
+            f"strategy.charging is {named}, but the scenario has no battery",
+        )
+    if named != NO_STRATEGY and not np.any(plan.kind == CHARGER):
+        raise document.error(
+            ("layout",), f"strategy.charging is {named}, but the floor has no charger"
+        )
+    if battery is not None and isinstance(battery.start, tuple) and len(battery.start) != robots:
+        raise document.error(
+            ("battery", "start"),
+            f"{_robots(robots)} but battery.start lists {_count(len(battery.start), 'charge')}",
+        )
+    for index, fault in enumerate(scenario.faults.listed):
+        if fault.robot >= robots:
+            raise document.error(
+                ("faults", "list", index, "robot"),
+                f"there is no robot {fault.robot}: {_robots(robots)}, counted from 0",
+            )
 
 
 def _homes(plan: FloorPlan, start: Start, robots: int) -> tuple[int, ...]:
@@ -211,11 +251,13 @@ def _homes(plan: FloorPlan, start: Start, robots: int) -> tuple[int, ...]:
 def _unserved(plan: FloorPlan, home: int, rail: bool) -> tuple[int | None, int | None]:
     """The first slot that nothing drives beside, and the first that is out of reach.
 
-    Racks and docks may be: orders are given to the others alone.
+    Racks, docks and stations may be: orders are given to the others alone.
     """
     kind = plan.kind.reshape(-1)
     lonely, remote = slots_without_access(plan), slots_out_of_reach(plan, home, rail)
-    lonely, remote = (slots[~np.isin(kind[slots], (RACK, DOCK))] for slots in (lonely, remote))
+    lonely, remote = (
+        slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
+    )
     return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
 
 

@@ -12,7 +12,13 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.scenario.document import Document, Keys, Override
-from automaton.scenario.feasibility import check_floor, check_orders, check_service, start_of
+from automaton.scenario.feasibility import (
+    check_energy,
+    check_floor,
+    check_orders,
+    check_service,
+    start_of,
+)
 from automaton.scenario.floors import floor_of
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import read
@@ -59,6 +65,7 @@ def resolve(
     check_orders(document, checked, floor)
     check_floor(checked, floor, start)
     check_service(document, checked, floor.plan, start)
+    check_energy(document, checked, floor.plan)
     return Resolved(
         scenario=checked,
         plan=floor.plan,

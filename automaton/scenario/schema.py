@@ -19,9 +19,21 @@ Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
 KindName = Literal[
-    "wall", "floor", "track", "turntable", "shelf", "destination", "charger", "bay", "rack", "dock"
+    "wall",
+    "floor",
+    "track",
+    "turntable",
+    "shelf",
+    "destination",
+    "charger",
+    "bay",
+    "rack",
+    "dock",
+    "station",
 ]
 Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
+
+DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
 
@@ -89,30 +101,43 @@ class Durations(Part, frozen=True, kw_only=True):
 class OrderLine(Part, frozen=True, kw_only=True):
     """One order: bring a load from one slot to another."""
 
-    source: Annotated[Pair, Meta(description="The shelf or dock with the load.")] = msgspec.field(
+    source: Annotated[Pair, Meta(description="The slot with the load.")] = msgspec.field(
         name="from"
     )
-    target: Annotated[Pair, Meta(description="The shelf, destination or rack to bring it to.")] = (
+    target: Annotated[Pair, Meta(description="Where to bring it; a station itself: a visit.")] = (
         msgspec.field(name="to")
     )
+    at: Annotated[
+        int, Meta(ge=0, le=2_000_000_000, description="The tick from which it is known.")
+    ] = 0
 
 
 class Orders(Part, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders or a list of them."""
 
     generator: Annotated[
-        Literal["full-shelves", "drawn-loads", "dock-to-rack"] | None,
+        Literal["full-shelves", "drawn-loads", "dock-to-rack", "stations", "visits"] | None,
         Meta(
             description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
             "shelves drawn as $ do. Each is brought to a destination drawn at random. "
             "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
-            "random."
+            "random. stations: each load goes from a station to another one, both drawn at "
+            "random. visits: stations drawn at random, where a robot has to come."
         ),
     ] = None
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="dock-to-rack: how many orders there are."),
+        Meta(description="How many orders there are, for generators that draw them."),
     ] = None
+    interval: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=1_000_000,
+            description="Mean ticks between two orders: from the second tick on, one comes in a "
+            "tick with probability 1/interval. 0: all are known from the start.",
+        ),
+    ] = 0
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         msgspec.field(name="list", default=None)
     )
@@ -122,10 +147,13 @@ class Orders(Part, frozen=True, kw_only=True):
             raise ValueError("orders must have either a generator or a list")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
-        if self.generator == "dock-to-rack" and self.count is None:
-            raise ValueError("the generator dock-to-rack needs a count of orders")
-        if self.generator != "dock-to-rack" and self.count is not None:
-            raise ValueError("count belongs to the generator dock-to-rack")
+        if self.generator in DRAWN and self.count is None:
+            raise ValueError(f"the generator {self.generator} needs a count of orders")
+        if self.generator not in DRAWN and (self.count is not None or self.interval):
+            what = "interval" if self.count is None else "count"
+            raise ValueError(f"{what} belongs to the generators {', '.join(DRAWN)}")
+        if 0 < self.interval < 1:
+            raise ValueError("interval must be 0 or at least 1: one order comes in a tick at most")
 
 
 class Strategies(Part, frozen=True, kw_only=True):
@@ -162,6 +190,91 @@ class WorldRules(Part, frozen=True, kw_only=True):
     extra_tick: Annotated[
         float, Meta(ge=0, le=1, description="Probability that a move takes one tick more.")
     ] = 0.0
+
+
+Percent = Annotated[float, Meta(ge=0, le=100)]
+Rate = Annotated[float, Meta(ge=0, le=100, description="Percent of a full battery in a tick.")]
+GivingRate = Annotated[float, Meta(ge=0.0001, le=100, description="Percent of it in a tick.")]
+
+
+class Drain(Part, frozen=True, kw_only=True):
+    """What a tick of each operation takes from the battery, percent of a full one."""
+
+    move: Rate
+    turn: Rate = 0.0
+    pick: Rate = 0.0
+    drop: Rate = 0.0
+    try_drop: Rate = 0.0
+    wait: Annotated[
+        float, Meta(ge=0, le=100, description="Standing on the floor, whatever the reason.")
+    ] = 0.0
+    loaded: Annotated[
+        float, Meta(ge=0, le=10, description="How many times as much it takes with a load.")
+    ] = 1.0
+
+
+class ChargeRange(Part, frozen=True, kw_only=True):
+    """Charges drawn for each robot."""
+
+    least: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="from")
+    most: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least:g}) must not be above to ({self.most:g})")
+
+
+class Battery(Part, frozen=True, kw_only=True):
+    """The batteries of the robots; the same for all."""
+
+    drain: Drain
+    charge: Annotated[
+        GivingRate | tuple[tuple[Percent, GivingRate], ...],
+        Meta(
+            description="What a tick at a charger gives, in percent; or a curve: [from, rate] "
+            "pairs, the first from 0."
+        ),
+    ]
+    start: Annotated[
+        Percent | tuple[Percent, ...] | ChargeRange,
+        Meta(description="Percent at the start: for all, one by one, or drawn {from, to}."),
+    ] = 100.0
+    reserve: Annotated[
+        Percent, Meta(description="Percent that plans of charging strategies never go below.")
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.charge, tuple):
+            since = [step[0] for step in self.charge]
+            if not since or since[0] != 0 or since != sorted(set(since)):
+                raise ValueError("charge must rise from 0, such as [[0, 1], [80, 0.5]]")
+
+
+class Fault(Part, frozen=True, kw_only=True):
+    """One robot breaks down."""
+
+    robot: Annotated[int, Meta(ge=0, le=999_999)]
+    at: Annotated[int, Meta(ge=1, le=2_000_000_000, description="In this tick.")]
+
+
+class Faults(Part, frozen=True, kw_only=True):
+    """Robots that go out of order, and what becomes of them."""
+
+    listed: Annotated[tuple[Fault, ...], Meta(description="Breakdowns, one by one.")] = (
+        msgspec.field(name="list", default=())
+    )
+    rate: Annotated[
+        float,
+        Meta(ge=0, le=1, description="Probability that a robot on the floor fails in a tick."),
+    ] = 0.0
+    tow_after: Annotated[
+        Ticks | None,
+        Meta(description="A robot out of order is towed after so many ticks; null: it stays."),
+    ] = 300
+    repair: Annotated[
+        Ticks | None,
+        Meta(description="It is back, fully charged, after so many ticks more; null: never."),
+    ] = 600
 
 
 class Radius(Part, frozen=True, kw_only=True):
@@ -210,6 +323,10 @@ class Scenario(Part, frozen=True, kw_only=True):
     orders: Orders = Orders(generator="full-shelves")
     strategy: Strategies = Strategies()
     world: WorldRules = WorldRules()
+    battery: Annotated[
+        Battery | None, Meta(description="Robots run on batteries; left out: no energy is counted.")
+    ] = None
+    faults: Faults = Faults()
     information: Annotated[
         Literal["everything", "orders"] | Radius,
         Meta(description="What strategies see: everything, the order list only, or a radius."),

@@ -8,7 +8,10 @@ import numpy as np
 
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import MOST_EVENTS
+from automaton.kernels.operations import MOST_CHANGES
 from automaton.scenario.resolve import Resolved
+from automaton.world.battery import first_charges
+from automaton.world.cells import CHARGER
 from automaton.world.demand import build_orders
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.rules import rules_for
@@ -20,6 +23,7 @@ from automaton.world.state import (
     FREE,
     FRESH_ALLOCATION,
     NEED_ALLOCATION,
+    NEXT_ORDER,
     NIL,
     NO_STEP,
     SEEN_CHANGES,
@@ -29,6 +33,7 @@ from automaton.world.state import (
     Answers,
     Array,
     Asked,
+    Chargers,
     ChargingAnswers,
     Memory,
     Record,
@@ -49,6 +54,8 @@ from automaton.world.waiting import (
     Scratch,
 )
 
+LONGEST_PLAN = 64  # orders of a robot
+PLANNED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
@@ -61,7 +68,10 @@ class Buffers(NamedTuple):
 
 
 def build_world(
-    resolved: Resolved, seed: int, storage: Array | None = None, longest_route: int | None = None
+    resolved: Resolved,
+    seed: int,
+    storage: Array | None = None,
+    longest_route: int | None = None,
 ) -> tuple[World, Floor]:
     """The world at tick 0.
 
@@ -76,10 +86,11 @@ def build_world(
     orders, slots = build_orders(resolved, floor, seed, int(home[0]))
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
-    robots = build_robots(resolved, floor, occupancy, seed, storage, steps)
+    robots = build_robots(resolved, floor, occupancy, seed, storage, steps, len(orders.state))
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
     clock[UNDELIVERED] = len(orders.state)
+    clock[NEXT_ORDER] = int(np.count_nonzero(orders.released == 0))
     clock[UNPARKED] = n - int(robots.parked.sum())
     clock[FRESH_ALLOCATION] = n
     clock[SEEN_CHANGES] = NIL
@@ -88,6 +99,9 @@ def build_world(
         times=np.zeros((n, ACTIONS, 2), np.int64),
         ticks=np.zeros((n, ACTIONS, 2), np.int64),
         slowed=np.zeros(n, np.int64),
+        spent=np.zeros(n, np.int64),
+        charged=np.zeros(n, np.int64),
+        out=np.zeros((n, 3), np.int64),
         illegal=np.zeros(5, np.int64),
         asked=np.zeros(5, np.int64),
     )
@@ -98,11 +112,24 @@ def build_world(
         robots=robots,
         orders=orders,
         slots=slots,
+        chargers=build_chargers(floor.grid.kind),
         traffic=traffic,
         tally=tally,
         clock=clock,
     )
     return world, floor
+
+
+def build_chargers(kind: Array) -> Chargers:
+    cells = np.flatnonzero(kind == CHARGER)
+    at = np.full(len(kind), NIL, np.int32)
+    at[cells] = np.arange(len(cells), dtype=np.int32)
+    return Chargers(
+        cell=cells.astype(np.int32),
+        at=at,
+        serving=np.zeros(len(cells), np.int32),
+        first=np.zeros(len(cells), np.int64),
+    )
 
 
 def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
@@ -130,6 +157,7 @@ def build_robots(
     seed: int,
     storage: Array | None,
     longest_route: int,
+    orders: int,
 ) -> Robots:
     """Robots in their bays or on their start cells; occupancy is updated for the latter."""
     n = resolved.scenario.fleet.robots
@@ -158,7 +186,8 @@ def build_robots(
         slot=nil.copy(),
         goal=zero8.copy(),
         stand=nil.copy(),
-        stay=np.zeros(n, np.int32),
+        level=np.zeros(n, np.int32),
+        yields=zero8.copy(),
         try_drop=zero8.copy(),
         route=np.zeros((n, longest_route), np.uint8),
         length=np.zeros(n, np.int32),
@@ -171,6 +200,13 @@ def build_robots(
         bay=bay,
         parked=np.ones(n, np.uint8),
         zone=nil.copy(),
+        charge=first_charges(resolved.scenario, seed)[identity],
+        status=zero8.copy(),
+        until=np.zeros(n, np.int64),
+        ticket=np.zeros(n, np.int64),
+        plan=np.zeros((n, longest_plan(n, orders)), np.int32),
+        planned=np.zeros(n, np.int32),
+        charging_reason=zero8.copy(),
         need=np.full(n, NEED_ALLOCATION, np.uint8),
         reason=np.full(n, FREE, np.uint8),
         route_reason=zero8.copy(),
@@ -178,6 +214,11 @@ def build_robots(
         step=np.full(n, NO_STEP, np.uint8),
         did=zero8.copy(),
     )
+
+
+def longest_plan(robots: int, orders: int) -> int:
+    """How many orders a robot may have ahead of it."""
+    return max(1, min(orders, LONGEST_PLAN, PLANNED_ORDERS // robots))
 
 
 def build_buffers(world: World) -> Buffers:
@@ -189,7 +230,7 @@ def build_buffers(world: World) -> Buffers:
 
     answers = Answers(
         zoning=ZoningAnswers(zone=numbers()),
-        charging=ChargingAnswers(stand=numbers(), ticks=numbers()),
+        charging=ChargingAnswers(stand=numbers(), level=numbers(), yields=numbers()),
         allocation=AllocationAnswers(
             verb=numbers(),
             order=numbers(),
@@ -197,6 +238,8 @@ def build_buffers(world: World) -> Buffers:
             stand=numbers(),
             try_drop=numbers(),
             ask_again=np.zeros(n, np.uint8),
+            planned=numbers(),
+            plan=np.zeros_like(world.robots.plan),
             order_taken=np.zeros(m, np.uint8),
             slot_taken=np.zeros(s, np.uint8),
         ),
@@ -226,10 +269,11 @@ def build_sight(world: World, floor: Floor) -> World:
 def build_record(world: World, ticks: int, arrays: int) -> Record:
     """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
     n, steps = world.robots.route.shape
-    rows = (8 * n + 8) * max(2, min(ticks, 64)) if ticks else 1
+    orders = world.robots.plan.shape[1]
+    rows = MOST_CHANGES * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
     return Record(
         did=np.zeros((max(ticks, 1), n), np.uint8),
-        decisions=np.zeros(3 * n * most_words(steps) if ticks else 1, np.int64),
+        decisions=np.zeros(3 * n * most_words(steps, orders) if ticks else 1, np.int64),
         changes=np.zeros((rows, 4), np.int64),
         digests=np.zeros((max(ticks, 1), arrays), np.uint64),
         values=np.zeros(arrays, np.int64),

@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
-STATIC: Final = ("identity", "at_index", "bay", "route")
+STATIC: Final = ("identity", "at_index", "bay", "route", "plan")
 PARTS: Final = ("robots", "orders", "slots", "tally")
 NOT_CARRIED: Final = {
     "robots": STATIC,
-    "orders": ("source", "target"),
-    "slots": ("cell", "endless", "access"),
+    "orders": ("source", "target", "coming"),
+    "slots": ("spare", "within"),
     "tally": (),
 }
 
 
 def state_arrays(world: World, watch: Observation) -> Iterator[tuple[str, Array]]:
-    """The arrays of the state and of its observation by name; routes and the clock aside."""
+    """The arrays of the state and of its observation by name; routes, plans and the clock aside."""
     for part in PARTS:
         struct = getattr(world, part)
         for name in struct._fields:
@@ -67,4 +67,5 @@ def take_over(world: World, watch: Observation, before: Simulation) -> None:
     if not world.rules.slowdown:
         watch.slow_zone[:] = NIL  # a branch may have switched it off
     np.copyto(world.robots.route, before.world.robots.route)
+    np.copyto(world.robots.plan, before.world.robots.plan)
     copy_clock(world.clock, before.world.clock)

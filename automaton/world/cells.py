@@ -39,6 +39,7 @@ CHARGER: Final = 6
 BAY: Final = 7
 RACK: Final = 8
 DOCK: Final = 9
+STATION: Final = 10
 
 
 class Kind(NamedTuple):
@@ -49,7 +50,7 @@ class Kind(NamedTuple):
     meaning: str
     drivable: bool = False  # robots stand on it and drive over it
     turns: bool = False  # rail robots may turn here
-    slot: bool = False  # loads are handled here, from a drivable cell beside it
+    slot: bool = False  # loads are handled here: from a drivable cell beside it, or on it
     swallows: bool = False  # a slot that takes any number of loads, for good
     supplies: bool = False  # a slot where any number of loads wait to be picked up
 
@@ -71,6 +72,15 @@ KINDS: Final = (
         swallows=True,
     ),
     Kind(DOCK, "dock", "where loads come in, any number", slot=True, supplies=True),
+    Kind(
+        STATION,
+        "station",
+        "floor where robots take loads and set them down, any number",
+        drivable=True,
+        slot=True,
+        swallows=True,
+        supplies=True,
+    ),
 )
 
 KIND_BY_NAME: Final = {kind.name: kind for kind in KINDS}
@@ -99,6 +109,7 @@ SYMBOLS: Final[dict[str, Symbol]] = {
     "b": Symbol(BAY),
     "r": Symbol(RACK),
     "i": Symbol(DOCK),
+    "o": Symbol(STATION, ALL_EXITS),
     ">": Symbol(FLOOR, EXIT_EAST),
     "v": Symbol(FLOOR, EXIT_SOUTH),
     "<": Symbol(FLOOR, EXIT_WEST),

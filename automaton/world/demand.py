@@ -6,14 +6,19 @@ face the same demand.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from automaton.kernels import draws
+from automaton.kernels.releases import draw_releases
 from automaton.scenario.resolve import Resolved
-from automaton.world.cells import DESTINATION, DOCK, RACK
+from automaton.scenario.schema import DRAWN, Scenario
+from automaton.world.battery import may_fail
+from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.world.floor import Floor
 from automaton.world.reach import around_home
-from automaton.world.state import NIL, Array, Orders, Slots
+from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders, Slots
 
 
 def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
@@ -24,31 +29,63 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tupl
     mask = around_home(resolved.plan, home, resolved.scenario.fleet.kinematics == "rail")
     access = np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
     source, target = sources_and_targets(resolved, floor, access, seed)
+    released = release_ticks(resolved.scenario, len(source), seed)
+    return orders_of(source, target, released), slots_of(resolved, floor, access, mask, source)
+
+
+def orders_of(source: Array, target: Array, released: Array) -> Orders:
+    """Orders of which nothing is done yet; from, to and known from: (m,) each."""
     m = len(source)
-    content = np.full(len(floor.slot_cell), NIL, np.int32)
-    on_shelf = floor.slot_endless[source] == 0
-    content[source[on_shelf]] = np.flatnonzero(on_shelf)
     nil = np.full(m, NIL, np.int32)
-    orders = Orders(
-        state=np.zeros(m, np.uint8),
+    return Orders(
+        state=np.where(released > 0, UNRELEASED, WAITING).astype(np.uint8),
         place=source.astype(np.int32).copy(),
         source=source.astype(np.int32),
         target=target.astype(np.int32),
         by=nil.copy(),
-        released=np.zeros(m, np.int32),
+        released=released.astype(np.int32),
+        coming=np.argsort(released, kind="stable").astype(np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
         delivered=nil.copy(),
         legs=np.zeros(m, np.int32),
     )
-    slots = Slots(
-        cell=floor.slot_cell,
-        endless=floor.slot_endless,
+
+
+def slots_of(
+    resolved: Resolved, floor: Floor, access: Array, within: Array, source: Array
+) -> Slots:
+    """The slots of the floor with the loads of orders that begin at `source`, and spare ones."""
+    spare = len(floor.slot_cell)
+    more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
+    content = np.full(spare + more, NIL, np.int32)
+    on_shelf = floor.slot_endless[source] == 0
+    content[source[on_shelf]] = np.flatnonzero(on_shelf)
+    cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
+    return Slots(
+        cell=cell,
+        endless=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
         content=content,
-        by=np.full(len(content), NIL, np.int32),
-        access=access,
+        by=np.full(spare + more, NIL, np.int32),
+        access=np.concatenate([access, np.full((more, 4), NIL, np.int32)]),
+        spare=spare,
+        within=within.astype(np.uint8),
     )
-    return orders, slots
+
+
+def release_ticks(scenario: Scenario, count: int, seed: int) -> Array:
+    """(count,) int64: the ticks from which the orders are known.
+
+    With an interval, the first at once and then one in each tick with probability 1/interval.
+    """
+    orders = scenario.orders
+    if orders.listed is not None:
+        return np.array([line.at for line in orders.listed], np.int64)
+    released = np.zeros(count, np.int64)
+    if orders.interval:
+        with np.errstate(over="ignore"):
+            draw_releases(released, round(2**32 / orders.interval), np.uint64(seed))
+    return released
 
 
 def sources_and_targets(
@@ -61,15 +98,29 @@ def sources_and_targets(
         cell, slot_of = resolved.plan.cell, floor.grid.slot
         source = slot_of[[cell(*line.source) for line in orders.listed]]
         return source, slot_of[[cell(*line.target) for line in orders.listed]]
-    if orders.generator == "dock-to-rack":
+    if orders.generator in DRAWN:
         served = (access != NIL).any(axis=1)
-        docks, racks = (np.flatnonzero((kinds == kind) & served) for kind in (DOCK, RACK))
-        return drawn(docks, orders.count or 0, seed, 0), drawn(racks, orders.count or 0, seed, 1)
+        count = orders.count or 0
+        if orders.generator == "dock-to-rack":
+            docks, racks = (np.flatnonzero((kinds == kind) & served) for kind in (DOCK, RACK))
+            return drawn(docks, count, seed, 0), drawn(racks, count, seed, 1)
+        return among_stations(np.flatnonzero((kinds == STATION) & served), orders, seed)
     loaded = floor.slot_endless == 0
     if orders.generator == "drawn-loads":
         loaded &= resolved.plan.loads.reshape(-1)[floor.slot_cell] == 1
     source = np.flatnonzero(loaded).astype(np.int32)
     return source, drawn(np.flatnonzero(kinds == DESTINATION), len(source), seed, 0)
+
+
+def among_stations(stations: Array, orders: Any, seed: int) -> tuple[Array, Array]:
+    """(m,) slots of visits, or of transports between two different stations."""
+    source = drawn(stations, orders.count, seed, 0)
+    if orders.generator == "visits":
+        return source, source.copy()
+    others = drawn(np.arange(len(stations) - 1), orders.count, seed, 1)
+    at = np.searchsorted(stations, source)
+    target: Array = stations[(at + 1 + others) % len(stations)].astype(np.int32)
+    return source, target
 
 
 def drawn(slots: Array, count: int, seed: int, what: int) -> Array:

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automaton.world.cells import EAST, NORTH, RACK, SOUTH, WEST
+from automaton.world.cells import EAST, NORTH, RACK, SOUTH, STATION, WEST
 from automaton.world.plan import TURNS, Cells, FloorPlan
 from automaton.world.state import NIL
 
@@ -63,14 +63,18 @@ def reached(plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool 
 def slot_access(plan: FloorPlan) -> npt.NDArray[np.int32]:
     """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
 
-    Racks open upwards and downwards only.
+    Racks open upwards and downwards only; a robot drives onto a station: its only cell is itself.
     """
     cells, drivable = plan.slots().astype(np.int64), plan.drivable().reshape(-1)
     around = cells[:, None] + np.array([1, plan.stride, -1, -plan.stride])
     inside = (around >= 0) & (around < drivable.size)
     around = np.where(inside, around, 0)
     access = np.where(inside & drivable[around], around, NIL).astype(np.int32)
-    access[np.ix_(plan.kind.reshape(-1)[cells] == RACK, [EAST, WEST])] = NIL
+    kind = plan.kind.reshape(-1)[cells]
+    access[np.ix_(kind == RACK, [EAST, WEST])] = NIL
+    stations = kind == STATION
+    access[stations] = NIL
+    access[stations, EAST] = cells[stations]
     access.setflags(write=False)
     return access
 
@@ -97,4 +101,5 @@ def _slots_beside(plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:
     """Slots all of whose four neighbours are in the mask."""
     slots = plan.slots()
     around = [mask[slots + offset] for offset in (1, plan.stride, -1, -plan.stride)]
-    return slots[np.logical_and.reduce(around)]
+    station = plan.kind.reshape(-1)[slots] == STATION
+    return slots[np.where(station, mask[slots], np.logical_and.reduce(around))]

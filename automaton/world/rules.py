@@ -7,6 +7,14 @@ from typing import Any
 import numpy as np
 
 from automaton.scenario.schema import Scenario
+from automaton.world.battery import (
+    charging_curve,
+    drain_table,
+    fault_table,
+    may_fail,
+    ticks_or_never,
+    units,
+)
 from automaton.world.state import ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
@@ -26,6 +34,15 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         every=np.zeros(5, np.int32),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick * 2**32),
+        battery=int(scenario.battery is not None),
+        drain=drain_table(scenario.battery),
+        curve=charging_curve(scenario.battery),
+        reserve=0 if scenario.battery is None else units(scenario.battery.reserve),
+        tow_after=ticks_or_never(scenario.faults.tow_after),
+        repair=ticks_or_never(scenario.faults.repair),
+        may_fail=int(may_fail(scenario)),
+        faults=fault_table(scenario.faults),
+        breakdown=round(scenario.faults.rate * 2**32),
     )
 
 

@@ -33,10 +33,12 @@ BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
 WITHDRAW: Final = 9  # the tick in which a withdrawal is decided
 BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
 ILLEGAL: Final = 11  # a tick lost to an illegal answer
-ACTIONS: Final = 12
+IN_LINE: Final = 12  # a tick in the line before a charger
+OUT_OF_ORDER: Final = 13  # a tick on the floor with an empty battery or a fault
+ACTIONS: Final = 14
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
-    *("blocked", "withdraw", "bay_blocked", "illegal"),
+    *("blocked", "withdraw", "bay_blocked", "illegal", "in_line", "out_of_order"),
 )
 
 # Goals: what a robot drives to its stand for.
@@ -50,6 +52,7 @@ GOAL_CHARGE: Final = 4
 WAITING: Final = 0  # on a slot, to be picked up
 CARRIED: Final = 1
 DELIVERED: Final = 2
+UNRELEASED: Final = 3  # it will be known in a later tick
 
 ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
 
@@ -71,6 +74,8 @@ PLAN: Final = 5  # routing: a new goal
 AROUND: Final = 6  # routing: plan around the robots, a withdrawal is over
 STUCK: Final = 7  # right of way: the retries are used up
 WITHDRAWING: Final = 8  # right of way: the next step of a withdrawal
+TOOK: Final = 9  # charging: it has taken an order
+IDLE_NOW: Final = 10  # charging: allocation has nothing for it
 
 # The machine that runs waits and retries: robots.hold.
 HOLD_NONE: Final = 0
@@ -81,6 +86,7 @@ HOLD_ASK: Final = 2
 NEED_ALLOCATION: Final = 1
 NEED_ROUTE: Final = 2
 NEED_WAY: Final = 4
+NEED_CHARGING: Final = 8
 
 NO_STEP: Final = 4  # robots.step when right of way asked for none
 
@@ -101,7 +107,12 @@ CHANGED: Final = 12  # rows of record.changes in use
 DECIDED: Final = 13  # words of record.decisions in use
 DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
 OBSERVING: Final = 15
-CLOCK_SIZE: Final = 16
+NEXT_ORDER: Final = 16  # entry of orders.coming that becomes known next
+NEEDING_CHARGING: Final = 17
+TICKETS: Final = 18  # tickets given out for lines before chargers
+NEXT_FAULT: Final = 19  # row of rules.faults that comes next
+OUT: Final = 20  # robots that are out of order or going to be
+CLOCK_SIZE: Final = 21
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -136,6 +147,15 @@ class Rules(Struct):
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
     extra_tick: int  # of 2**32 moves, how many take a tick more
+    battery: int  # 1: robots run on batteries
+    drain: Array  # (A, 2) int32: units of charge that a tick of each action takes; [.., 1] loaded
+    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
+    reserve: int  # charge that plans never go below
+    tow_after: int  # ticks that a robot stands out of order before it is towed; NIL: it stays
+    repair: int  # ticks from towing until it comes back; NIL: never
+    may_fail: int  # 1: robots may go out of order
+    faults: Array  # (f, 2) int64: tick, identity; by tick
+    breakdown: int  # of 2**32 ticks on the floor, how many end in a fault
 
 
 class Robots(Struct):
@@ -155,7 +175,8 @@ class Robots(Struct):
     slot: Array  # (n,) int32: where it will set the load down, or NIL
     goal: Array  # (n,) uint8
     stand: Array  # (n,) int32: the cell in which the goal is done, or NIL
-    stay: Array  # (n,) int32: ticks to charge
+    level: Array  # (n,) int32: charge at which it leaves its charger
+    yields: Array  # (n,) uint8: 1 = while it charges it may get an order
     try_drop: Array  # (n,) uint8: 1 = a TRY_DROP follows the pick
     route: Array  # (n, R) uint8: directions to drive; turns are implied
     length: Array  # (n,) int32: steps in the route
@@ -168,6 +189,13 @@ class Robots(Struct):
     bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor, or leaves it
     parked: Array  # (n,) uint8
     zone: Array  # (n,) int32: the zone it serves, set by zoning
+    charge: Array  # (n,) int32: units left in its battery
+    status: Array  # (n,) uint8: RUNNING, ... GONE
+    until: Array  # (n,) int64: tick in which it is towed, or comes back
+    ticket: Array  # (n,) int64: its place in the line before its charger, 0 outside
+    plan: Array  # (n, L) int32: orders that it is to do, one after another
+    planned: Array  # (n,) int32: how many those are
+    charging_reason: Array  # (n,) uint8: why charging is asked
     need: Array  # (n,) uint8: NEED_* bits
     reason: Array  # (n,) uint8: why allocation is asked
     route_reason: Array  # (n,) uint8: PLAN or AROUND
@@ -179,12 +207,13 @@ class Robots(Struct):
 class Orders(Struct):
     """Transport orders; the load of an order has the order's number."""
 
-    state: Array  # (m,) uint8: WAITING, CARRIED, DELIVERED
+    state: Array  # (m,) uint8: WAITING, CARRIED, DELIVERED, UNRELEASED
     place: Array  # (m,) int32: slot in which it lies, or NIL
     source: Array  # (m,) int32: slot in which it lay first
     target: Array  # (m,) int32: slot to which it must go
     by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     released: Array  # (m,) int32: tick from which it is known
+    coming: Array  # (m,) int32: the orders, in the sequence in which they become known
     dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
     dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     delivered: Array  # (m,) int32: tick of delivery, or NIL
@@ -192,13 +221,27 @@ class Orders(Struct):
 
 
 class Slots(Struct):
-    """Cells that hold loads: shelves one each; destinations, racks and docks any number."""
+    """Cells that hold loads: shelves one each; destinations, racks, docks and stations any number.
 
-    cell: Array  # (s,) int32
+    Where robots may fail, the last n are spare ones: a load that a robot had to leave lies in one.
+    """
+
+    cell: Array  # (s,) int32; NIL: a spare one without a load
     endless: Array  # (s,) uint8: 1 = any number of loads: no shelf
     content: Array  # (s,) int32: the order on a shelf, or NIL
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
-    access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL
+    access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL; a station: itself
+    spare: int  # the first spare slot, or s
+    within: Array  # (C,) uint8: 1 = robots get there and back home
+
+
+class Chargers(Struct):
+    """Cells where robots charge; k of them."""
+
+    cell: Array  # (k,) int32
+    at: Array  # (C,) int32: the charger in a cell, or NIL
+    serving: Array  # (k,) int32: robots that charge there in this tick
+    first: Array  # (k,) int64: scratch: the lowest ticket at its door
 
 
 class Traffic(Struct):
@@ -221,6 +264,9 @@ class Tally(Struct):
     times: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
     slowed: Array  # (n,) int64: ticks that moves take beyond duration[MOVE]
+    spent: Array  # (n,) int64: units of charge used
+    charged: Array  # (n,) int64: units of charge taken in
+    out: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
     illegal: Array  # (5,) int64: illegal answers by layer
     asked: Array  # (5,) int64: batches that each layer was asked about
 
@@ -233,6 +279,7 @@ class World(Struct):
     robots: Robots
     orders: Orders
     slots: Slots
+    chargers: Chargers
     traffic: Traffic
     tally: Tally
     clock: Array  # (CLOCK_SIZE,) int64
@@ -251,8 +298,9 @@ class ZoningAnswers(Struct):
 
 
 class ChargingAnswers(Struct):
-    stand: Array  # (n,) int32: charger cell to drive to
-    ticks: Array  # (n,) int32: how long to stay
+    stand: Array  # (n,) int32: charger cell to drive to; NIL: stop charging
+    level: Array  # (n,) int32: charge at which to leave
+    yields: Array  # (n,) int32: 1 = it may get an order while it charges
 
 
 class AllocationAnswers(Struct):
@@ -262,6 +310,8 @@ class AllocationAnswers(Struct):
     stand: Array  # (n,) int32: the cell from which it is picked up or set down
     try_drop: Array  # (n,) int32: SET_DOWN: 1 = a TRY_DROP operation follows the pick
     ask_again: Array  # (n,) uint8: 1 = ask again next tick, whatever happens
+    planned: Array  # (n,) int32, by storage index: KEEP, or how many orders a robot is to do
+    plan: Array  # (n, L) int32, by storage index: these orders
     order_taken: Array  # (m,) uint8: scratch: reserved by an earlier answer of this batch
     slot_taken: Array  # (s,) uint8
 

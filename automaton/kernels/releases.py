@@ -1,0 +1,31 @@
+"""Orders that become known in the course of a run."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import RELEASES, draw
+from automaton.world.state import CHANGES, NEXT_ORDER, TICK, WAITING
+
+
+@kernel
+def release_orders(world):
+    """Orders whose tick has come are known from now on."""
+    orders, clock = world.orders, world.clock
+    while clock[NEXT_ORDER] < orders.coming.shape[0]:
+        order = np.int64(orders.coming[clock[NEXT_ORDER]])
+        if orders.released[order] > clock[TICK]:
+            return
+        orders.state[order] = WAITING
+        clock[NEXT_ORDER] += 1
+        clock[CHANGES] += 1
+
+
+@kernel
+def draw_releases(out, chance, seed):
+    """out[k] = tick of order k: each tick after the one before has `chance` of 2**32 to be it."""
+    tick = 0
+    for k in range(1, out.shape[0]):
+        tick += 1
+        while np.int64(draw(seed, RELEASES, tick, 0) >> np.uint64(32)) >= chance:
+            tick += 1
+        out[k] = tick

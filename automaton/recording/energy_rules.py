@@ -1,0 +1,176 @@
+"""The rules of batteries and faults, checked on committed actions: charges worked out a second time.
+
+What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
+paid as long as there is something left. A robot out of order does nothing until it is towed, which
+happens exactly when the scenario says so, and comes back full.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from automaton.recording.codes import (
+    ACTION_MASK,
+    DID_BLOCKED,
+    DID_CHARGE,
+    DID_DROP,
+    DID_ILLEGAL,
+    DID_PICK,
+    DID_TRY_DROP,
+    DID_WAIT,
+    DID_WITHDRAW,
+    DURATION,
+    MOVE_EAST,
+    MOVE_NORTH,
+    STATUS,
+    TURN_LEFT,
+    TURN_RIGHT,
+)
+from automaton.recording.motion_rules import Acts, Complaint, Motion
+from automaton.recording.pace_rules import NONE
+from automaton.world.cells import CHARGER
+
+FULL: Final = 1_000_000
+RUNNING, EMPTY, BROKEN, TOWED, GONE = 0, 3, 4, 5, 6  # statuses as they are recorded
+OPERATIONS: Final = {
+    **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
+    TURN_LEFT: "turn",
+    TURN_RIGHT: "turn",
+    DID_PICK: "pick",
+    DID_DROP: "drop",
+    DID_TRY_DROP: "try_drop",
+}
+WAITS: Final = (DID_WAIT, DID_BLOCKED, DID_WITHDRAW, DID_ILLEGAL)
+
+Rows = list[list[int]]  # (tick, code, subject, value)
+
+
+def units(percent: float) -> int:
+    """Percent of a battery in units of charge."""
+    return round(percent * FULL / 100)
+
+
+class Energy:
+    """The charge and the status of each robot."""
+
+    def __init__(self, header: dict[str, Any], motion: Motion, complain: Complaint) -> None:
+        self.motion = motion
+        self.complain = complain
+        self.charge: list[int] = header["robots"]["charge"].tolist()
+        self.status = [RUNNING] * len(self.charge)
+        self.since = [0] * len(self.charge)  # tick in which a robot got its status
+        self.follow(header["scenario"])
+
+    def follow(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of batteries and faults."""
+        self.battery = scenario.get("battery")
+        self.faults = scenario["faults"]
+        self.duration = scenario["durations"]
+        if self.battery is None:
+            return
+        drain = self.battery["drain"]
+        self.rates = {
+            name: (units(rate), units(rate * drain["loaded"]))
+            for name, rate in drain.items()
+            if name != "loaded"
+        }
+        given = self.battery["charge"]
+        curve = given if isinstance(given, list | tuple) else ((0, given),)
+        self.curve = [(units(since), units(rate)) for since, rate in curve]
+
+    def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
+        """Pay for what begins in a tick, as loads are before it."""
+        for r, did in acts:
+            if self.status[r] != RUNNING and did & ACTION_MASK:
+                text = "does something although it is out of order"
+                self.complain(tick, "energy", [r], self.motion.cell[r], text)
+        if self.battery is None:
+            return
+        lengths = {row[2]: row[3] for row in rows if row[1] == DURATION}
+        for r, did in acts:
+            code, loaded = did & ACTION_MASK, int(load[r] != NONE)
+            if code in OPERATIONS:
+                name = OPERATIONS[code]
+                ticks = lengths.get(r, max(1, self.duration[name]))
+                self._operate(tick, r, name, ticks * self.rates[name][loaded])
+            elif code in WAITS:
+                self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
+            elif code == DID_CHARGE:
+                self._take_in(tick, r)
+        if any(self.rates["wait"]):
+            busy = {r for r, _ in acts}
+            for r, cell in enumerate(self.motion.cell):
+                free = self.motion.free[r] <= tick and self.status[r] == RUNNING
+                if cell != NONE and free and r not in busy:
+                    self._stand(r, self.rates["wait"][int(load[r] != NONE)])
+
+    def _operate(self, tick: int, r: int, name: str, price: int) -> None:
+        if price > self.charge[r]:
+            text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
+            self.complain(tick, "energy", [r], self.motion.cell[r], text)
+        self.charge[r] -= price
+
+    def _stand(self, r: int, price: int) -> None:
+        self.charge[r] -= min(price, self.charge[r])
+
+    def _take_in(self, tick: int, r: int) -> None:
+        cell = self.motion.cell[r]
+        if cell == NONE or self.motion.kind[cell] != CHARGER:
+            self.complain(tick, "energy", [r], cell, "charges where there is no charger")
+        rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
+        self.charge[r] += min(rate, FULL - self.charge[r])
+
+    def become(self, tick: int, r: int, status: int) -> None:
+        """A robot goes out of order, is towed, or comes back."""
+        before, since = self.status[r], self.since[r]
+        cell = self.motion.cell[r]
+        if status in (EMPTY, BROKEN):
+            self._check_fault(tick, r, status, before)
+        elif status in (TOWED, GONE):
+            wait = self.faults["tow_after"]
+            in_bay = cell == NONE
+            if before not in (EMPTY, BROKEN) or not (in_bay or tick - since == wait):
+                self.complain(tick, "energy", [r], cell, "is towed at another time than it must be")
+            if (status == GONE) != (self.faults["repair"] is None):
+                self.complain(
+                    tick, "energy", [r], cell, "is gone, or comes back, against the rules"
+                )
+            self.motion.tow(r)
+        elif before != TOWED or tick - since != self.faults["repair"]:
+            self.complain(tick, "energy", [r], cell, "comes back at another time than it must")
+        else:
+            self.charge[r] = FULL
+        self.status[r], self.since[r] = status, tick
+
+    def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
+        cell = self.motion.cell[r]
+        if before != RUNNING:
+            self.complain(tick, "energy", [r], cell, "goes out of order although it is already")
+        if status == EMPTY:
+            if self.charge[r] and self.charge[r] >= self._dearest():
+                text = f"is out of energy with {self.charge[r]} units of charge"
+                self.complain(tick, "energy", [r], cell, text)
+        elif not self.faults["rate"]:
+            due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
+            if not due:
+                self.complain(tick, "energy", [r], cell, "breaks down although nothing says so")
+
+    def _dearest(self) -> int:
+        """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""
+        if self.battery is None:
+            return 0
+        around = 1 if self.motion.pace.usual else len(self.charge) + 1
+        prices = [max(rates) * max(1, self.duration.get(n, 1)) for n, rates in self.rates.items()]
+        return max(prices) * around
+
+
+def parted_faults(rows: Rows) -> tuple[Rows, Rows, Rows]:
+    """The changes of a tick: robots towed or back, what robots do, robots that go out of order."""
+    first = 0
+    while first < len(rows) and rows[first][1] == STATUS and rows[first][3] not in (EMPTY, BROKEN):
+        first += 1
+    last = next(
+        (k for k, row in enumerate(rows) if row[1] == STATUS and row[3] in (EMPTY, BROKEN)),
+        len(rows),
+    )
+    return rows[:first], rows[first:last], rows[last:]

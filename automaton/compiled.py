@@ -33,6 +33,7 @@ KERNEL_SOURCES = {
         "struct_types.py",
         "kernels",
         "world/cells.py",
+        "world/condition.py",
         "world/route_space.py",
         "world/state.py",
         "world/waiting.py",

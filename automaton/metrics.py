@@ -10,16 +10,20 @@ from __future__ import annotations
 from typing import Any
 
 from automaton.tasks import Measured, task_figures
+from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
 from automaton.world.state import (
     ACTION_NAMES,
     BAY_BLOCKED,
     BLOCKED,
+    CHARGE,
     DELIVERED,
     DROP,
     ILLEGAL,
+    IN_LINE,
     LAYERS,
     MOVE,
     NIL,
+    OUT_OF_ORDER,
     PICK,
     TICK,
     TRY_DROP,
@@ -37,8 +41,10 @@ LOST = {
     "refused": BLOCKED,
     "withdrawing": WITHDRAW,
     "bay": BAY_BLOCKED,
+    "in_line": IN_LINE,
     "illegal": ILLEGAL,
 }
+
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 GLOSSARY: dict[str, tuple[str, str]] = {
@@ -61,9 +67,18 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "lost_refused": ("ticks", "in retries and steps that were refused"),
     "lost_withdrawing": ("ticks", "in which a withdrawal was decided"),
     "lost_bay": ("ticks", "in the bay because the home cell was held"),
+    "lost_in_line": ("ticks", "in line before a charger"),
     "lost_illegal": ("ticks", "after illegal answers of a strategy"),
     "slowed": ("ticks", "that moves begun take longer, in slow zones and by chance"),
     "withdrawals": ("times", "withdrawals begun"),
+    "lead_time": ("ticks", "from an order's becoming known to its delivery"),
+    "energy": ("batteries", "energy used, in full batteries"),
+    "charging": ("share", "ticks at chargers / all robot ticks"),
+    "least_charge": ("share", "the emptiest battery at the end"),
+    "ran_empty": ("times", "a robot stood still for want of energy"),
+    "breakdowns": ("times", "a robot broke down"),
+    "towed": ("times", "a robot was towed"),
+    "out_of_order": ("ticks", "robots stood out of order on the floor"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
 
@@ -89,6 +104,8 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
     done = world.orders.state == DELIVERED
     delivered = int(done.sum())
     active = figures.pop("active")
+    if not world.rules.battery:
+        del figures["lost_in_line"]
     figures |= {
         "T_total": elapsed,
         "T_R": figures["T_Rtotal"] / n,
@@ -101,8 +118,32 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
     }
     if may_slow(world):
         figures["slowed"] = int(world.tally.slowed.sum())
+    if world.orders.released.any():
+        times = (world.orders.delivered - world.orders.released)[done]
+        figures["lead_time"] = float(times.mean()) if delivered else 0.0
+    figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)
     return {name: figures[name] for name in GLOSSARY if name in figures}
+
+
+def energy_figures(world: World, elapsed: int) -> dict[str, float | int]:
+    """What batteries and faults add to the metrics: nothing where there are none."""
+    tally, out = world.tally, world.tally.out.sum(0)
+    figures: dict[str, float | int] = {}
+    if world.rules.battery:
+        figures |= {
+            "energy": float(tally.spent.sum() / FULL),
+            "charging": _ratio(tally.ticks[:, CHARGE].sum(), len(tally.spent) * elapsed),
+            "least_charge": float(world.robots.charge.min() / FULL),
+            "ran_empty": int(out[RAN_EMPTY]),
+        }
+    if world.rules.may_fail:
+        figures |= {
+            "breakdowns": int(out[BROKE_DOWN]),
+            "towed": int(out[WAS_TOWED]),
+            "out_of_order": int(tally.ticks[:, OUT_OF_ORDER].sum()),
+        }
+    return figures
 
 
 def may_slow(world: World) -> bool:
@@ -134,7 +175,7 @@ def illegal_by_layer(run: Measured) -> dict[str, int]:
 def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
     """Figures from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
     operations = int(times[OPERATIONS].sum())
-    active = int(ticks[1:].sum())
+    active = int(ticks[1:OUT_OF_ORDER].sum())
     lost = {f"lost_{cause}": int(ticks[action].sum()) for cause, action in LOST.items()}
     return {
         "T_Rtotal": operations,

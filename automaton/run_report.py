@@ -118,7 +118,7 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     table.add_column("cause", overflow="fold")
     total = sum(value for name, value in outcome.metrics.items() if name.startswith(LOST))
     for name, (_, meaning) in GLOSSARY.items():
-        if name.startswith(LOST):
+        if name.startswith(LOST) and name in outcome.metrics:
             value = outcome.metrics[name]
             share = percent(value / total) if total else "-"
             table.add_row(name, number(tick.of(value)), share, meaning)

@@ -8,6 +8,7 @@ from automaton.compiled import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.per_robot import park, per_robot, set_down, take
 from automaton.world.cells import CHARGER
+from automaton.world.condition import FULL
 from automaton.world.state import (
     FREE,
     GOAL_NONE,
@@ -32,7 +33,7 @@ class HalfAndHalf(Strategy):
 
 
 class ChargeFirst(Strategy):
-    """Charging: a robot without an order goes once to the first charger, for 7 ticks."""
+    """Charging: a robot without an order goes once to the first charger, until it is full."""
 
     layer = "charging"
     every = 1
@@ -47,7 +48,7 @@ class ChargeFirst(Strategy):
             idle = view.robots.order[robot] == NIL and view.robots.goal[robot] == GOAL_NONE
             if idle and view.robots.busy[robot] == 0 and not memory.own[robot, 0]:
                 memory.own[robot, 0] = 1
-                answers.charging.stand[k], answers.charging.ticks[k] = charger, 7
+                answers.charging.stand[k], answers.charging.level[k] = charger, FULL
 
 
 class Greedy(Strategy):

@@ -14,7 +14,9 @@ from naive_motion import mix
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
 from automaton.world.cells import CHARGER
+from automaton.world.condition import FULL
 from automaton.world.state import (
+    GOAL_CHARGE,
     LAYERS,
     NIL,
     PARK,
@@ -101,14 +103,17 @@ class RandomCharging(RandomStrategy):
 
     def offend(self, view, dice, i, k, given):
         given.stand[k] = dice.among([0, -5, len(view.grid.rule), *floor_cells(view)[:1]])
-        given.ticks[k] = dice.among([0, -1, 20_000])
+        given.level[k] = dice.among([0, -1, FULL + 1])
 
     def act(self, view, dice, i, k, given, reason, space):
         eager = view.robots.parked[i] or dice.below(6) == 0
         chargers = np.flatnonzero(view.grid.kind == CHARGER).tolist()
         if eager and view.robots.order[i] == NIL and chargers:
             given.stand[k] = dice.among(chargers)
-            given.ticks[k] = 1 + dice.below(3)
+            given.level[k] = 1 + dice.below(FULL)
+            given.yields[k] = dice.below(2)
+        elif view.robots.goal[i] == GOAL_CHARGE and dice.below(4) == 0:
+            given.stand[k] = NIL
 
 
 class RandomAllocation(RandomStrategy):

@@ -16,7 +16,9 @@ from automaton.recording.codes import (
     LEFT_BAY,
     PICKED_AT_ONCE,
 )
-from automaton.world.state import LAYERS, NIL, TICK, World
+from automaton.world.cells import STATION
+from automaton.world.condition import BROKEN, EMPTY, GONE, RUNNING, TOWED
+from automaton.world.state import CHARGE, DELIVERED, IN_LINE, LAYERS, NIL, TICK, World
 
 WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
@@ -25,6 +27,8 @@ WANTED = (
     *("move in a slow zone", "picked up on arrival", "set down on arrival"),
     *("left a bay", "went into a bay", "bay blocked"),
     *("left the floor", "came back to the floor", "kept off the floor"),
+    *("battery empty", "broken down", "towed", "came back", "gone for good", "load left behind"),
+    *("charging", "in line before a charger", "order came later", "visited", "on a station"),
     *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
 )
 
@@ -73,6 +77,7 @@ def count_situations(world: World, reached: Counter[str]) -> None:
         ahead = leaving.get(want.to)
         reached["following in a queue"] += ahead is not None and ahead.to not in leaving
     reached["rotating ring"] += rings(leaving)
+    conditions(world, reached)
     contests(world, live, edges, capacity, reached)
     places(world, capacity, reached)
 
@@ -139,3 +144,20 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
 def count_illegal(world: World, reached: Counter[str]) -> None:
     for layer, count in zip(LAYERS, world.tally.illegal.tolist(), strict=True):
         reached[f"illegal {layer}"] += count
+
+
+def conditions(world: World, reached: Counter[str]) -> None:
+    """Add what batteries, faults and orders that come in time bring about."""
+    robots, orders, slots = world.robots, world.orders, world.slots
+    names = {EMPTY: "battery empty", BROKEN: "broken down", TOWED: "towed", GONE: "gone for good"}
+    for status, name in names.items():
+        reached[name] += int((robots.status == status).any())
+    reached["came back"] += int(((robots.status == RUNNING) & (world.tally.out.any(1))).any())
+    reached["load left behind"] += int((slots.cell[slots.spare :] != NIL).any())
+    reached["charging"] += int((robots.action == CHARGE).any())
+    reached["in line before a charger"] += int((robots.action == IN_LINE).any())
+    reached["order came later"] += int((orders.released == world.clock[TICK]).any())
+    visits = (orders.source == orders.target) & (orders.state == DELIVERED)
+    reached["visited"] += int(visits.any())
+    standing = robots.cell[robots.cell != NIL]
+    reached["on a station"] += int((world.grid.kind[standing] == STATION).any())

@@ -21,10 +21,24 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Pick, Resolved
-from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
+from automaton.scenario.schema import (
+    Battery,
+    ChargeRange,
+    Drain,
+    Durations,
+    Fault,
+    Faults,
+    Fleet,
+    Orders,
+    Scenario,
+    Stop,
+    WorldRules,
+)
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
+from automaton.world.cells import STATION
 from automaton.world.plan import FloorPlan
+from automaton.world.reach import around_home
 from automaton.world.zones import MODES
 
 EXAMPLES = 2000
@@ -38,6 +52,8 @@ DRAWN = (
     ">v>v\n^<^<",
     "..c.\n....",
     "c..c\n.cc.",
+    "t..c\n.tc.",
+    "tct\n~~~",
     "+-+\n|#|\n+-+",
     "+-+-+\n|#|#|\n+-+-+",
     ".==.\n.==.",
@@ -48,7 +64,7 @@ DRAWN = (
     ".......",
     "..c..\n.###.\n.....",
 )
-SYMBOLS = ".......+++===~~><v^-|c#"
+SYMBOLS = ".......+++===~~><v^-|cct#"
 
 ACTIVE = {  # shares of 256 in which a layer does something
     "charging": (40, 128),
@@ -119,7 +135,44 @@ def rules(draw: Any) -> WorldRules:
 
 
 @st.composite
-def scenarios(draw: Any, robots: int, busy: bool, bays: bool) -> Scenario:
+def batteries(draw: Any) -> Battery | None:
+    if draw(st.booleans()):
+        return None
+    rates = st.sampled_from([0.0, 0.5, 3.0, 10.0, 40.0])
+    names = ("move", "turn", "pick", "drop", "try_drop", "wait")
+    drain = Drain(loaded=draw(st.sampled_from([1.0, 1.5])), **{n: draw(rates) for n in names})
+    curve = draw(st.sampled_from([20.0, 100.0, ((0.0, 30.0), (60.0, 5.0))]))
+    start = draw(st.sampled_from([100.0, 30.0, ChargeRange(least=0, most=60)]))
+    return Battery(drain=drain, charge=curve, start=start)
+
+
+@st.composite
+def faults(draw: Any, robots: int) -> Faults:
+    if draw(st.booleans()):
+        return Faults()
+    found = st.builds(Fault, robot=st.integers(0, robots - 1), at=st.integers(1, TICKS))
+    return Faults(  # type: ignore[arg-type]
+        listed=tuple(draw(st.lists(found, max_size=3))),
+        rate=draw(st.sampled_from([0.0, 0.0, 0.05])),
+        tow_after=draw(st.sampled_from([1, 4, None])),
+        repair=draw(st.sampled_from([1, 5, None])),
+    )
+
+
+@st.composite
+def demands(draw: Any, stations: int) -> Orders:
+    if stations < 2 or draw(st.booleans()):
+        return Orders(generator="full-shelves")
+    generator = draw(st.sampled_from(["stations", "visits"]))
+    return Orders(
+        generator=generator,
+        count=draw(st.integers(1, 12)),
+        interval=draw(st.sampled_from([0.0, 1.0, 3.0])),
+    )
+
+
+@st.composite
+def scenarios(draw: Any, robots: int, busy: bool, bays: bool, stations: int) -> Scenario:
     leaves = not busy and not bays and draw(st.integers(0, 2)) == 2
     ticks = st.just(1) if busy else st.integers(1, 3)
     kinematics = "omni" if busy else draw(st.sampled_from(["rail", "differential", "omni"]))
@@ -136,6 +189,9 @@ def scenarios(draw: Any, robots: int, busy: bool, bays: bool) -> Scenario:
             drop=draw(st.integers(0, 3)),
         ),
         world=WorldRules() if busy else draw(rules()),
+        orders=draw(demands(stations)),
+        battery=None if busy else draw(batteries()),
+        faults=Faults() if busy else draw(faults(robots)),
         stop=Stop(when="never", at_most=TICKS),
         seed=draw(st.integers(0, 2**32)),
     )
@@ -154,9 +210,16 @@ def cases(draw: Any) -> Case:
     picks = {"zoning": Pick("none", NoParameters())}
     for layer, name in STRATEGIES.items():
         picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
-    scenario = draw(scenarios(n, busy, start == "bays"))
+    stations = reachable_stations(plan, start)
+    scenario = draw(scenarios(n, busy, start == "bays", stations))
     resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
+
+
+def reachable_stations(plan: FloorPlan, start: Any) -> int:
+    """How many stations every robot gets to and home from, whatever its kinematics."""
+    home = int(plan.bays[0, 1]) if start == "bays" else start[0]
+    return int(np.count_nonzero(around_home(plan, home, True) & (plan.kind.reshape(-1) == STATION)))
 
 
 def test_no_decision_breaks_a_rule() -> None:

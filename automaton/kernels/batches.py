@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell, no_route_needed
-from automaton.world.battery import RUNNING
+from automaton.world.condition import RUNNING
 from automaton.world.state import (
     ALLOCATION,
     CHANGES,

@@ -13,8 +13,8 @@ from automaton.kernels.operations import (
     reserve_order,
     set_goal,
 )
-from automaton.world.battery import FULL
 from automaton.world.cells import CHARGER
+from automaton.world.condition import FULL
 from automaton.world.state import CHARGING, FREE, GOAL_CHARGE, KEEP, NIL, REPLAN
 
 

@@ -24,7 +24,7 @@ from automaton.kernels.operations import (
     set_goal,
 )
 from automaton.recording.codes import DID_WAIT, DID_WITHDRAW, DURATION, ZONE
-from automaton.world.battery import EXHAUSTED
+from automaton.world.condition import EXHAUSTED
 from automaton.world.state import (
     ALLOCATION,
     CHANGES,

@@ -9,8 +9,8 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.motion import LIVE, U, has_room
 from automaton.kernels.operations import exhaust, lose_tick, need_allocation, pay, price
-from automaton.recording.codes import DID_CHARGE
-from automaton.world.battery import EXHAUSTED, FULL, RUNNING
+from automaton.recording.codes import DID_BLOCKED, DID_CHARGE
+from automaton.world.condition import EXHAUSTED, FULL, RUNNING
 from automaton.world.state import (
     CHARGE,
     FREE,
@@ -30,7 +30,8 @@ def affords(world, i, action):
     """Whether the battery of robot i holds what an operation takes; else it is exhausted."""
     if world.rules.battery == 0:
         return True
-    if world.robots.charge[i] < price(world, i, action, np.int64(world.rules.duration[action])):
+    ticks = max(np.int64(world.rules.duration[action]), 1)
+    if world.robots.charge[i] < price(world, i, action, ticks):
         exhaust(world, i)
         return False
     return True
@@ -142,6 +143,7 @@ def wait_for_turn(world, i):
     robots.blocked[i] = 0
     robots.hold[i] = HOLD_NONE
     lose_tick(world, i, IN_LINE)
+    robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
 
 
 @kernel

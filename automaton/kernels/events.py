@@ -16,8 +16,11 @@ from automaton.recording.codes import (
     LEFT_BAY,
     PICKED_AT_ONCE,
 )
-from automaton.world.state import DELIVERED, NIL, TICK
+from automaton.world.condition import BROKEN, EMPTY, GONE, RUNNING, TOWED
+from automaton.world.state import CHARGE, DELIVERED, NIL, TICK
 from automaton.world.waiting import (
+    BROKE_DOWN,
+    CAME_BACK,
     CHARGED,
     CYCLE,
     DEADLOCK,
@@ -29,14 +32,16 @@ from automaton.world.waiting import (
     OUT_OF_BAY,
     PARKED,
     PICKED_UP,
+    RAN_EMPTY,
     REFUSED_ANSWER,
     SET_DOWN,
     TOOK,
     WAITERS,
+    WAS_TOWED,
     WITHDREW,
 )
 
-MOST_EVENTS = 7  # of one robot in one tick
+MOST_EVENTS = 8  # of one robot in one tick
 IN_CYCLE = NIL  # value of scratch.color
 
 
@@ -58,6 +63,8 @@ def note_events(world, watch):
             event(world, watch, TOOK, identity, order, NIL)
         if action:
             note_action(world, watch, i, identity, action)
+        if robots.status[i] != watch.status_before[i]:
+            note_status(world, watch, i, identity)
         if did & INTO_BAY:
             event(world, watch, PARKED, identity, NIL, NIL)
         watch.set_down[i] = watch.load_before[i] if action == DID_DROP else NIL
@@ -96,11 +103,27 @@ def note_action(world, watch, i, identity, action):
         code = DELIVERED_AT if done else SET_DOWN
         event(world, watch, code, identity, order, np.int64(world.robots.cell[i]))
     elif action == DID_CHARGE:
-        event(world, watch, CHARGED, identity, NIL, np.int64(world.robots.busy[i]) + 1)
+        if world.tally.times[i, CHARGE, 0] != watch.stays[i]:  # not in every tick of a stay
+            watch.stays[i] = world.tally.times[i, CHARGE, 0]
+            event(world, watch, CHARGED, identity, NIL, np.int64(world.robots.charge[i]))
     elif action == DID_ILLEGAL:
         event(world, watch, REFUSED_ANSWER, identity, NIL, NIL)
     elif action == DID_WITHDRAW:
         event(world, watch, WITHDREW, identity, NIL, np.int64(world.robots.withdrawing[i]))
+
+
+@kernel
+def note_status(world, watch, i, identity):
+    """The events of a robot that goes out of order, is towed, or comes back."""
+    status = np.int64(world.robots.status[i])
+    watch.status_before[i] = status
+    if status == EMPTY or status == BROKEN:
+        code = RAN_EMPTY if status == EMPTY else BROKE_DOWN
+        event(world, watch, code, identity, NIL, np.int64(world.robots.cell[i]))
+    elif status == TOWED or status == GONE:
+        event(world, watch, WAS_TOWED, identity, NIL, NIL)
+    elif status == RUNNING:
+        event(world, watch, CAME_BACK, identity, NIL, NIL)
 
 
 @kernel

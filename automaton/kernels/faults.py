@@ -22,7 +22,7 @@ from automaton.kernels.operations import (
     reserve_slot,
 )
 from automaton.recording.codes import LEFT_LOAD, STATUS
-from automaton.world.battery import (
+from automaton.world.condition import (
     BROKE_DOWN,
     BROKEN,
     EMPTY,
@@ -130,6 +130,9 @@ def take_out(world, record, i, status):
     world.clock[CHANGES] += 1
     if robots.cell[i] == NIL:
         tow(world, record, i)
+    elif robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[UNPARKED] += 1
 
 
 @kernel

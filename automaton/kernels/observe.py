@@ -35,8 +35,10 @@ from automaton.recording.codes import (
     INTO_BAY,
     LEFT_BAY,
 )
+from automaton.world.condition import EMPTY
 from automaton.world.state import (
     GOAL_NONE,
+    IN_LINE,
     NIL,
     TICK,
     UNDELIVERED,
@@ -44,12 +46,15 @@ from automaton.world.state import (
 )
 from automaton.world.waiting import (
     BAY_HELD,
+    CHARGER_HELD,
     DELIVERED_ORDERS,
     EVENTFUL,
+    FAULT,
     ILLEGAL_ANSWER,
     IS_EVENTFUL,
     IS_WAITING,
     LANE,
+    NO_ENERGY,
     NO_ORDER,
     NO_PLACE,
     NO_ROUTE,
@@ -128,6 +133,7 @@ def look_at_all(world, watch):
             or order[U(i)] != order_before[U(i)]
             or load[U(i)] != load_before[U(i)]
             or watch.set_down[U(i)] != NIL
+            or robots.status[U(i)] != watch.status_before[U(i)]
         ):
             mark |= IS_EVENTFUL
         if mark:
@@ -218,6 +224,11 @@ def find_wait(world, watch, i, want, did):
     watch.blocker[U(i)] = NIL
     watch.wanted[U(i)] = NIL
     watch.scratch.entry[U(i)] = NIL
+    if robots.status[U(i)] >= EMPTY:
+        return NO_ENERGY if robots.status[U(i)] == EMPTY else FAULT
+    if robots.action[U(i)] == IN_LINE and robots.ticket[U(i)] and did == DID_BLOCKED:
+        direction = np.int64(robots.route[U(i), U(robots.at[U(i)])])
+        return wait_for(world, watch, i, np.int64(robots.stand[U(i)]), direction, CHARGER_HELD)
     if did == DID_WITHDRAW:
         return WITHDRAWAL
     if did == DID_ILLEGAL:

@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.recording.codes import DID_ILLEGAL, ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
-from automaton.world.battery import EXHAUSTED, RUNNING
+from automaton.world.condition import EXHAUSTED, RUNNING
 from automaton.world.state import (
     CARRIED,
     CHANGED,

@@ -21,7 +21,7 @@ from automaton.picture.robots import NEEDS, NUMBERS, RobotLine, name_of, read_ro
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.battery import GONE, RUNNING
+from automaton.world.condition import GONE, RUNNING
 from automaton.world.floor import floor_for
 from automaton.world.plan import FloorPlan
 from automaton.world.starts import occupy_starts

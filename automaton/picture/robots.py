@@ -22,8 +22,8 @@ from automaton.picture.phrases import (
     write_facts,
     write_route,
 )
-from automaton.world.battery import FULL, STATUS_NAMES
 from automaton.world.cells import DIRECTIONS
+from automaton.world.condition import FULL, STATUS_NAMES
 from automaton.world.plan import FloorPlan
 from automaton.world.state import (
     ACTION_NAMES,

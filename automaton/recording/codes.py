@@ -33,4 +33,4 @@ PICKED_UP: Final = 4  # identity, order
 SET_AT: Final = 5  # identity, slot
 ZONE: Final = 6  # identity, zone
 LEFT_LOAD: Final = 7  # identity, spare slot in its cell where its load lies now
-STATUS: Final = 8  # identity, status of the robot (automaton.world.battery)
+STATUS: Final = 8  # identity, status of the robot (automaton.world.condition)

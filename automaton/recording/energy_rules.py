@@ -20,6 +20,7 @@ from automaton.recording.codes import (
     DID_WAIT,
     DID_WITHDRAW,
     DURATION,
+    INTO_BAY,
     MOVE_EAST,
     MOVE_NORTH,
     STATUS,
@@ -98,7 +99,7 @@ class Energy:
             elif code == DID_CHARGE:
                 self._take_in(tick, r)
         if any(self.rates["wait"]):
-            busy = {r for r, _ in acts}
+            busy = {r for r, did in acts if did & (ACTION_MASK | INTO_BAY)}
             for r, cell in enumerate(self.motion.cell):
                 free = self.motion.free[r] <= tick and self.status[r] == RUNNING
                 if cell != NONE and free and r not in busy:
@@ -126,6 +127,7 @@ class Energy:
         cell = self.motion.cell[r]
         if status in (EMPTY, BROKEN):
             self._check_fault(tick, r, status, before)
+            self.motion.parked[r] = cell == NONE
         elif status in (TOWED, GONE):
             wait = self.faults["tow_after"]
             in_bay = cell == NONE
@@ -161,7 +163,8 @@ class Energy:
             return 0
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
         prices = [max(rates) * max(1, self.duration.get(n, 1)) for n, rates in self.rates.items()]
-        return max(prices) * around
+        dearest: int = max(prices) * around
+        return dearest
 
 
 def parted_faults(rows: Rows) -> tuple[Rows, Rows, Rows]:

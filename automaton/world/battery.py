@@ -1,40 +1,17 @@
-"""Batteries and faults: what their numbers mean, and a scenario's constants in these units.
-
-A battery holds FULL units when it is full. What an operation takes is paid when it begins, all of
-it, so that no robot stops between two cells: one that lacks it is out of order where it stands.
-"""
+"""Batteries and faults of a scenario, in the units of the world."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from automaton.kernels import draws
-from automaton.world.state import ACTION_NAMES, ACTIONS, MOVE, NIL, WAIT, Array
+from automaton.world.condition import FULL, PERCENT
+from automaton.world.state import ACTION_NAMES, ACTIONS, NIL, Array
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Battery, Faults, Scenario
-
-FULL: Final = 1_000_000  # units of charge in a full battery: one is 0.0001 %
-PERCENT: Final = FULL // 100
-
-# States of a robot: robots.status.
-RUNNING: Final = 0
-FAILING: Final = 1  # a fault takes it out as soon as what it does is over
-EXHAUSTED: Final = 2  # its battery lacks what its next operation takes
-EMPTY: Final = 3  # out of order on the floor, for want of energy
-BROKEN: Final = 4  # out of order on the floor, for a fault
-TOWED: Final = 5  # off the floor, until it comes back
-GONE: Final = 6  # off the floor for good
-STATUS_NAMES: Final = (
-    *("running", "failing", "exhausted", "empty battery", "broken down", "towed", "gone"),
-)
-
-# Columns of tally.out.
-RAN_EMPTY: Final = 0
-BROKE_DOWN: Final = 1
-WAS_TOWED: Final = 2
 
 
 def units(percent: float) -> int:
@@ -97,13 +74,3 @@ def may_fail(scenario: Scenario) -> bool:
     """Whether robots of this scenario may go out of order."""
     faults = scenario.faults
     return scenario.battery is not None or bool(faults.listed) or faults.rate > 0
-
-
-def waiting_is_free(drain: Array) -> bool:
-    """Whether robots that stand still use no energy."""
-    return not drain[WAIT].any()
-
-
-def most_per_move(drain: Array) -> int:
-    """Units that a tick of driving takes at most."""
-    return int(drain[MOVE].max())

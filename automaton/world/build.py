@@ -298,6 +298,8 @@ def build_observation(world: World, ticks: int) -> Observation:
         set_down=nil.copy(),
         load_before=nil.copy(),
         order_before=nil.copy(),
+        stays=np.zeros(n, np.int64),
+        status_before=np.zeros(n, np.uint8),
         delay=np.zeros((cells, DELAY_COLUMNS), np.int32),
         flow=np.zeros((cells, 4), np.int32),
         count=np.zeros(COUNTS, np.int64),

@@ -109,7 +109,7 @@ SYMBOLS: Final[dict[str, Symbol]] = {
     "b": Symbol(BAY),
     "r": Symbol(RACK),
     "i": Symbol(DOCK),
-    "o": Symbol(STATION, ALL_EXITS),
+    "t": Symbol(STATION, ALL_EXITS),
     ">": Symbol(FLOOR, EXIT_EAST),
     "v": Symbol(FLOOR, EXIT_SOUTH),
     "<": Symbol(FLOOR, EXIT_WEST),

@@ -44,6 +44,9 @@ NO_ORDER: Final = 12
 NO_PLACE: Final = 13
 NO_ROUTE: Final = 14
 ILLEGAL_ANSWER: Final = 15
+CHARGER_HELD: Final = 16
+NO_ENERGY: Final = 17
+FAULT: Final = 18
 UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -106,6 +109,24 @@ CAUSES: Final = (
         "an illegal answer costs a tick",
         False,
     ),
+    Cause(
+        "charger",
+        "{robot} stands in line: {blocker} charges at {cell} or came before it",
+        "who came first to a charger charges first",
+        True,
+    ),
+    Cause(
+        "empty battery",
+        "the battery of {robot} lacks what its next operation takes",
+        "a robot without energy stands where it is until it is towed",
+        False,
+    ),
+    Cause(
+        "broken down",
+        "{robot} has broken down",
+        "a broken robot stands where it is until it is towed",
+        False,
+    ),
 )
 CAUSE_COUNT: Final = len(CAUSES)
 
@@ -118,13 +139,18 @@ OUT_OF_BAY: Final = 5  # robot
 PARKED: Final = 6  # robot
 WITHDREW: Final = 7  # robot, none, moves
 GAVE_BACK: Final = 8  # robot, order
-CHARGED: Final = 9  # robot, none, ticks
+CHARGED: Final = 9  # robot, none, its charge: a stay at a charger begins
 REFUSED_ANSWER: Final = 10  # robot
 CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
 DEADLOCK: Final = 12  # the same, when the cycle has lasted DEADLOCK_TICKS
+RAN_EMPTY: Final = 13  # robot, none, its cell
+BROKE_DOWN: Final = 14  # robot, none, its cell
+WAS_TOWED: Final = 15  # robot
+CAME_BACK: Final = 16  # robot
 EVENT_NAMES: Final = (
     *("", "took", "picked up", "set down", "delivered", "left bay", "parked", "withdrew"),
     *("gave back", "charges", "illegal answer", "circular wait", "deadlock"),
+    *("battery empty", "broken down", "towed", "back"),
 )
 DEADLOCK_TICKS: Final = 64  # most cycles are two robots head-on that soon withdraw
 
@@ -194,6 +220,8 @@ class Observation(Struct):
     set_down: Array  # (n,) int32: the load that it set down in this tick, or NIL
     load_before: Array  # (n,) int32
     order_before: Array  # (n,) int32
+    stays: Array  # (n,) int64: stays at chargers that events have told of
+    status_before: Array  # (n,) uint8
     delay: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
     flow: Array  # (C, 4) int32: moves out of a cell, E S W N
     count: Array  # (COUNTS,) int64

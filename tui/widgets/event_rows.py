@@ -9,6 +9,7 @@ import numpy as np
 
 from automaton.history.chronicle import Event
 from automaton.world import waiting as codes
+from automaton.world.condition import PERCENT
 from automaton.world.state import NIL, Array
 from automaton.world.waiting import EVENT_NAMES
 from tui.widgets.lines import Line, Span, line
@@ -21,6 +22,7 @@ KINDS: Final = {  # what can be picked in the list of events: name and codes
     "orders": (codes.TOOK, codes.GAVE_BACK),
     "bays": (codes.OUT_OF_BAY, codes.PARKED),
     "charging": (codes.CHARGED,),
+    "faults": (codes.RAN_EMPTY, codes.BROKE_DOWN, codes.WAS_TOWED, codes.CAME_BACK),
     "illegal": (codes.REFUSED_ANSWER,),
 }
 TEXTS: Final = {
@@ -32,7 +34,11 @@ TEXTS: Final = {
     codes.PARKED: "is parked",
     codes.WITHDREW: "withdraws {value} step{s}",
     codes.GAVE_BACK: "gives order {subject} back",
-    codes.CHARGED: "charges for {value} tick{s}",
+    codes.CHARGED: "charges from {percent}",
+    codes.RAN_EMPTY: "battery is empty",
+    codes.BROKE_DOWN: "breaks down",
+    codes.WAS_TOWED: "is towed",
+    codes.CAME_BACK: "is back",
     codes.REFUSED_ANSWER: "illegal answer",
     codes.CYCLE: "circle of {value} closes",
     codes.DEADLOCK: "deadlock of {value} robots",
@@ -41,6 +47,8 @@ ROBOT: Final = 6  # columns for the number of a robot
 LOOKS: Final = {
     codes.DELIVERED_AT: "good",
     codes.DEADLOCK: "fault",
+    codes.RAN_EMPTY: "fault",
+    codes.BROKE_DOWN: "fault",
     codes.REFUSED_ANSWER: "fault",
     codes.CYCLE: "warn",
     codes.WITHDREW: "warn",
@@ -51,7 +59,9 @@ SUBJECTS: Final = (codes.TOOK, codes.PICKED_UP, codes.SET_DOWN, codes.DELIVERED_
 def event_words(event: Event) -> str:
     """An event in a few words, without the robot."""
     plural = "" if event.value == 1 else "s"
-    return TEXTS[event.code].format(subject=event.subject, value=event.value, s=plural)
+    percent = f"{event.value / PERCENT:.0f} %"
+    words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}
+    return TEXTS[event.code].format(**words)
 
 
 def event_line(event: Event, who: bool = True, tick_width: int = 7) -> Line:

@@ -51,11 +51,12 @@ def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
         "strategy.charging=example_strategies:ChargeFirst",
         "strategy.allocation=example_strategies:Idle",
         "fleet.robots=1",
+        "battery={start: 40, charge: 10, drain: {move: 0}}",
         "stop.when=never",
         until=60,
     )
     robots, tally = simulation.world.robots, simulation.world.tally
-    assert tally.ticks[0, CHARGE].sum() == 7
+    assert tally.ticks[0, CHARGE].sum() == 6  # from 40 % to 100 % by 10 % in a tick
     assert robots.parked[0] == 1  # and afterwards it drives home
     assert illegal_by_layer(simulation)["charging"] == 0
 

@@ -171,7 +171,7 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 
 
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
-    told = {*NUMBERS, "cell", "claim", "stand", "slot", "need", "length", "at", "route"}
+    told = {*NUMBERS, "cell", "claim", "stand", "slot", "need", "length", "at", "route", "plan"}
     assert set(ROBOT_FIELDS) <= told
 
 
@@ -182,8 +182,11 @@ def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
         ({"withdrawing": 1, "need": 4, "length": 0, "at": 0}, "withdraws 1 more step, asks for"),
         ({"blocked": 2, "hold": 2, "need": 4}, "failed 2 times, is stuck, asks for the right"),
         ({"action": 10, "busy": 0}, "was kept in its bay"),
-        ({"action": 7, "busy": 30, "stay": 90}, "charges for 30 more ticks"),
-        ({"stay": 1}, "charged for 1 tick"),
+        ({"action": 7, "charge": 250_000}, "charged, charge 250000"),
+        ({"yields": 1, "charging_reason": 10}, "may have an order while it charges, charging"),
+        ({"status": 3, "until": 40}, "empty battery, until tick 40"),
+        ({"status": 6, "until": -1}, "gone, for good"),
+        ({"ticket": 5}, "has ticket 5"),
         ({"try_drop": 1}, "will try to set down first"),
         ({"reason": 3, "route_reason": 0}, "last asked for a new plan, never routed"),
         ({"need": 3, "asked_at": 7}, "found no work at change 7, asks for a route"),
@@ -205,9 +208,9 @@ def test_whatever_a_robot_is_doing_is_told_and_restored(state: dict[str, int], w
 def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
     running = simulation("crossing", tick=200)
     robots, plan = running.world.robots, running.resolved.plan
-    robots.goal[3], robots.stay[3], robots.stand[3] = GOAL_CHARGE, 250, plan.cell(9, 5)
+    robots.goal[3], robots.level[3], robots.stand[3] = GOAL_CHARGE, 800_000, plan.cell(9, 5)
     picture = picture_of(running)
-    assert "D (2, 4) facing west, goes to (9, 5) to charge for 250 ticks" in picture
+    assert "D (2, 4) facing west, goes to (9, 5) to charge up to 800000" in picture
     assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
 
 

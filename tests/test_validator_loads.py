@@ -9,7 +9,6 @@ import pytest
 from drawn_recordings import FLOOR, E, S, header, played, rules
 
 from automaton.recording.codes import (
-    DID_CHARGE,
     DID_DROP,
     DID_PICK,
     DID_TRY_DROP,
@@ -114,9 +113,8 @@ def test_two_loads_on_one_shelf_at_the_start() -> None:
     assert rules(played(head, {})) == ["load"]
 
 
-def test_waits_and_charging_say_how_long_they_take() -> None:
+def test_waits_say_how_long_they_take() -> None:
     head = header(FLOOR, [(0, 0)])
-    for code in (DID_WAIT, DID_CHARGE):
-        assert rules(played(head, {0: code})) == ["duration"]
-        assert rules(played(head, {0: code}, changes=[(1, DURATION, 0, 0)])) == ["duration"]
-        assert played(head, {0: code}, changes=[(1, DURATION, 0, 4)]).valid
+    assert rules(played(head, {0: DID_WAIT})) == ["duration"]
+    assert rules(played(head, {0: DID_WAIT}, changes=[(1, DURATION, 0, 0)])) == ["duration"]
+    assert played(head, {0: DID_WAIT}, changes=[(1, DURATION, 0, 4)]).valid

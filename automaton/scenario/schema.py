@@ -253,7 +253,7 @@ class Battery(Part, frozen=True, kw_only=True):
 class Fault(Part, frozen=True, kw_only=True):
     """One robot breaks down."""
 
-    robot: Annotated[int, Meta(ge=0, le=999_999)]
+    robot: Annotated[int, Meta(ge=0, le=999_999, description="Its number, from 0.")]
     at: Annotated[int, Meta(ge=1, le=2_000_000_000, description="In this tick.")]
 
 

@@ -31,6 +31,7 @@ KERNEL_SOURCES = {
         "compiled.py",
         "struct.py",
         "struct_types.py",
+        "auctions",
         "kernels",
         "world/cells.py",
         "world/condition.py",

@@ -8,4 +8,5 @@ from typing import Final
 GENERATORS: Final[dict[str, str]] = {
     "tabletop": "layouts.tabletop:Tabletop",
     "racks": "layouts.racks:Racks",
+    "depots": "layouts.depots:Depots",
 }

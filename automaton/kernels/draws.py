@@ -23,6 +23,8 @@ ROUTE_TIES = 10
 PREDICTIONS = 11
 TRIALS = 12
 LEGS = 13
+TASK_SETS = 14
+GENES = 15
 STRATEGY = 16  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -1,0 +1,144 @@
+"""Optimal insertion of charging: the stops of a list, and how long the robot charges at each.
+
+A list is feasible without a stop if the level never falls below the reserve. Otherwise each stop of
+the best path charges as much as the stretch to the next one needs, in whole ticks.
+"""
+
+import numpy as np
+
+from automaton.auctions.charge_path import find_stops, note_stops, tail_of
+from automaton.auctions.charging_curve import charging_ticks, level_after
+from automaton.auctions.insertion import place_before
+from automaton.auctions.market import (
+    CHARGING,
+    COST,
+    END,
+    FIGURES,
+    FULL,
+    GROSS,
+    INF,
+    LOWEST,
+    NET,
+    PLANS,
+    WAITING,
+)
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+
+
+@kernel
+def fits(battery, charge, energy, last):
+    """Whether a list that takes `energy` and ends at place `last` needs no charging."""
+    tail = tail_of(battery, last)
+    return tail < INF and charge - energy - tail >= battery.reserve
+
+
+@kernel
+def clear(scratch, charge, length):
+    """A plan without stops, of the list that was measured last."""
+    figures = scratch.plan.figures
+    for k in range(FIGURES):
+        figures[k] = 0
+    scratch.plan.stops[0] = 0
+    figures[COST] = scratch.done_ticks[length]
+    figures[END] = charge - scratch.done_energy[length]
+    figures[LOWEST] = figures[END]
+
+
+@kernel
+def plan_charging(work, battery, scratch, place, charge, order, length):
+    """Leave the cheapest plan for the measured list in scratch.plan; returns its ticks or INF."""
+    clear(scratch, charge, length)
+    if length == 0 or fits(
+        battery, charge, scratch.done_energy[length], np.int64(work.end[order[length - 1]])
+    ):
+        return scratch.plan.figures[COST]
+    scratch.count[PLANS] += 1
+    last = np.int64(NIL)
+    if tail_of(battery, work.end[order[length - 1]]) < INF:
+        last = find_stops(work, battery, scratch, place, charge, order, length)
+    if last == NIL:
+        scratch.plan.figures[COST] = INF
+        return INF
+    note_stops(battery, scratch, last)
+    return charge_just_enough(work, battery, scratch, place, charge, order, length)
+
+
+@kernel
+def stretch(work, battery, scratch, place, order, length, k):
+    """(ticks, units) from stop k - 1 of the plan (the start for 0) to stop k, or to the end."""
+    plan = scratch.plan
+    to = plan.position[k] if k < plan.stops[0] else length
+    ticks, energy = scratch.done_ticks[to], scratch.done_energy[to]
+    here = np.int64(place) if to == 0 else np.int64(work.end[order[to - 1]])
+    if k > 0:
+        begun = plan.position[k - 1]
+        here_before = np.int64(battery.charger[plan.charger[k - 1]])
+        if begun == to:
+            ticks, energy, here = np.int64(0), np.int64(0), here_before
+        else:
+            after = np.int64(work.begin[order[begun]])
+            ticks += work.ticks[here_before, after] - scratch.begun_ticks[begun]
+            energy += work.energy[here_before, after] - scratch.begun_energy[begun]
+    if k < plan.stops[0]:
+        at = np.int64(battery.charger[plan.charger[k]])
+        ticks += work.ticks[here, at]
+        energy += work.energy[here, at]
+    return ticks, energy
+
+
+@kernel
+def charge_just_enough(work, battery, scratch, place, charge, order, length):
+    """At each stop of the plan, charge what the next stretch needs; returns the ticks of the list."""
+    plan = scratch.plan
+    tail = tail_of(battery, work.end[order[length - 1]])
+    ticks, energy = stretch(work, battery, scratch, place, order, length, 0)
+    level = np.int64(charge)
+    plan.figures[COST] = ticks
+    plan.figures[LOWEST] = FULL
+    for k in range(plan.stops[0]):
+        level -= energy
+        ticks, energy = stretch(work, battery, scratch, place, order, length, k + 1)
+        spare = tail if k + 1 == plan.stops[0] else np.int64(0)
+        goal = max(level, energy + spare + battery.reserve)
+        level = stop_at(battery, plan, k, level, goal)
+        plan.figures[COST] += ticks
+    plan.figures[END] = level - energy
+    plan.figures[LOWEST] = min(plan.figures[LOWEST], plan.figures[END])
+    add_detours(work, battery, scratch, place, order)
+    return plan.figures[COST]
+
+
+@kernel
+def stop_at(battery, plan, k, level, goal):
+    """Charge from `level` to `goal` at stop k of the plan; returns the level on leaving."""
+    duration = charging_ticks(battery, level, goal)
+    wait = np.int64(battery.wait[plan.charger[k]])
+    plan.arrival[k] = level
+    plan.duration[k] = duration
+    plan.level[k] = level_after(battery, level, duration, FULL)
+    plan.figures[LOWEST] = min(plan.figures[LOWEST], level)
+    plan.figures[CHARGING] += duration
+    plan.figures[WAITING] += wait
+    plan.figures[COST] += duration + wait
+    return plan.level[k]
+
+
+@kernel
+def add_detours(work, battery, scratch, place, order):
+    """Gross: to the charger, charging, and on; net: less the leg that this replaces."""
+    plan = scratch.plan
+    for k in range(plan.stops[0]):
+        i = plan.position[k]
+        at = np.int64(battery.charger[plan.charger[k]])
+        before = place_before(work, place, order, i)
+        after = np.int64(work.begin[order[i]])
+        if k > 0 and plan.position[k - 1] == i:
+            before = np.int64(battery.charger[plan.charger[k - 1]])
+        else:
+            plan.figures[NET] -= work.ticks[before, after]
+        gross = plan.duration[k] + battery.wait[plan.charger[k]] + work.ticks[before, at]
+        if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
+            gross += work.ticks[at, after]
+        plan.figures[GROSS] += gross
+        plan.figures[NET] += gross

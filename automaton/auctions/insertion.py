@@ -1,0 +1,96 @@
+"""Cheapest insertion into an open path: where a task adds the fewest ticks to a list.
+
+A task is inserted as a whole: one that is picked up and delivered takes its inner way along, and the
+pair stays together, because a robot carries one load.
+"""
+
+import numpy as np
+
+from automaton.auctions.market import INF
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+
+
+@kernel
+def place_before(work, place, order, i):
+    """The place from which a robot that starts at `place` drives to task i of its list."""
+    if i == 0:
+        return np.int64(place)
+    return np.int64(work.end[order[i - 1]])
+
+
+@kernel
+def cheapest_insertion(work, place, order, length, task, first):
+    """(position, ticks added) of `task` in order[:length]; ties: the latest position.
+
+    Positions below `first` stay as they are (1: the robot is on its way to its first task).
+    """
+    enter, leave = np.int64(work.begin[task]), np.int64(work.end[task])
+    before = np.int64(place)
+    at, least = NIL, INF
+    for i in range(length):
+        after = np.int64(work.begin[order[i]])
+        added = work.ticks[before, enter] + work.ticks[leave, after] - work.ticks[before, after]
+        if i >= first and added <= least:
+            at, least = i, added
+        before = np.int64(work.end[order[i]])
+    added = np.int64(work.ticks[before, enter])
+    if added <= least:
+        at, least = length, added
+    return at, least + work.inside[task]
+
+
+@kernel
+def energy_added(work, place, order, length, task, position):
+    """Units that `task` adds to the list at this position."""
+    before = place_before(work, place, order, position)
+    added = np.int64(work.energy[before, work.begin[task]]) + work.use[task]
+    if position < length:
+        after = work.begin[order[position]]
+        added += work.energy[work.end[task], after] - work.energy[before, after]
+    return added
+
+
+@kernel
+def copy_inserted(order, length, task, position, out):
+    """out[:length + 1] = the list with the task at this position."""
+    for i in range(position):
+        out[i] = order[i]
+    out[position] = task
+    for i in range(position, length):
+        out[i + 1] = order[i]
+
+
+@kernel
+def insert(order, length, task, position):
+    """The same in place; order has room."""
+    for i in range(length, position, -1):
+        order[i] = order[i - 1]
+    order[position] = task
+
+
+@kernel
+def remove(order, length, position):
+    """Take the task at this position out of order[:length]."""
+    for i in range(position, length - 1):
+        order[i] = order[i + 1]
+
+
+@kernel
+def measure(work, scratch, place, order, length):
+    """Ticks and energy along the list, without charging, into done_* and begun_* of the scratch."""
+    ticks, energy = np.int64(0), np.int64(0)
+    before = np.int64(place)
+    for i in range(length):
+        task = np.int64(order[i])
+        scratch.done_ticks[i] = ticks
+        scratch.done_energy[i] = energy
+        ticks += work.ticks[before, work.begin[task]]
+        energy += work.energy[before, work.begin[task]]
+        scratch.begun_ticks[i] = ticks
+        scratch.begun_energy[i] = energy
+        ticks += work.inside[task]
+        energy += work.use[task]
+        before = np.int64(work.end[task])
+    scratch.done_ticks[length] = ticks
+    scratch.done_energy[length] = energy

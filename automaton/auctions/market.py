@@ -1,0 +1,127 @@
+"""What an auction works on: tasks and how far apart they lie, batteries, and the robots' lists.
+
+A *place* is anything that a robot drives to or from: where a robot is, a stop, a charger. A task
+begins at one place and ends at another (pick-up and delivery; a robot holds one load, so nothing comes
+between), or begins and ends at the same one (a visit). A list is an open path: no way back.
+
+Times are whole ticks. Energy is counted in units: FULL = 1,000,000 units are 100 %.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from automaton.struct import Struct
+
+Array = NDArray[Any]
+
+FULL: Final = 1_000_000  # units of a full battery
+INF: Final = 1 << 60  # a cost or bid that stands for "not at all"
+MIXED: Final = 1000  # epsilon is counted in thousandths; so are bids: 1000 of them are a tick
+
+# What a list costs beyond driving: the charging policy.
+NO_CHARGING: Final = 0  # batteries never run empty
+HIERARCHICAL: Final = 1  # insert the task where it is cheapest, then plan the charging
+JOINT: Final = 2  # insert the task where it is cheapest with its charging
+FILL_UP: Final = 3  # as hierarchical, but charge up to the target
+LOOK: Final = 4  # threshold: charge fully before a task that would end below the threshold
+SAFE: Final = 5  # as LOOK, and before a task from whose end no charger could be reached
+
+
+class Work(Struct):
+    """T tasks and P places."""
+
+    ticks: Array  # (P, P) int32: from place to place
+    energy: Array  # (P, P) int32 units: from place to place
+    begin: Array  # (T,) int32: place at which a task begins
+    end: Array  # (T,) int32: place at which it ends
+    inside: Array  # (T,) int32 ticks from begin to end, all handling included
+    use: Array  # (T,) int32 units from begin to end
+
+
+class Battery(Struct):
+    """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
+
+    charger: Array  # (C,) int32: its place
+    wait: Array  # (C,) int32 ticks that a robot waits there before it charges
+    nearest: Array  # (P,) int32: the charger that takes least energy to reach; NIL: none
+    reach: Array  # (P,) int64 units to it; INF: none
+    curve_from: Array  # (K,) int32 units: the piece holds from this level on; the first is 0
+    curve_rate: Array  # (K,) int32 units per tick
+    reserve: int  # units that are left on every arrival
+    end_reach: int  # 1: at the end of a list a charger can still be reached (never strand)
+    policy: int
+    threshold: int  # units, of LOOK and SAFE
+    target: int  # units, of FILL_UP
+
+
+class Fleet(Struct):
+    """R robots and their lists of at most L tasks."""
+
+    place: Array  # (R,) int32: where the list starts
+    ready: Array  # (R,) int32 ticks until the robot is there
+    charge: Array  # (R,) int32 units that it has then
+    first: Array  # (R,) int32: 1 = it drives to its first task, which stays the first
+    room: Array  # (R,) int32: most tasks in its list
+    heard: Array  # (R, T) uint8: 1 = it may bid on the task
+    order: Array  # (R, L) int32: its tasks in sequence
+    length: Array  # (R,) int32
+    travel: Array  # (R,) int64 ticks of the list without charging
+    energy: Array  # (R,) int64 units of the list without charging
+    cost: Array  # (R,) int64 ticks until the list is done, charging included; INF: it cannot be
+
+
+class Plan(Struct):
+    """The charging stops of one list."""
+
+    stops: Array  # (1,) int64: how many
+    position: Array  # (S,) int32: before which task of the list
+    charger: Array  # (S,) int32
+    arrival: Array  # (S,) int64 units on arrival
+    level: Array  # (S,) int64 units on leaving
+    duration: Array  # (S,) int64 ticks of charging
+    figures: Array  # (FIGURES,) int64: see below
+
+
+# Columns of Plan.figures.
+COST: Final = 0  # ticks until the list is done; INF: no plan
+CHARGING: Final = 1  # ticks of charging
+WAITING: Final = 2  # ticks at busy chargers
+GROSS: Final = 3  # ticks to chargers, at them, and on to the next task
+NET: Final = 4  # gross less the legs that were replaced
+END: Final = 5  # units at the end
+LOWEST: Final = 6  # units: the least on any arrival
+FIGURES: Final = 7
+
+
+class Scratch(Struct):
+    """What bids are computed in; contents never decide anything between calls, except `sold`."""
+
+    order: Array  # (L + 1,) int32: a list that is tried
+    done_ticks: Array  # (L + 2,) int64: from the start until task i - 1 of the list is done
+    done_energy: Array  # (L + 2,) int64
+    begun_ticks: Array  # (L + 2,) int64: from the start until task i begins, driven directly
+    begun_energy: Array  # (L + 2,) int64
+    weight: Array  # (L + 1, C) int64: best way to a charger before task i
+    back: Array  # (L + 1, C) int32: the stop before that one, as i * C + c, or NIL
+    bid: Array  # (R, T) int64, by robot and number of the item
+    best: Array  # (R,) int32: the item of the robot's lowest bid, or NIL
+    left: Array  # (T,) int32: items that are not sold, by arrival
+    low: Array  # (T,) int64
+    second: Array  # (T,) int64
+    high: Array  # (T,) int64
+    bidders: Array  # (T,) int32: robots with a finite bid
+    keenest: Array  # (T,) int32: the robot with the lowest
+    sold: Array  # (T,) int32: who won the item, or NIL
+    count: Array  # (COUNTS,) int64
+    plan: Plan
+
+
+# Columns of Scratch.count.
+BIDS: Final = 0  # bids computed
+POSITIONS: Final = 1  # places in lists that were tried
+PLANS: Final = 2  # charging plans made
+MESSAGES: Final = 3  # announcements, bids sent, awards
+COUNTS: Final = 4

@@ -1,0 +1,145 @@
+"""Markets made ready for the kernels: arrays of the right shapes, from what a caller knows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from automaton.auctions.market import (
+    COUNTS,
+    FIGURES,
+    FULL,
+    INF,
+    NO_CHARGING,
+    Array,
+    Battery,
+    Fleet,
+    Plan,
+    Scratch,
+    Work,
+)
+
+
+def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> Work:
+    """Tasks that are done by being at these places."""
+    at = np.asarray(places, np.int32)
+    nothing = np.zeros(len(at), np.int32)
+    return deliveries(ticks, energy, at, at, nothing, nothing)
+
+
+def deliveries(
+    ticks: ArrayLike,
+    energy: ArrayLike,
+    begin: ArrayLike,
+    end: ArrayLike,
+    inside: ArrayLike,
+    use: ArrayLike,
+) -> Work:
+    """Tasks that begin and end at different places; ticks, energy: (P, P)."""
+
+    def numbers(values: ArrayLike) -> Array:
+        return np.ascontiguousarray(values, np.int32)
+
+    return Work(
+        ticks=numbers(ticks),
+        energy=numbers(energy),
+        begin=numbers(begin).copy(),
+        end=numbers(end).copy(),
+        inside=numbers(inside).copy(),
+        use=numbers(use).copy(),
+    )
+
+
+def battery_of(
+    energy: ArrayLike,
+    chargers: ArrayLike = (),
+    curve: tuple[tuple[int, int], ...] = ((0, 1),),
+    reserve: int = 0,
+    end_reach: bool = False,
+    policy: int = NO_CHARGING,
+    threshold: int = 0,
+    target: int = FULL,
+) -> Battery:
+    """energy: (P, P) units; chargers: their places; curve: (from units, units per tick)."""
+    between = np.asarray(energy, np.int64)
+    at = np.asarray(chargers, np.int32)
+    to = between[:, at]
+    none = at.size == 0
+    return Battery(
+        charger=at,
+        wait=np.zeros(at.size, np.int32),
+        nearest=np.full(len(between), -1, np.int32) if none else to.argmin(1).astype(np.int32),
+        reach=np.full(len(between), INF, np.int64) if none else to.min(1),
+        curve_from=np.array([piece[0] for piece in curve], np.int32),
+        curve_rate=np.array([piece[1] for piece in curve], np.int32),
+        reserve=reserve,
+        end_reach=int(end_reach),
+        policy=policy,
+        threshold=threshold,
+        target=target,
+    )
+
+
+def fleet_of(
+    places: ArrayLike, tasks: int, charge: ArrayLike = FULL, longest: int | None = None
+) -> Fleet:
+    """Robots at these places with empty lists, at most `longest` tasks in each."""
+    at = np.asarray(places, np.int32).copy()
+    robots = len(at)
+    most = tasks if longest is None else longest
+
+    def numbers(value: ArrayLike = 0, kind: Any = np.int32) -> Array:
+        return np.full(robots, value, kind)
+
+    return Fleet(
+        place=at,
+        ready=numbers(),
+        charge=numbers(charge),
+        first=numbers(),
+        room=numbers(most),
+        heard=np.ones((robots, tasks), np.uint8),
+        order=np.zeros((robots, most), np.int32),
+        length=numbers(),
+        travel=numbers(kind=np.int64),
+        energy=numbers(kind=np.int64),
+        cost=numbers(kind=np.int64),
+    )
+
+
+def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch:
+    """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
+    stops = (longest + 1) * max(chargers, 1) + longest + 2
+
+    def numbers(size: int, kind: Any = np.int64) -> Array:
+        return np.zeros(size, kind)
+
+    return Scratch(
+        order=numbers(longest + 1, np.int32),
+        done_ticks=numbers(longest + 2),
+        done_energy=numbers(longest + 2),
+        begun_ticks=numbers(longest + 2),
+        begun_energy=numbers(longest + 2),
+        weight=np.zeros((longest + 1, chargers), np.int64),
+        back=np.zeros((longest + 1, chargers), np.int32),
+        bid=np.zeros((robots, tasks), np.int64),
+        best=numbers(robots, np.int32),
+        left=numbers(tasks, np.int32),
+        low=numbers(tasks),
+        second=numbers(tasks),
+        high=numbers(tasks),
+        bidders=numbers(tasks, np.int32),
+        keenest=numbers(tasks, np.int32),
+        sold=numbers(tasks, np.int32),
+        count=numbers(COUNTS),
+        plan=Plan(
+            stops=numbers(1),
+            position=numbers(stops, np.int32),
+            charger=numbers(stops, np.int32),
+            arrival=numbers(stops),
+            level=numbers(stops),
+            duration=numbers(stops),
+            figures=numbers(FIGURES),
+        ),
+    )

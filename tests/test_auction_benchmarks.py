@@ -1,0 +1,264 @@
+"""What auctions are measured against: the optimum, the genetic algorithm, local search, one-shot."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from automaton.auctions import assignment, bundles, exact, genetic, local_search, sequential
+from automaton.auctions.bids import MIX, award
+from automaton.auctions.bundle_space import (
+    assignment_for,
+    bundles_for,
+    generations,
+    population_for,
+)
+from automaton.auctions.market import INF, NO_CHARGING, Array, Battery, Fleet, Scratch, Work
+from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
+from automaton.errors import InputError
+from automaton.world.state import NIL
+from tests.auction_scenes import lists_of, random_auction
+
+Market = tuple[Work, Battery, Fleet, Scratch]
+
+
+def scene(seed: int, robots: int, tasks: int) -> tuple[Market, Array]:
+    """Robots with empty lists, all of which may bid."""
+    *market, items = random_auction(random.Random(seed), robots, tasks, NO_CHARGING)
+    fleet = market[2]
+    fleet.heard[:] = 1
+    fleet.length[:] = 0
+    fleet.first[:] = 0
+    fleet.ready[:] = 0
+    fleet.cost[:] = 0
+    fleet.travel[:] = 0
+    return tuple(market), items  # type: ignore[return-value]
+
+
+def ticks_of(work: Work, place: int, order: Sequence[int]) -> int:
+    now, here = 0, place
+    for task in order:
+        now += int(work.ticks[here, work.begin[task]] + work.inside[task])
+        here = int(work.end[task])
+    return now
+
+
+def brute_force(market: Market, tasks: int, epsilon: int) -> int:
+    """The least objective over all allotments and all sequences."""
+    work, _, fleet, _ = market
+    robots = range(len(fleet.place))
+    cost = {
+        (r, bundle): min(
+            ticks_of(work, int(fleet.place[r]), order) for order in itertools.permutations(bundle)
+        )
+        for r in robots
+        for size in range(tasks + 1)
+        for bundle in itertools.combinations(range(tasks), size)
+    }
+    values = []
+    for owners in itertools.product(robots, repeat=tasks):
+        costs = [cost[r, tuple(k for k in range(tasks) if owners[k] == r)] for r in robots]
+        values.append(epsilon * sum(costs) + (1000 - epsilon) * max(costs))
+    return min(values)
+
+
+METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
+    **{
+        name: lambda market, items, n, epsilon, winner=winner: sequential.sequential(
+            *market, items, n, MIX, epsilon, winner, 0
+        )
+        for name, winner in (
+            ("LB", LOWEST),
+            ("BD", DIFFERENCE),
+            ("FB", FEWEST),
+            ("regret", REGRET),
+        )
+    },
+    "local search": lambda market, items, n, epsilon: (
+        sequential.sequential(*market, items, n, MIX, epsilon, LOWEST, 0),
+        local_search.improve(*market, epsilon),
+    ),
+    "arrival": lambda market, items, n, epsilon: sequential.by_arrival(
+        *market, items, n, MIX, epsilon
+    ),
+    "parallel": lambda market, items, n, epsilon: sequential.parallel(
+        *market, items, n, MIX, epsilon
+    ),
+    "combinatorial": lambda market, items, n, epsilon: bundles.combinatorial(
+        *market, bundles_for(len(market[2].place), n), items, n, epsilon
+    ),
+    "genetic": lambda market, items, n, epsilon: genetic.genetic(
+        *market,
+        population_for(len(market[2].place), n, n),
+        items,
+        n,
+        epsilon,
+        generations(len(market[2].place), n),
+        0,
+        np.uint64(n),
+    ),
+}
+
+
+def optimum(market: Market, items: Array, tasks: int, epsilon: int) -> int:
+    space = bundles_for(len(market[2].place), tasks)
+    return int(exact.exact(*market, space, items, tasks, epsilon))
+
+
+@pytest.mark.parametrize("epsilon", [0, 500, 1000])
+@pytest.mark.parametrize(("robots", "tasks"), [(1, 1), (1, 5), (2, 4), (2, 6), (3, 5)])
+def test_the_optimum_is_that_of_trying_everything(robots: int, tasks: int, epsilon: int) -> None:
+    for seed in range(6):
+        market, items = scene(seed, robots, tasks)
+        value = optimum(market, items, tasks, epsilon)
+        assert value == brute_force(market, tasks, epsilon)
+        assert value == sequential.objective(market[2], epsilon)
+        assert sorted(itertools.chain(*lists_of(market[2]))) == list(range(tasks))
+
+
+@pytest.mark.parametrize("epsilon", [0, 500, 1000])
+@pytest.mark.parametrize("name", METHODS)
+def test_no_method_is_better_than_the_optimum(name: str, epsilon: int) -> None:
+    for seed in range(25):
+        robots, tasks = 1 + seed % 4, 1 + seed % 7
+        market, items = scene(seed, robots, tasks)
+        least = optimum(market, items, tasks, epsilon)
+        market, items = scene(seed, robots, tasks)
+        METHODS[name](market, items, tasks, epsilon)
+        assert sequential.objective(market[2], epsilon) >= least
+        assert sorted(itertools.chain(*lists_of(market[2]))) == list(range(tasks))
+        sold = market[3].sold[:tasks].tolist()
+        if name != "local search":
+            assert [lists_of(market[2])[r].count(k) for k, r in enumerate(sold)] == [1] * tasks
+
+
+def allotments_by_insertion(market: Market, items: Array, epsilon: int) -> int:
+    """The best of all m^n allotments when each robot inserts its items in turn."""
+    robots, tasks = len(market[2].place), len(items)
+    best = INF
+    for owners in itertools.product(range(robots), repeat=tasks):
+        market[2].length[:] = 0
+        market[2].travel[:] = market[2].cost[:] = 0
+        for k, r in enumerate(owners):
+            award(*market, r, k)
+        best = min(best, int(sequential.objective(market[2], epsilon)))
+    return best
+
+
+@pytest.mark.parametrize("epsilon", [0, 400, 1000])
+def test_the_combinatorial_auction_is_the_best_of_all_allotments(epsilon: int) -> None:
+    for seed in range(6):
+        robots, tasks = 1 + seed % 3, 4 + seed % 2
+        market, items = scene(seed, robots, tasks)
+        value = METHODS["combinatorial"](market, items, tasks, epsilon)
+        assert value == sequential.objective(market[2], epsilon)
+        market, items = scene(seed, robots, tasks)
+        assert value == allotments_by_insertion(market, items, epsilon)
+
+
+@pytest.mark.parametrize("epsilon", [0, 500, 1000])
+def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) -> None:
+    improved = 0
+    for seed in range(60):
+        *market, items = random_auction(random.Random(seed), 3, 7, seed % 6, threshold=200_000)
+        fleet, scratch = market[2], market[3]
+        sequential.sequential(*market, items, 7, MIX, epsilon, LOWEST, 0)
+        before, tasks = (
+            sequential.objective(fleet, epsilon),
+            sorted(itertools.chain(*lists_of(fleet))),
+        )
+        first = [row[0] for row, frozen in zip(lists_of(fleet), fleet.first, strict=True) if frozen]
+        moves = local_search.improve(*market, epsilon)
+        after = sequential.objective(fleet, epsilon)
+        assert after <= before
+        assert sorted(itertools.chain(*lists_of(fleet))) == tasks
+        assert first == [
+            row[0] for row, frozen in zip(lists_of(fleet), fleet.first, strict=True) if frozen
+        ]
+        for k, robot in enumerate(scratch.sold[:7]):
+            if robot != NIL:
+                [owner] = [r for r in range(3) if k in lists_of(fleet)[r]]
+                assert fleet.heard[owner, k] == 1
+        improved += after < before and moves > 0
+    assert improved >= 10
+
+
+def test_a_genetic_run_repeats_itself_and_seeds_differ() -> None:
+    found = []
+    for seed in (1, 1, 2):
+        market, items = scene(3, 3, 7)
+        population = population_for(3, 7, 7)
+        genetic.genetic(*market, population, items, 7, 0, 20, 0, np.uint64(seed))
+        found.append(population.genes.tolist())
+    assert found[0] == found[1] != found[2]
+
+
+def test_both_mutations_search_and_the_one_for_each_gene_searches_more() -> None:
+    """With as many generations, a coin for each gene leaves less of the elite's offspring alike."""
+    distinct = []
+    for each_gene in (0, 1):
+        market, items = scene(4, 4, 8)
+        population = population_for(4, 8, 8)
+        genetic.genetic(*market, population, items, 8, 0, 200, each_gene, np.uint64(1))
+        distinct.append(len({tuple(row) for row in population.genes.tolist()}))
+    assert distinct[0] < distinct[1]
+
+
+def test_generations_are_ten_times_the_allotments_up_to_a_thousand() -> None:
+    assert [generations(1, 9), generations(2, 3), generations(3, 4), generations(4, 9)] == [
+        10,
+        80,
+        810,
+        1000,
+    ]
+
+
+def test_too_many_tasks_for_the_optimum_are_refused() -> None:
+    with pytest.raises(InputError, match=r"13 tasks .* at most 12 tasks"):
+        bundles_for(3, 13)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (3, 3), (3, 5), (5, 6)])
+def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> None:
+    rng = random.Random(rows + 10 * columns)
+    for _ in range(60):
+        table = [
+            [INF if rng.random() < 0.2 else rng.randrange(40) for _ in range(columns)]
+            for _ in range(rows)
+        ]
+        space = assignment_for(columns)
+        space.cost[:rows, :columns] = table
+        assignment.linear_sum_assignment(space.cost, rows, columns, space)
+        ways = [
+            [table[i][j] for i, j in enumerate(way)]
+            for way in itertools.permutations(range(columns), rows)
+        ]
+        most = max(sum(cost < INF for cost in way) for way in ways)
+        least = min(
+            sum(cost for cost in way if cost < INF)
+            for way in ways
+            if sum(cost < INF for cost in way) == most
+        )
+        chosen = {int(i): j for j, i in enumerate(space.row_of[:columns]) if i != NIL}
+        assert len(chosen) == most
+        assert sum(table[i][j] for i, j in chosen.items()) == least
+
+
+@pytest.mark.parametrize(("robots", "tasks"), [(3, 5), (5, 3), (4, 4)])
+def test_one_shot_gives_each_robot_one_task_at_most(robots: int, tasks: int) -> None:
+    for seed in range(20):
+        *market, items = random_auction(random.Random(seed), robots, tasks)
+        market[2].heard[:] = 1
+        before = market[2].length.copy()
+        space = assignment_for(max(robots, tasks))
+        given = assignment.assign_once(*market, space, items, tasks, MIX, 0)
+        assert given == min(robots, tasks)
+        added = market[2].length - before
+        assert added.max() == 1
+        assert added.sum() == given
+        for k, robot in enumerate(market[3].sold[:tasks]):
+            assert robot == NIL or k in lists_of(market[2])[robot]

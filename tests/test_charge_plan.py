@@ -1,0 +1,268 @@
+"""Charging of a list, against trying everything."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+
+from automaton.auctions import charging_curve, quotes
+from automaton.auctions.market import (
+    CHARGING,
+    COST,
+    END,
+    FILL_UP,
+    FULL,
+    GROSS,
+    HIERARCHICAL,
+    INF,
+    JOINT,
+    LOOK,
+    LOWEST,
+    NET,
+    SAFE,
+    WAITING,
+)
+from automaton.auctions.preparation import battery_of
+from layouts.depots import OPTIONAL
+from tests.auction_scenes import TAPER, between_with, market_of, random_situation, stops_of
+from tests.plain_charging import (
+    Situation,
+    best_single,
+    best_ticks,
+    charging_time,
+    ticks_of,
+)
+
+
+def short_of_energy(count: int, seed: int, **options: object) -> list[Situation]:
+    """Situations in which the list cannot be driven without charging."""
+    rng = random.Random(seed)
+    drawn = (random_situation(rng, **options) for _ in itertools.count())  # type: ignore[arg-type]
+    return list(itertools.islice((case for case in drawn if ticks_of(case, ()) is None), count))
+
+
+def test_one_stop_is_the_best_of_all_positions_and_chargers() -> None:
+    """200 states in which at most one stop is needed; ties by the rule too."""
+    seen = 0
+    for case in short_of_energy(800, seed=1):
+        *_, fleet, scratch = market_of(case)
+        if scratch.plan.stops[0] != 1 or fleet.cost[0] >= INF:
+            continue
+        best = best_single(case)
+        assert best is not None
+        done = ticks_of(case, best)
+        assert done is not None and done[0] == fleet.cost[0]
+        assert stops_of(scratch) == best
+        seen += 1
+    assert seen >= 200
+
+
+def test_several_stops_are_the_best_of_all_sequences_of_three() -> None:
+    several = infeasible = 0
+    for case in short_of_energy(150, seed=2, chargers=2):
+        *_, fleet, scratch = market_of(case)
+        if scratch.plan.stops[0] > 3:
+            continue
+        best = best_ticks(case, 3)
+        if best is None:
+            assert fleet.cost[0] >= INF
+            infeasible += 1
+            continue
+        assert best == fleet.cost[0]
+        several += scratch.plan.stops[0] > 1
+    assert several >= 15
+    assert infeasible >= 10
+
+
+def test_no_charging_where_none_is_needed() -> None:
+    rng = random.Random(3)
+    for _ in range(100):
+        case = random_situation(rng)
+        direct = ticks_of(case, ())
+        if direct is not None:
+            *_, fleet, scratch = market_of(case)
+            assert (fleet.cost[0], scratch.plan.stops[0]) == (direct[0], 0)
+
+
+def check_figures(case: Situation, figures: list[int], target: int | None = None) -> None:
+    """What the plan says of itself adds up."""
+    path = [case.start, *case.stops]
+    direct = sum(case.between[a][b] for a, b in itertools.pairwise(path))
+    assert figures[COST] == direct + figures[NET]
+    assert figures[LOWEST] >= case.reserve
+    assert figures[END] >= case.reserve
+    assert figures[GROSS] >= figures[NET] >= figures[CHARGING] + figures[WAITING]
+
+
+@pytest.mark.parametrize("policy", [HIERARCHICAL, FILL_UP])
+def test_a_plan_says_what_it_costs_and_never_goes_below_the_reserve(policy: int) -> None:
+    feasible = 0
+    for case in short_of_energy(200, seed=4):
+        *_, fleet, scratch = market_of(case, policy)
+        if fleet.cost[0] < INF:
+            check_figures(case, scratch.plan.figures.tolist())
+            feasible += 1
+    assert feasible > 100
+
+
+def test_with_a_taper_one_stop_is_the_best_by_the_curve() -> None:
+    seen = 0
+    for case in short_of_energy(300, seed=5, curve=TAPER):
+        *_, fleet, scratch = market_of(case)
+        best = best_single(case)
+        if best is None:
+            assert scratch.plan.stops[0] != 1
+            continue
+        done = ticks_of(case, best)
+        assert done is not None and done[0] == fleet.cost[0]
+        assert stops_of(scratch) == best
+        seen += 1
+    assert seen >= 100
+
+
+@pytest.mark.parametrize("curve", [None, TAPER])
+@pytest.mark.parametrize("target", [FULL, 800_000])
+def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
+    seen = 0
+    for case in short_of_energy(150, seed=6, curve=curve):
+        *_, fleet, scratch = market_of(case, FILL_UP, target=target)
+        best = best_single(case, target)
+        if best is None:
+            continue
+        assert stops_of(scratch) == best
+        done = ticks_of(case, best, target)
+        assert done is not None and done[0] == fleet.cost[0]
+        assert scratch.plan.level[0] >= target
+        seen += 1
+    assert seen >= 40
+
+
+@pytest.mark.parametrize("curve", [((0, 7_300),), TAPER])
+def test_charging_time_is_that_of_charging_tick_by_tick(curve: tuple[tuple[int, int], ...]) -> None:
+    rng = random.Random(7)
+    battery = battery_of(np.zeros((1, 1)), curve=curve)
+    for _ in range(200):
+        low, high = sorted((rng.randrange(FULL + 1), rng.randrange(FULL + 1)))
+        ticks = charging_curve.charging_ticks(battery, low, high)
+        assert (ticks, charging_curve.level_after(battery, low, ticks, FULL)) == charging_time(
+            curve, low, high
+        )
+        fewer = charging_curve.level_after(battery, low, max(ticks - 1, 0), FULL)
+        assert fewer < high or low == high
+
+
+def threshold_by_hand(case: Situation, threshold: int, safe: bool) -> tuple[int, int, list[int]]:
+    """(ticks, lowest level, positions of stops) by the rule, step by step."""
+    here, level, ticks, lowest, stops = case.start, case.charge, 0, case.charge, []
+    reach = [min(row[at] for at in case.chargers) * case.drain for row in case.between]
+    for i, place in enumerate(case.stops):
+        then = level - case.between[here][place] * case.drain
+        if then < threshold or (safe and then < reach[place]):
+            charger = min(
+                range(len(case.chargers)), key=lambda c: case.between[here][case.chargers[c]]
+            )
+            at = case.chargers[charger]
+            level -= case.between[here][at] * case.drain
+            lowest = min(lowest, level)
+            used, level = charging_time(case.curve, level, FULL)
+            ticks += case.between[here][at] + used + case.wait[charger]
+            here = at
+            stops.append(i)
+        ticks += case.between[here][place]
+        level -= case.between[here][place] * case.drain
+        lowest = min(lowest, level)
+        here = place
+    return ticks, lowest, stops
+
+
+@pytest.mark.parametrize("policy", [LOOK, SAFE])
+def test_threshold_charges_fully_at_the_nearest_charger(policy: int) -> None:
+    rng = random.Random(8)
+    stopped = stranded = 0
+    for _ in range(300):
+        case = random_situation(rng)
+        *_, fleet, scratch = market_of(case, policy, threshold=200_000)
+        ticks, lowest, stops = threshold_by_hand(case, 200_000, policy == SAFE)
+        assert scratch.plan.figures[LOWEST] == lowest
+        assert [position for position, _ in stops_of(scratch)] == stops
+        assert fleet.cost[0] == (INF if lowest < 0 else ticks)
+        stopped += bool(stops)
+        stranded += lowest < 0
+    assert stopped > 100
+    assert stranded > 10 if policy == LOOK else True
+
+
+def test_inserting_with_charging_in_mind_is_never_worse() -> None:
+    """And in some cases it is better: the two modes are two."""
+    cheaper = 0
+    for case in short_of_energy(250, seed=9):
+        if len(case.stops) < 4:
+            continue
+        costs = {}
+        for policy in (HIERARCHICAL, JOINT):
+            work, battery, fleet, scratch = market_of(case, policy)
+            fleet.length[0] -= 1
+            quotes.settle_all(work, battery, fleet, scratch)
+            task = len(case.stops) - 1
+            _, costs[policy] = quotes.insertion_quote(work, battery, fleet, scratch, 0, task)
+        assert costs[JOINT] <= costs[HIERARCHICAL]
+        cheaper += costs[JOINT] < costs[HIERARCHICAL]
+    assert cheaper > 0
+
+
+def test_joint_insertion_is_the_best_of_all_positions() -> None:
+    checked = 0
+    for case in short_of_energy(60, seed=10, chargers=2):
+        if not 2 <= len(case.stops) <= 6:
+            continue
+        work, battery, fleet, scratch = market_of(case, JOINT)
+        fleet.length[0] -= 1
+        quotes.settle_all(work, battery, fleet, scratch)
+        if fleet.cost[0] >= INF:
+            continue
+        *others, task = case.stops
+        _, cost = quotes.insertion_quote(work, battery, fleet, scratch, 0, len(case.stops) - 1)
+        lists = [(*others[:i], task, *others[i:]) for i in range(len(others) + 1)]
+        found = [best_ticks(Situation(**vars(case) | {"stops": one}), 2) for one in lists]
+        best = min((ticks for ticks in found if ticks is not None), default=INF)
+        assert cost <= best
+        checked += 1
+    assert checked >= 10
+
+
+def test_every_variant_of_the_floor_gives_the_same_plans_as_trying_everything() -> None:
+    """All 256 sets of optional lanes; the list of the paper's robot 2, short by 5 %."""
+    for chosen in itertools.product((False, True), repeat=len(OPTIONAL)):
+        lanes = [lane for lane, there in zip(sorted(OPTIONAL), chosen, strict=True) if there]
+        case = Situation(
+            between=between_with(lanes),
+            drain=5_000,
+            curve=((0, 50_000),),
+            chargers=(1,),
+            wait=(0,),
+            reserve=0,
+            end_reach=False,
+            start=0,
+            charge=450_000,
+            stops=(4, 3, 8, 13),
+        )
+        *_, fleet, scratch = market_of(case)
+        assert best_single(case) == stops_of(scratch) == ((1, 0),)
+        assert best_ticks(case, 1) == fleet.cost[0] == 189
+
+
+def test_waiting_at_a_busy_charger_counts() -> None:
+    moved = 0
+    for case in short_of_energy(100, seed=12):
+        free = Situation(**vars(case) | {"wait": (0,) * len(case.chargers)})
+        busy = Situation(**vars(case) | {"wait": (300, *(0,) * (len(case.chargers) - 1))})
+        costs = []
+        for one in (free, busy):
+            *_, fleet, scratch = market_of(one)
+            costs.append((int(fleet.cost[0]), stops_of(scratch)))
+        assert costs[0][0] <= costs[1][0]
+        moved += costs[0][0] < costs[1][0] < INF and all(c != 0 for _, c in costs[1][1])
+    assert moved > 0

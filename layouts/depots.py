@@ -23,7 +23,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from automaton.world.cells import ALL_EXITS, CHARGER, FLOOR, UNLIMITED
+from automaton.world.cells import ALL_EXITS, CHARGER, FLOOR, STATION, UNLIMITED
 from automaton.world.plan import FloorPlan, bordered, floor_plan
 
 CELL: Final = 10  # metres; a robot drives 1 m/s
@@ -119,6 +119,8 @@ class Depots(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         for lane in self.edges:
             for x, y in cells_of(lane):
                 floor[y, x], out[y, x], robots[y, x] = FLOOR, ALL_EXITS, UNLIMITED
+        for x, y in (PLACES[position] for position in STATIONS):
+            floor[y, x] = STATION
         for position in self.chargers:
             x, y = PLACES[position]
             floor[y, x], robots[y, x] = CHARGER, 1

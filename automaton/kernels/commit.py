@@ -332,7 +332,7 @@ def retreat(world, record, i, moves, release):
     robots.hold[i] = HOLD_NONE
     drop_route(robots, i)
     need_way(world, i)
-    if release and robots.load[i] == NIL:
+    if release and robots.load[i] == NIL and robots.goal[i] != GOAL_CHARGE:
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
             robots.order[i] = NIL

@@ -131,7 +131,7 @@ GROUPS = (
     (Phrase("may have an order while it charges", yields=1),),
     (Phrase("charge {charge}"),),
     tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
-    (Phrase("until tick {until}"), Phrase("for good", until=NIL)),
+    (Phrase("for good", until=NIL), Phrase("until tick {until}")),
     (Phrase("has ticket {ticket}"),),
     (Phrase("asks for charging", need_charging=1),),
     (

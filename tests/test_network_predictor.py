@@ -58,6 +58,21 @@ def test_runs_with_a_network_are_repeated_and_deliver():
     assert (one.world.orders.delivered != NIL).sum() >= 6
 
 
+@pytest.mark.parametrize("information", ["everything", "{radius: 99}"])
+def test_what_only_figures_need_decides_nothing(information):
+    """What is not in the digest may not decide: from where and when an order was taken."""
+    settings = ["fleet.robots=20", f"information={information}"]
+    resolved = avoiding("warehouse-100", "network", *FLEET, *settings)
+    one, other = Simulation(resolved), Simulation(resolved)
+    for tick in range(10, 400, 10):
+        one.run(tick)
+        other.run(tick)
+        other.world.orders.dispatched_from[:] = other.world.slots.access[5, 3]
+        other.world.orders.dispatched[:] = 1
+        other.world.tally.ticks[:] = 7
+    assert one.digest == other.digest
+
+
 @pytest.fixture
 def own_file(tmp_path):
     """A network for the table-top floor; what it has learnt is of no use, but it fits."""

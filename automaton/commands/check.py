@@ -11,6 +11,7 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.scenario.matrices import write_matrix
 from automaton.scenario.resolve import Resolved, resolve
+from automaton.strategy.entry import files_of
 from automaton.units import count
 from automaton.whole_file import refusal, written
 from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
@@ -41,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
             resolved = resolve(file)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
+            check_files(resolved)
             print(described(resolved))
         except InputError as error:
             if args.debug:
@@ -49,6 +51,14 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.flush()  # keeps the order where both streams meet
             print(f"automaton: {error}", file=sys.stderr)
     return 2 if bad else 0
+
+
+def check_files(resolved: Resolved) -> None:
+    """Raises InputError for a file that a strategy reads and that is not there."""
+    for layer, pick in resolved.picks.items():
+        for file in files_of(pick.parameters):
+            if not file.is_file():
+                raise InputError(f"strategy.{layer}: there is no file {file}")
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

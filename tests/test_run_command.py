@@ -153,6 +153,23 @@ def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture
     assert "orders undelivered" in errors and errors.count("\n") == 1
 
 
+def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[str]) -> None:
+    slow = ("tabletop-1", "--set", "world.slowdown=zones", "--set", "fleet.robots=5")
+    run = as_json(capsys, *slow)
+    ticks = run["metrics"]["slowed"]
+    assert ticks > 0 and ticks == sum(robot["slowed"] for robot in run["robots"])
+    assert main(["run", *slow]) == 0
+    lost, robots = capsys.readouterr().out.split("\nlost time")[1].split("\nrobot ")
+    row = next(line for line in lost.splitlines() if line.startswith("slowed"))
+    assert row.split()[:3] == ["slowed", number(ticks), "-"]
+    assert "driving slowly, not waiting" in row
+    assert "slowed" in robots.splitlines()[0]
+    shown = sum(int(line.split()[-1].replace(",", "")) for line in robots.splitlines()[1:6])
+    assert shown == ticks and all(len(line) <= 80 for line in robots.splitlines())
+    assert main(["run", "tabletop-mini"]) == 0
+    assert "slowed" not in capsys.readouterr().out
+
+
 def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixture[str]) -> None:
     # Four robots that only ever wait meet head-on in an alley sooner or later.
     assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1

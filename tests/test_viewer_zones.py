@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from panel_stage import moment, of_cell, shown
+from panel_stage import moment, of_cell, of_robot, shown
 from staged_scenes import camera_at, drawn, open_floor, shipped, stage, text
 from viewing import mini, record, viewing
 
@@ -19,6 +19,7 @@ from automaton.kernels.routes.frontier import FIFO, LARGER_G, TIES
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL
+from automaton.world.waiting import DRIVING_SLOWLY
 from automaton.world.zones import MODES, zones_of
 from tui.cast.making import make_picture
 from tui.cast.request import Request
@@ -29,7 +30,9 @@ from tui.render.legend import legend
 from tui.render.zone_tints import LETTERS, TINTS, tints_of
 from tui.search import find
 from tui.view import View
+from tui.widgets.figures import Figures, slow_zones
 from tui.widgets.inspector import Inspector
+from tui.widgets.why import Why
 
 SLOW = ("world={slowdown: zones}", "fleet.robots=5")
 AISLES = ".....\n.#.#.\n....."
@@ -210,6 +213,36 @@ def test_a_zone_lists_its_robots(crowded: View) -> None:
     said = shown(Inspector(), replace(crowded, zone=zone))
     assert f"zone {zone} of {zones_of(crowded.plan).count}, undirected" in said
     assert "here " + ", ".join(f"robot {robot}" for robot in robots) in said
+
+
+def test_a_zone_tells_what_it_has_cost(crowded: View) -> None:
+    lost = crowded.snapshot.lost_in_zone
+    zone = int(np.argmax(lost))
+    said = shown(Inspector(), replace(crowded, zone=zone))
+    assert lost[zone] > 1 and f"so far moves from here took {lost[zone]} ticks longer" in said
+
+
+def test_the_slowest_zones_are_listed_and_lead_to_themselves(crowded: View) -> None:
+    lost = crowded.snapshot.lost_in_zone
+    worst = [zone for zone in np.argsort(-lost, kind="stable")[:5].tolist() if lost[zone]]
+    assert len(worst) > 1
+    rows = " ".join(f"zone {zone} {lost[zone]}" for zone in worst)
+    assert f"slowest zones by ticks lost in them {rows}" in shown(Figures(), crowded, 56, 90)
+    links = [span.link for made in slow_zones(crowded) for span in made if span.link]
+    assert links == [("zone", zone) for zone in worst]
+    assert "slowest zones" not in shown(Figures(), moment(300, "tabletop-1"), 56, 90)
+
+
+def test_driving_slowly_is_told_beside_lost_time_and_is_no_wait(crowded: View) -> None:
+    lost = crowded.snapshot.robots.lost
+    robot = int(np.argmax(lost[:, DRIVING_SLOWLY]))
+    ticks = int(lost[robot, DRIVING_SLOWLY])
+    row = shown(Why(), of_robot(crowded, robot)).partition("s driving slowly ")[2]
+    assert row.split()[1:3] == [str(ticks), f"{100 * ticks / 300:.0f}"]
+    assert "s driving slowly" in shown(Figures(), crowded, 56, 90)
+    assert f"slowed by {ticks} ticks" in shown(Inspector(), of_robot(crowded, robot))
+    found = find(f"slowed >= {ticks}", crowded).robots
+    assert found == tuple(np.flatnonzero(lost[:, DRIVING_SLOWLY] >= ticks).tolist())
 
 
 def test_zones_are_found_by_number(crowded: View) -> None:

@@ -1,7 +1,8 @@
 """Why a robot does not get on: the causes of lost time, and the events of a run.
 
 A robot waits when it neither works nor drives in a tick. Its cause says what keeps it, its blocker
-which robot does, and `wanted` names the cell that it wants to enter.
+which robot does, and `wanted` names the cell that it wants to enter. DRIVING_SLOWLY is no wait: it
+is the cause of the ticks that a move takes beyond its duration.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ NO_ORDER: Final = 12
 NO_PLACE: Final = 13
 NO_ROUTE: Final = 14
 ILLEGAL_ANSWER: Final = 15
+DRIVING_SLOWLY: Final = 16  # in observation.lost alone: who does is not waiting
 UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -104,6 +106,12 @@ CAUSES: Final = (
         "illegal answer",
         "a strategy's answer about {robot} broke a rule",
         "an illegal answer costs a tick",
+        False,
+    ),
+    Cause(
+        "driving slowly",
+        "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
+        "a move begun in a zone with m robots takes m times as long",
         False,
     ),
 )
@@ -190,6 +198,7 @@ class Observation(Struct):
     )
     ring: Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
+    lost_in_zone: Array  # (Z,) int64: of DRIVING_SLOWLY, those of moves that a zone slows
     busy_before: Array  # (n,) uint16: robots.busy after the tick before
     set_down: Array  # (n,) int32: the load that it set down in this tick, or NIL
     load_before: Array  # (n,) int32

@@ -16,7 +16,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.strategy.failure import strategy_failure
 from automaton.units import count, listed
-from automaton.world.state import DELIVERED, WAIT, Array
+from automaton.world.state import DELIVERED, NIL, WAIT, WAITING, Array
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -26,10 +26,17 @@ WORKING = [action for action in OPERATIONS if action != WAIT]
 OnWindow = Callable[[Simulation], None]
 
 
+class RanOut(NamedTuple):
+    """When a run that goes on without orders had none left."""
+
+    taken: int  # tick in which the last order was taken
+    delivered: int | None  # tick of the last delivery; None: not all are delivered
+
+
 class Outcome(NamedTuple):
     """What is left of a run."""
 
-    finished: bool  # the stop condition held, or the scenario has none but its last tick
+    finished: bool  # the stop condition held, or the scenario has none and its last tick came
     ticks: int
     orders: int
     delivered: int
@@ -39,6 +46,7 @@ class Outcome(NamedTuple):
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
+    ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
     picture: str  # the grid at the end, if it was asked for
 
 
@@ -104,7 +112,7 @@ def run_once(
         simulation = Simulation(resolved, on_record=on_record)
         wall = run_to_end(simulation, on_window, still, until)
     state = simulation.world.orders.state
-    finished = simulation.finished or resolved.scenario.stop.when == "never"
+    finished = is_finished(simulation)
     return Outcome(
         finished=finished,
         ticks=simulation.tick,
@@ -116,8 +124,26 @@ def run_once(
         robots=metrics_by_robot(simulation),
         trouble="" if finished else trouble(simulation, still),
         stopped=not finished and simulation.tick == until,
+        ran_out=ran_out(simulation),
         picture=picture_of(simulation) if draw else "",
     )
+
+
+def is_finished(simulation: Simulation) -> bool:
+    """Whether a run came to its end: its stop condition, or its last tick if it has no other."""
+    stop = simulation.resolved.scenario.stop
+    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.at_most)
+
+
+def ran_out(simulation: Simulation) -> RanOut | None:
+    """When a run that does not end with its orders had none left for its robots, if it did."""
+    orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
+    is_open = (orders.state == WAITING) & (orders.by == NIL)
+    taken = int(orders.dispatched.max(initial=0))
+    if stop.when != "never" or is_open.any() or taken >= simulation.tick:
+        return None
+    done = bool((orders.state == DELIVERED).all())
+    return RanOut(taken, int(orders.delivered.max()) if done else None)
 
 
 def trouble(simulation: Simulation, still: Array) -> str:

@@ -42,7 +42,10 @@ LOST = {
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 GLOSSARY: dict[str, tuple[str, str]] = {
-    "T_total": ("ticks", "ticks until all is delivered and every robot is parked"),
+    "T_total": (
+        "ticks",
+        "ticks of the run: until all is delivered and every robot is parked, or until it stops",
+    ),
     "T_R": ("operations", "operations per robot"),
     "T_Rtotal": ("operations", "operations of all robots"),
     "E_U_moves": ("share", "moves without load / moves"),

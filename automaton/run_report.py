@@ -84,8 +84,21 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(picks),
+        *out_of_orders(outcome),
         f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
         f"computed in {1000 * outcome.wall_s:,.1f} ms",
+    ]
+
+
+def out_of_orders(outcome: Outcome) -> list[str]:
+    """One sentence if the orders ran out before the end."""
+    if outcome.ran_out is None:
+        return []
+    taken, delivered = outcome.ran_out
+    end = "not all are delivered" if delivered is None else f"the last delivered at {delivered:,}"
+    return [
+        f"orders ran out: the last of {outcome.orders:,} was taken at tick {taken:,}, {end}; "
+        "figures after it count idle robots"
     ]
 
 

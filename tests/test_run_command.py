@@ -66,7 +66,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     code = main(["run", *arguments, "--json"])
     printed: dict[str, Any] = json.loads(capsys.readouterr().out)
-    assert code == (0 if printed["finished"] else 1)
+    assert code == (0 if printed["finished"] or printed["stopped"] else 1)
     return printed
 
 
@@ -184,6 +184,38 @@ def test_a_scenario_without_an_end_is_finished_at_its_limit(
     assert as_json(capsys, "tabletop-1", *settings)["ticks"] == 100
     assert main(["run", "tabletop-1", *settings]) == 0
     assert "ran for 100 cycles" in capsys.readouterr().out
+
+
+def test_stopped_before_its_last_tick_a_run_without_an_end_is_not_finished(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = ("--set", "stop.when=never", "--set", "stop.at_most=100")
+    run = as_json(capsys, "tabletop-1", *settings, "--until", "60")
+    assert (run["finished"], run["stopped"], run["ticks"]) == (False, True, 60)
+    assert main(["run", "tabletop-1", *settings, "--until", "60"]) == 0
+    assert "stopped after 60 cycles" in capsys.readouterr().out
+    run = as_json(capsys, "tabletop-1", *settings, "--until", "100")
+    assert (run["finished"], run["stopped"]) == (True, False)
+
+
+def test_a_run_says_when_its_orders_ran_out(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ("warehouse-100", "--set", "orders.count=30", "--set", "stop.at_most=900")
+    run = as_json(capsys, *settings)
+    simulation = Simulation(resolve("warehouse-100", settings[2::2]))
+    simulation.run()
+    orders = simulation.world.orders
+    taken, delivered = int(orders.dispatched.max()), int(orders.delivered.max())
+    assert 0 < taken < delivered < 900
+    assert run["ran_out"] == {"taken": taken, "delivered": delivered}
+    assert main(["run", *settings]) == 0
+    assert (
+        f"orders ran out: the last of 30 was taken at tick {taken}, the last delivered at "
+        f"{delivered}; figures after it count idle robots\n"
+    ) in capsys.readouterr().out
+    early = as_json(capsys, *settings, "--until", str(delivered - 1))
+    assert early["ran_out"] == {"taken": taken, "delivered": None}
+    assert as_json(capsys, *settings, "--until", str(taken))["ran_out"] is None
+    assert as_json(capsys, "tabletop-mini")["ran_out"] is None  # it ends with its orders
 
 
 @pytest.mark.parametrize(

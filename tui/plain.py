@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.headless import Outcome, operations, trouble
+from automaton.headless import Outcome, operations, ran_out, trouble
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_of
 from automaton.recording.header import changed, resolved_of
@@ -91,7 +91,8 @@ def _held(run: Run) -> Resolved:
 
 def _outcome(run: Run, still: np.ndarray) -> Outcome:
     front = run.front
-    finished = front.finished or _held(run).scenario.stop.when == "never"
+    stop = _held(run).scenario.stop
+    finished = front.finished or (stop.when == "never" and front.tick >= stop.at_most)
     state = front.world.orders.state
     return Outcome(
         finished=finished,
@@ -104,5 +105,6 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         robots=metrics_by_robot(front),
         trouble="" if finished else trouble(front, still),
         stopped=not finished and not run.live,
+        ran_out=ran_out(front),
         picture="",
     )

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from automaton.headless import Outcome
+from automaton.headless import Outcome, deadlocks
 from automaton.metrics import GLOSSARY
 from automaton.scenario.resolve import Resolved
 from automaton.strategy.lookup import NONE
@@ -85,6 +85,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(picks),
         *out_of_orders(outcome),
+        *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
         f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
         f"computed in {1000 * outcome.wall_s:,.1f} ms",
     ]

@@ -175,6 +175,30 @@ def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixt
     assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1
     errors = capsys.readouterr().err
     assert "robots 0, 1, 2 and 3 have done nothing but wait since tick " in errors
+    assert "deadlock: robots 1 and 2 wait for each other in a circle\n" in errors
+
+
+def test_a_gridlock_is_named_though_the_run_has_no_other_end(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    crowd = ("warehouse-100", "--set", "layout.capacity=1", "--set", "fleet.robots=300")
+    run = as_json(capsys, *crowd)
+    assert run["finished"] and len(run["circles"]) > 2
+    assert all(len(circle) > 1 and circle[0] == min(circle) for circle in run["circles"])
+    assert main(["run", *crowd]) == 0
+    first, more = run["circles"][0], len(run["circles"]) - 1
+    said = f"deadlock: robots {listed(first)} wait for each other in a circle, and so do those of "
+    assert f"{said}{more} more circles\n" in capsys.readouterr().out
+
+
+def test_robots_that_have_not_stood_for_long_are_in_no_deadlock(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    resolved = resolve("tabletop-1", ["fleet.robots=5", "strategy.right_of_way=wait"])
+    until = 1024 + 63  # robots 1 and 2 have met head-on, but the last window is a short one
+    assert run_once(resolved, until=until).circles == []
+    assert run_once(resolved, until=until + 1).circles == [(1, 2)]
+    assert as_json(capsys, "tabletop-1")["circles"] == []
 
 
 def test_a_scenario_without_an_end_is_finished_at_its_limit(

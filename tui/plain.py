@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from automaton.headless import Outcome, operations, ran_out, trouble
+from automaton.circles import circles
+from automaton.headless import Outcome, operations, ran_out, stuck, trouble
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_of
 from automaton.recording.header import changed, resolved_of
@@ -105,6 +106,7 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         robots=metrics_by_robot(front),
         trouble="" if finished else trouble(front, still),
         stopped=not finished and not run.live,
+        circles=circles(front.world, stuck(front, still)),
         ran_out=ran_out(front),
         picture="",
     )

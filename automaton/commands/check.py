@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from automaton.commands.arguments import add_settings_argument, tell_doubts
 from automaton.errors import InputError
 from automaton.scenario.matrices import write_matrix
 from automaton.scenario.resolve import Resolved, resolve
@@ -27,6 +28,7 @@ SLOTS = {  # what a scenario's line counts
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
     parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or a shipped scenario")
+    add_settings_argument(parser)
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
     )
@@ -39,11 +41,12 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
         try:
-            resolved = resolve(file)
+            resolved = resolve(file, args.settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
             check_files(resolved)
             print(described(resolved))
+            tell_doubts(resolved)
         except InputError as error:
             if args.debug:
                 raise

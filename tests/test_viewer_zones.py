@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -282,5 +283,35 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
         request = Request(layer=name, follow=1, color="none", ascii=True, zoom="1x1")
         make_picture(recording, request, out, 30)
     before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
-    assert f"{layer}  robot 1" in after[-2] + after[-1]
-    assert before[:-2] != after[:-2]
+    assert f"{layer}  robot 1" in after[-3] + after[-2] + after[-1]
+    assert before[:-2] != after[: len(before) - 2]
+    key = "a tint or letter (d e f) for each zone  touching ones differ"
+    assert (key in after[-1]) == (layer == "zones")
+
+
+def test_a_drawing_of_zones_says_what_its_letters_mean(recording: Path) -> None:
+    out = recording.with_name("zones.svg")
+    make_picture(recording, Request(layer="zones", size=(80, 24)), out, 30)
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", out.read_text())
+    assert "a tint or letter (d e f) for each zone" in words and "touching ones differ" in words
+
+
+def test_the_map_as_text_says_what_the_letters_of_zones_mean(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    async def story() -> None:
+        async with viewing(mini()) as user:
+            for key in ("S", "f7", "S"):
+                await user.press(key)
+                await user.shown()
+                if key == "S":
+                    (file,) = tmp_path.glob("*.txt")
+                    texts.append(file.read_text().splitlines()[-1])
+                    file.unlink()
+
+    texts: list[str] = []
+    asyncio.run(story())
+    assert "for each zone" not in texts[0]
+    assert texts[1] == "a tint or letter (d e f) for each zone; touching ones differ"

@@ -62,7 +62,11 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     """A network of one's own."""
 
     network: Annotated[
-        str, Meta(min_length=1, description="A file written by `automaton train traffic`.")
+        str,
+        Meta(
+            min_length=1,
+            description="A file written by `automaton train traffic`, found from the scenario's folder.",
+        ),
     ]
 
 

@@ -71,7 +71,7 @@ def next_stand(view, i):
 
 
 @kernel
-def foresee(view, memory, space, i):
+def foresee_task(view, memory, space, i):
     """Replay robot i's task from where it is now, and remember the zones that it uses."""
     own, given = memory.own, memory.parameters
     if given.shape[0] > NETWORK:
@@ -155,7 +155,7 @@ def count_others(view, memory, space, i):
         if j == i or view.robots.stand[j] == NIL:
             continue
         if not is_foreseen(view, memory, j) or view.rules.radius > 0:
-            foresee(view, memory, space, j)
+            foresee_task(view, memory, space, j)
         used, _ = sets_of(memory, j)
         count_zones(used, count)
 
@@ -227,7 +227,7 @@ def decide(view, asked, answers, memory, space):
     for k in range(asked.count[0]):  # first: tasks that begin now, all from where they begin
         i = np.int64(asked.robot[k])
         if not is_on_second_leg(view, memory, i):
-            foresee(view, memory, space, i)
+            foresee_task(view, memory, space, i)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         steps = answers.routing.steps[k]

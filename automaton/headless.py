@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from automaton.circles import circles
 from automaton.errors import InputError
 from automaton.metrics import OPERATIONS, illegal_by_layer, metrics_by_robot, metrics_of
 from automaton.picture import picture_of
@@ -16,7 +17,8 @@ from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.strategy.failure import strategy_failure
 from automaton.units import count, listed
-from automaton.world.state import DELIVERED, WAIT, Array
+from automaton.world.state import DELIVERED, NIL, WAIT, WAITING, Array
+from automaton.world.waiting import DEADLOCK_TICKS
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -26,10 +28,17 @@ WORKING = [action for action in OPERATIONS if action != WAIT]
 OnWindow = Callable[[Simulation], None]
 
 
+class RanOut(NamedTuple):
+    """When a run that goes on without orders had none left."""
+
+    taken: int  # tick in which the last order was taken
+    delivered: int | None  # tick of the last delivery; None: not all are delivered
+
+
 class Outcome(NamedTuple):
     """What is left of a run."""
 
-    finished: bool  # the stop condition held, or the scenario has none but its last tick
+    finished: bool  # the stop condition held, or the scenario has none and its last tick came
     ticks: int
     orders: int
     delivered: int
@@ -39,6 +48,8 @@ class Outcome(NamedTuple):
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
+    circles: list[tuple[int, ...]]  # robots that wait for each other at the end, circle by circle
+    ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
     picture: str  # the grid at the end, if it was asked for
 
 
@@ -104,7 +115,7 @@ def run_once(
         simulation = Simulation(resolved, on_record=on_record)
         wall = run_to_end(simulation, on_window, still, until)
     state = simulation.world.orders.state
-    finished = simulation.finished or resolved.scenario.stop.when == "never"
+    finished = is_finished(simulation)
     return Outcome(
         finished=finished,
         ticks=simulation.tick,
@@ -116,26 +127,61 @@ def run_once(
         robots=metrics_by_robot(simulation),
         trouble="" if finished else trouble(simulation, still),
         stopped=not finished and simulation.tick == until,
+        circles=circles(simulation.world, stuck(simulation, still)),
+        ran_out=ran_out(simulation),
         picture=picture_of(simulation) if draw else "",
     )
+
+
+def is_finished(simulation: Simulation) -> bool:
+    """Whether a run came to its end: its stop condition, or its last tick if it has no other."""
+    stop = simulation.resolved.scenario.stop
+    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.at_most)
+
+
+def ran_out(simulation: Simulation) -> RanOut | None:
+    """When a run that does not end with its orders had none left for its robots, if it did."""
+    orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
+    is_open = (orders.state == WAITING) & (orders.by == NIL)
+    taken = int(orders.dispatched.max(initial=0))
+    if stop.when != "never" or is_open.any() or taken >= simulation.tick:
+        return None
+    done = bool((orders.state == DELIVERED).all())
+    return RanOut(taken, int(orders.delivered.max()) if done else None)
+
+
+def stuck(simulation: Simulation, still: Array) -> Array:
+    """Storage indices of the robots on the floor that have not worked for long; see `run_to_end`."""
+    abroad = np.flatnonzero(simulation.world.robots.parked == 0)
+    found: Array = abroad[still[abroad] <= simulation.tick - DEADLOCK_TICKS]
+    return found
+
+
+def deadlocks(found: list[tuple[int, ...]]) -> list[str]:
+    """A phrase about circles of robots, or none."""
+    if not found:
+        return []
+    others = f", and so do those of {count(len(found) - 1, 'more circle')}" if found[1:] else ""
+    return [f"deadlock: robots {listed(list(found[0]))} wait for each other in a circle{others}"]
 
 
 def trouble(simulation: Simulation, still: Array) -> str:
     """Why a run is not finished: what is undelivered, who is not parked, who stands still."""
     world = simulation.world
     illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
+    abroad = int((world.robots.parked == 0).sum())
     undelivered = int((world.orders.state != DELIVERED).sum())
-    abroad = np.flatnonzero(world.robots.parked == 0)
     phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
     if not undelivered:
-        phrases = [f"all orders delivered, but {count(len(abroad), 'robot')} not parked"]
+        phrases = [f"all orders delivered, but {count(abroad, 'robot')} not parked"]
     phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
-    stuck = abroad[still[abroad] < simulation.tick]
-    if len(stuck):
-        since = int(still[stuck].max())
-        names = sorted(int(i) for i in world.robots.identity[stuck])
+    waiting = stuck(simulation, still)
+    if len(waiting):
+        since = int(still[waiting].max())
+        names = sorted(int(i) for i in world.robots.identity[waiting])
         who = f"robot {names[0]} has" if len(names) == 1 else f"robots {listed(names)} have"
         phrases.append(f"{who} done nothing but wait since tick {since:,} or before")
+        phrases += deadlocks(circles(world, waiting))
     elif undelivered:
         last = int(world.orders.delivered.max(initial=0))
         phrases.append(f"last delivery at tick {last:,}" if last > 0 else "nothing was delivered")

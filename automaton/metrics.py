@@ -48,7 +48,10 @@ LOST = {
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
 GLOSSARY: dict[str, tuple[str, str]] = {
-    "T_total": ("ticks", "ticks until all is delivered and every robot is parked"),
+    "T_total": (
+        "ticks",
+        "ticks of the run: until all is delivered and every robot is parked, or until it stops",
+    ),
     "T_R": ("operations", "operations per robot"),
     "T_Rtotal": ("operations", "operations of all robots"),
     "E_U_moves": ("share", "moves without load / moves"),
@@ -69,7 +72,11 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "lost_bay": ("ticks", "in the bay because the home cell was held"),
     "lost_in_line": ("ticks", "in line before a charger"),
     "lost_illegal": ("ticks", "after illegal answers of a strategy"),
-    "slowed": ("ticks", "that moves begun take longer, in slow zones and by chance"),
+    "slowed": (
+        "ticks",
+        "driving slowly, not waiting: what moves begun take longer, by slow zones "
+        "and by chance; no part of blocked",
+    ),
     "withdrawals": ("times", "withdrawals begun"),
     "lead_time": ("ticks", "from an order's becoming known to its delivery"),
     "energy": ("batteries", "energy used, in full batteries"),
@@ -153,17 +160,22 @@ def may_slow(world: World) -> bool:
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
-    """For each robot, in the order of identities: operations, lost ticks, utilization."""
+    """For each robot, in the order of identities: operations, lost ticks, utilization.
+
+    `slowed` is there if moves may take longer.
+    """
     world = run.world
     elapsed = int(world.clock[TICK])
     ticks = executed_ticks(world)
+    slows = may_slow(world)
     rows = []
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.times[i], ticks[i])
         active = figures.pop("active")
         actions = {ACTION_NAMES[a] + "s": int(world.tally.times[i, a].sum()) for a in OPERATIONS}
         row: dict[str, Any] = {"robot": identity, "operations": figures.pop("T_Rtotal")}
-        rows.append(row | actions | {"utilization": _ratio(active, elapsed)} | figures)
+        row |= actions | {"utilization": _ratio(active, elapsed)} | figures
+        rows.append(row | ({"slowed": int(world.tally.slowed[i])} if slows else {}))
     return rows
 
 

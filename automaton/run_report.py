@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from automaton.headless import Outcome
+from automaton.headless import Outcome, deadlocks
 from automaton.metrics import GLOSSARY
 from automaton.scenario.resolve import Resolved
 from automaton.strategy.lookup import NONE
@@ -27,7 +27,9 @@ ROBOT_COLUMNS = {  # head: what of the robot's figures
     "used": "utilization",
     "E_U cycles": "E_U_cycles",
     "lost": "lost",
+    "slowed": "slowed",
 }
+SLOWED = "slowed"  # shown with the lost time, though it is none of its causes
 ROBOTS_SHOWN = 50
 
 
@@ -82,8 +84,22 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(picks),
+        *out_of_orders(outcome),
+        *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
         f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
         f"computed in {1000 * outcome.wall_s:,.1f} ms",
+    ]
+
+
+def out_of_orders(outcome: Outcome) -> list[str]:
+    """One sentence if the orders ran out before the end."""
+    if outcome.ran_out is None:
+        return []
+    taken, delivered = outcome.ran_out
+    end = "not all are delivered" if delivered is None else f"the last delivered at {delivered:,}"
+    return [
+        f"orders ran out: the last of {outcome.orders:,} was taken at tick {taken:,}, {end}; "
+        "figures after it count idle robots"
     ]
 
 
@@ -93,7 +109,7 @@ def metrics_table(outcome: Outcome, tick: Unit) -> Table:
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
     for name, (kind, meaning) in GLOSSARY.items():
-        if name.startswith(LOST) or name not in outcome.metrics:
+        if name.startswith(LOST) or name == SLOWED or name not in outcome.metrics:
             continue
         value, in_unit = in_units(outcome.metrics[name], kind, tick)
         table.add_row(name, value, in_unit, meaning)
@@ -112,7 +128,7 @@ def in_units(value: float, kind: str, tick: Unit) -> tuple[str, str]:
 
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:
-    """Robot time lost to others, by cause."""
+    """Robot time lost to others, by cause; and what driving slowly cost, which is no wait."""
     table = plain_table("lost time", tick.plural, "share")
     table.columns[0].justify = "left"
     table.add_column("cause", overflow="fold")
@@ -122,16 +138,23 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
             value = outcome.metrics[name]
             share = percent(value / total) if total else "-"
             table.add_row(name, number(tick.of(value)), share, meaning)
+    if SLOWED in outcome.metrics:
+        cost = number(tick.of(outcome.metrics[SLOWED]))
+        table.add_row(SLOWED, cost, "-", GLOSSARY[SLOWED][1])
     return table
 
 
 def robots_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN."""
-    table = plain_table(*ROBOT_COLUMNS, gap=1)  # long runs fit 80 columns
+    slows = SLOWED in outcome.metrics
+    columns = {head: name for head, name in ROBOT_COLUMNS.items() if slows or name != SLOWED}
+    table = plain_table(*columns, gap=1)  # long runs fit 80 columns
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST))
         shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}
-        texts = [cells[name] for name in ROBOT_COLUMNS.values()]
+        if slows:
+            cells[SLOWED] = number(tick.of(row[SLOWED]))
+        texts = [cells[name] for name in columns.values()]
         table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
     return table

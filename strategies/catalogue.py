@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
@@ -60,7 +62,11 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     """A network of one's own."""
 
     network: Annotated[
-        str, Meta(min_length=1, description="A file written by `automaton train traffic`.")
+        str,
+        Meta(
+            min_length=1,
+            description="A file written by `automaton train traffic`, found from the scenario's folder.",
+        ),
     ]
 
 
@@ -91,6 +97,18 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
             raise ValueError("predictor noisy needs precision and recall")
         if self.predictor != "noisy" and any(given):
             raise ValueError("precision and recall are for predictor noisy alone")
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The file of a network of one's own."""
+        return (Path(self.predictor.network),) if isinstance(self.predictor, NetworkFile) else ()
+
+    def located(self, folder: Path) -> Avoidance:
+        """The same with that file found from a folder."""
+        for file in self.files:
+            found = os.path.abspath(folder / file)
+            return msgspec.structs.replace(self, predictor=NetworkFile(network=found))
+        return self
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -10,6 +10,21 @@ from test_app_actions import CHECKS, carry_out
 from viewing import Watched
 
 from tui.app import Viewer
+from tui.bindings import TOPICS
+
+
+def test_the_readme_gives_every_layer_its_own_key() -> None:
+    readme = (Path(__file__).parent.parent / "README.md").read_text()
+    row = next(line for line in readme.splitlines() if line.startswith("| **Layers** |"))
+    (layers,) = [topic.actions for topic in TOPICS if topic.name == "Layers"]
+    for action in layers:
+        for key in action.keys.split(","):
+            written = key.upper() if key.startswith("f") else key
+            told = row.partition(f"`{written}`")[2].partition(", `")[0].lower()
+            what = {"layer_none": "none", "next_layer": "goes through"}.get(
+                action.id, action.id.removeprefix("layer_")
+            )
+            assert what in told, key
 
 
 @pytest.mark.parametrize("name", list(CHECKS))

@@ -45,6 +45,21 @@ async def branched(user: Watched, setting: str) -> None:
     await user.until(lambda: any(mark.kind == "branch" for mark in user.app.marks))
 
 
+def test_a_hint_about_a_layer_goes_when_it_was_followed() -> None:
+    async def tell(user: Watched) -> None:
+        for key, hint, away in (
+            ("E", "select a robot, and the search for its way is shown", "right_parenthesis"),
+            ("P", "cells through which 2 or more other robots will drive", "f2"),
+        ):
+            await user.press(key)
+            await user.until(lambda hint=hint: hint in screen_text(user.app))
+            await user.press(away)
+            await user.shown()
+            assert hint not in screen_text(user.app)
+
+    story(tell)
+
+
 def test_a_branch_changes_the_title_and_forgets_the_marks_of_the_future_left(folder: Path) -> None:
     async def tell(user: Watched) -> None:
         from automaton.history.breakpoints import breakpoint_of

@@ -20,6 +20,7 @@ from automaton.world.waiting import (
     DEADLOCK,
     DEADLOCK_TICKS,
     DELIVERED_AT,
+    DRIVING_SLOWLY,
     NO_ORDER,
     NOT_WAITING,
 )
@@ -51,6 +52,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "y": run.plan.xy(int(cell))[1],
         "loaded": int(fleet.load[robot] != NIL),
         "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
+        "slowed": int(fleet.lost[robot, DRIVING_SLOWLY]),
         "steps": int(fleet.route_length[robot]),
     }
     return values[field] if field in values else int(getattr(fleet, field)[robot])
@@ -68,7 +70,7 @@ def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
             same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
             assert holding(run, f"{field} == {value}") == same
             assert robots_where(f"{field} == {value}", snapshot, run.plan).tolist() == same
-    assert len(seen) > 1 or field in ("zone", "parked", "priority")
+    assert len(seen) > 1 or field in ("zone", "parked", "priority", "slowed")
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,49 @@ def test_check_says_one_line_about_each_good_file(capsys: pytest.CaptureFixture[
     ]
 
 
+def test_check_takes_settings_as_run_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "tabletop-1", "--set", "fleet.robots=2"]) == 0
+    assert capsys.readouterr().out.endswith("2 robots, ok\n")
+    assert main(["check", "tabletop-1", "--set", "fleet.robots=two"]) == 2
+    assert "--set fleet.robots=two: fleet.robots must be" in capsys.readouterr().err
+
+
+NOTHING_TO_AVOID = "finds no traffic to avoid: every cell holds any number of robots"
+
+
+@pytest.mark.parametrize(
+    ("settings", "warned"),
+    [
+        (("strategy.routing=congestion", "world.slowdown=none"), True),
+        (("strategy.routing=traffic-avoidance", "world.slowdown=none"), True),
+        (("strategy.routing=congestion",), False),
+        (("strategy.routing=astar", "world.slowdown=none"), False),
+        (("strategy.routing=congestion", "world.slowdown=none", "layout.capacity=1"), False),
+    ],
+)
+def test_a_floor_without_traffic_to_avoid_is_warned_of(
+    settings: tuple[str, ...], warned: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [option for setting in settings for option in ("--set", setting)]
+    for command in (["check"], ["run", "--until", "2"]):
+        assert main([command[0], "warehouse-100", *command[1:], *options]) == 0
+        out, err = capsys.readouterr()
+        assert (NOTHING_TO_AVOID in err) == warned and err.count("\n") == warned
+        assert "warning" not in out
+
+
+@pytest.mark.parametrize("key", ["precision", "recall"])
+def test_a_share_out_of_range_is_told_the_whole_range(
+    key: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = {"precision": 0.4, "recall": 0.8, key: 40}
+    noisy = f"precision: {given['precision']}, recall: {given['recall']}"
+    routing = f"strategy.routing={{name: traffic-avoidance, predictor: noisy, {noisy}}}"
+    assert main(["check", "warehouse-100", "--set", routing]) == 2
+    said = f"strategy.routing.{key} must be a number above 0 and at most 1, found 40\n"
+    assert capsys.readouterr().err.endswith(said)
+
+
 def test_check_goes_on_after_a_bad_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "nothing", "tabletop-2", "nor.yaml"]) == 2
     out, err = capsys.readouterr()

@@ -65,7 +65,9 @@ def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
     floor = Staged("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
     assert why(floor, "C") == ["robot 2 drives"]
     floor = Staged("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
-    assert why(floor, "C") == ["robot 2 drives for 1 more tick: slow zone 2 with 2 robots"]
+    assert why(floor, "C") == [
+        "robot 2 drives slowly for 1 more tick: zone 2 held 2 robots when this move began"
+    ]
     assert why(floor, "A") == ["robot 0 drives"]
     assert why(floor.tick(), "C") == ["robot 2 drives"], "it has arrived"
 

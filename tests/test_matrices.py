@@ -63,6 +63,10 @@ def test_check_writes_the_matrix_of_a_scenario(tmp_path, capsys):
         (FLOOR.replace("200", "7"), 3, "column 3 must be one of the codes -1, 0, 50, 100 or 200"),
         (FLOOR.replace("200", "7"), 3, "found 7"),
         (FLOOR.replace("200", "dock"), 3, "found dock"),
+        (FLOOR.replace("200", "99"), 3, "found 99; did you mean 100?"),
+        (FLOOR.replace("200", "100.5"), 3, "found 100.5; did you mean 100?"),
+        (FLOOR.replace("200", "nan"), 3, "found nan"),
+        (FLOOR.replace("200", "²"), 3, "found ²"),
         (FLOOR.replace("200", ""), 3, "found nothing"),
         (FLOOR.replace("200,", ""), 3, "the row has 5 codes, the first row 6"),
         ("\n", 1, "the matrix is empty"),
@@ -75,6 +79,20 @@ def test_what_is_wrong_in_a_matrix_is_named_with_its_place(tmp_path, floor, line
     assert raised.value.file == str(tmp_path / "floor.csv")
     assert raised.value.line == line
     assert message in raised.value.message
+
+
+@pytest.mark.parametrize(
+    "floor",
+    [
+        FLOOR.replace(",", ";"),
+        FLOOR.replace(",", "\t"),
+        FLOOR.replace("200", "200.0").replace("50", "50.").replace("-1", " -1.00 "),
+        FLOOR.replace(",", ";").replace("200", "200,0"),
+    ],
+    ids=["semicolons", "tabs", "points", "decimal commas"],
+)
+def test_matrices_are_read_as_spreadsheets_write_them(floor):
+    assert read_matrix(floor) == read_matrix(FLOOR)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """traffic-avoidance with a network: what a fleet foresees is what the network says of its tasks."""
 
+import json
+
 import numpy as np
 import pytest
 from drawn_networks import drawn_network
@@ -7,6 +9,9 @@ from drawn_networks import drawn_network
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.learning.legs import members
+from automaton.recording import header
+from automaton.scenario.branch import branched
+from automaton.scenario.reading import SHIPPED_FOLDER
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.network import (
@@ -58,6 +63,21 @@ def test_runs_with_a_network_are_repeated_and_deliver():
     assert (one.world.orders.delivered != NIL).sum() >= 6
 
 
+@pytest.mark.parametrize("information", ["everything", "{radius: 99}"])
+def test_what_only_figures_need_decides_nothing(information):
+    """What is not in the digest may not decide: from where and when an order was taken."""
+    settings = ["fleet.robots=20", f"information={information}"]
+    resolved = avoiding("warehouse-100", "network", *FLEET, *settings)
+    one, other = Simulation(resolved), Simulation(resolved)
+    for tick in range(10, 400, 10):
+        one.run(tick)
+        other.run(tick)
+        other.world.orders.dispatched_from[:] = other.world.slots.access[5, 3]
+        other.world.orders.dispatched[:] = 1
+        other.world.tally.ticks[:] = 7
+    assert one.digest == other.digest
+
+
 @pytest.fixture
 def own_file(tmp_path):
     """A network for the table-top floor; what it has learnt is of no use, but it fits."""
@@ -72,6 +92,70 @@ def test_a_network_of_ones_own_serves_its_floor(own_file, capsys):
     picked = f"strategy.routing={{name: traffic-avoidance, predictor: {{network: {own_file}}}}}"
     assert main(["run", "tabletop-mini", "--set", picked]) == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.fixture
+def own_scenario(own_file):
+    """A scenario beside the file of the network that it names."""
+    text = (SHIPPED_FOLDER / "tabletop-mini.yaml").read_text()
+    routing = "{name: traffic-avoidance, predictor: {network: own.npz}}"
+    path = own_file.parent / "own.yaml"
+    path.write_text(text.replace("routing: shortest", f"routing: {routing}"))
+    assert "own.npz" in path.read_text()
+    return path
+
+
+def test_a_network_is_found_from_the_folder_of_the_scenario(own_scenario, own_file, monkeypatch):
+    monkeypatch.chdir(SHIPPED_FOLDER)  # it is not there
+    resolved = resolve(own_scenario)
+    assert resolved.picks["routing"].parameters.files == (own_file,)
+    simulation = Simulation(resolved)
+    simulation.run(20)
+    branch = branched(resolved, ("world.extra_tick=0.5",))
+    assert branch.picks == resolved.picks  # so the strategy keeps its memory
+    assert main(["check", str(own_scenario)]) == 0
+
+
+def test_set_on_a_shipped_scenario_finds_a_network_from_where_one_is(own_file, monkeypatch):
+    monkeypatch.chdir(own_file.parent)
+    resolved = avoiding("tabletop-mini", "{network: own.npz}")
+    assert resolved.picks["routing"].parameters.files == (own_file,)
+
+
+def test_check_names_a_network_that_is_not_there(own_scenario, own_file, capsys):
+    own_file.unlink()
+    assert main(["check", str(own_scenario)]) == 2
+    said = f"automaton: strategy.routing: there is no file {own_file}\n"
+    assert capsys.readouterr().err == said
+
+
+def test_verify_names_a_network_that_changed(own_scenario, own_file, capsys):
+    recording = str(own_file.with_name("own.rec"))
+    assert main(["run", str(own_scenario), "--until", "200", "--record", recording]) == 0
+    assert main(["verify", recording]) == 0
+    assert "is not what it was" not in capsys.readouterr().out
+    network = load_network(own_file)
+    save_network(own_file, drawn_network(2, network.zones, floor=network.about["floor"]))
+    main(["verify", recording, "--json"])
+    assert json.loads(capsys.readouterr().out)["changed_files"] == [str(own_file)]
+    main(["verify", recording])
+    said = f"{own_file} is not what it was when the run was recorded"
+    assert said in capsys.readouterr().out.splitlines()
+    own_file.unlink()
+    assert main(["verify", recording]) == 2
+    assert f"{own_file} changed after the run was recorded" in capsys.readouterr().err
+
+
+def test_networks_that_are_shipped_are_among_the_sources(tmp_path, monkeypatch):
+    package = tmp_path / "decides"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "floor.npz").write_bytes(b"one")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(header, "PACKAGES", ("decides",))
+    before = header.source_hash.__wrapped__()
+    (package / "floor.npz").write_bytes(b"another")
+    assert header.source_hash.__wrapped__() != before
 
 
 def test_the_shipped_network_refuses_another_floor_before_the_run_begins(capsys):
@@ -90,7 +174,7 @@ def test_the_shipped_network_refuses_another_floor_before_the_run_begins(capsys)
         ("nets", "predictor"),
         ("{network: ''}", "network"),
         ("{net: file.npz}", "net"),
-        ("{network: none.npz}", "cannot read none.npz: No such file"),
+        ("{network: none.npz}", "none.npz: No such file"),
     ],
 )
 def test_bad_predictors_are_refused_in_a_sentence(predictor, words_of_it):

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import subprocess
+import sys
 from typing import Any
 
+import numpy as np
 import pytest
 
 from automaton.commands import main
@@ -134,9 +138,21 @@ def test_the_claims_that_ten_seeds_decide(ten_seeds: Reproduced) -> None:
         assert claim.verdict == verdict, claim.claim.text
 
 
-def test_tasks_are_the_same_for_every_setting_and_in_every_process() -> None:
+FRESH = """
+import hashlib
+from automaton.reproductions.traffic_trials import tasks_of, warehouse
+print(hashlib.sha256(tasks_of(warehouse(), 3).tobytes()).hexdigest())
+"""
+
+
+def test_tasks_are_drawn_by_the_seed_alone_and_alike_in_a_fresh_process() -> None:
     where = warehouse()
     tasks = tasks_of(where, 3)
+    fresh = subprocess.run(
+        [sys.executable, "-c", FRESH], capture_output=True, text=True, check=True
+    )
+    assert fresh.stdout.strip() == hashlib.sha256(tasks.tobytes()).hexdigest()
+    assert not np.array_equal(tasks, tasks_of(where, 4))
     assert tasks.shape == (TRIALS, ROBOTS, 3)
     assert tasks[0, 0].tolist() == tasks_of(where, 3)[0, 0].tolist()
     assert set(tasks[:, :, 1].ravel().tolist()) <= set(where.docks.tolist())

@@ -10,6 +10,7 @@ from panel_stage import NARROW, Stage, click, deadlocked, of_robot, on_stage, sa
 from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
+from automaton.world.waiting import DRIVING_SLOWLY
 from tui.shot import Figures
 from tui.view import View
 from tui.widgets.robot_columns import COLUMNS, ordered
@@ -42,7 +43,8 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
     robots = Robots()
 
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
-        view = deadlocked()
+        view = crowd(5)  # of its own: it is changed here
+        view.snapshot.robots.lost[2, DRIVING_SLOWLY] = 7
         robots.show(view)
         await pilot.pause()
         assert [title.strip("▴▾") for title in said(robots)[0].split()] == TITLES
@@ -50,7 +52,7 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
         waited = 300 - int(fleet.since[2])
         x, y = view.plan.xy(int(fleet.cell[2]))
         assert rows_of(robots)[2] == [
-            *("2", "waits", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
+            *("2", "waits", str(waited), "head-on", "7", str(fleet.load[2]), str(fleet.order[2])),
             *(f"{x},{y}", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
         ]
 
@@ -94,7 +96,7 @@ def test_keys_sort_and_show_other_columns() -> None:
         await pilot.press("V")
         assert "waits▴" in said(robots)[0]
         await pilot.press("C", "C", "C")
-        assert robots.column == len(COLUMNS) - 1 and "operations▾" in said(robots)[0]
+        assert robots.column == len(COLUMNS) - 1 and "ops▾" in said(robots)[0]
         await pilot.press(*["left"] * 10)
         assert said(robots)[0].split()[1] == "doing"
         await pilot.press("right")
@@ -110,10 +112,10 @@ def test_a_narrow_table_leads_on_by_mouse() -> None:
         robots.show(deadlocked())
         await pilot.pause()
         assert said(robots)[0].endswith("▹") and "cell" not in said(robots)[0]
-        for _ in range(5):
+        for _ in range(6):
             await pilot.click(robots, offset=(robots.width, 0))
         await pilot.pause()
-        assert "operations" in said(robots)[0] and "◃" in said(robots)[0]
+        assert "ops" in said(robots)[0] and "◃" in said(robots)[0]
         assert all(len(row) <= robots.width for row in said(robots))
 
     on_stage(robots, story, NARROW, 20)

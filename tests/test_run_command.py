@@ -66,7 +66,7 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     code = main(["run", *arguments, "--json"])
     printed: dict[str, Any] = json.loads(capsys.readouterr().out)
-    assert code == (0 if printed["finished"] else 1)
+    assert code == (0 if printed["finished"] or printed["stopped"] else 1)
     return printed
 
 
@@ -153,11 +153,52 @@ def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture
     assert "orders undelivered" in errors and errors.count("\n") == 1
 
 
+def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[str]) -> None:
+    slow = ("tabletop-1", "--set", "world.slowdown=zones", "--set", "fleet.robots=5")
+    run = as_json(capsys, *slow)
+    ticks = run["metrics"]["slowed"]
+    assert ticks > 0 and ticks == sum(robot["slowed"] for robot in run["robots"])
+    assert main(["run", *slow]) == 0
+    lost, robots = capsys.readouterr().out.split("\nlost time")[1].split("\nrobot ")
+    row = next(line for line in lost.splitlines() if line.startswith("slowed"))
+    assert row.split()[:3] == ["slowed", number(ticks), "-"]
+    assert "driving slowly, not waiting" in row
+    assert "slowed" in robots.splitlines()[0]
+    shown = sum(int(line.split()[-1].replace(",", "")) for line in robots.splitlines()[1:6])
+    assert shown == ticks and all(len(line) <= 80 for line in robots.splitlines())
+    assert main(["run", "tabletop-mini"]) == 0
+    assert "slowed" not in capsys.readouterr().out
+
+
 def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixture[str]) -> None:
     # Four robots that only ever wait meet head-on in an alley sooner or later.
     assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1
     errors = capsys.readouterr().err
     assert "robots 0, 1, 2 and 3 have done nothing but wait since tick " in errors
+    assert "deadlock: robots 1 and 2 wait for each other in a circle\n" in errors
+
+
+def test_a_gridlock_is_named_though_the_run_has_no_other_end(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    crowd = ("warehouse-100", "--set", "layout.capacity=1", "--set", "fleet.robots=300")
+    run = as_json(capsys, *crowd)
+    assert run["finished"] and len(run["circles"]) > 2
+    assert all(len(circle) > 1 and circle[0] == min(circle) for circle in run["circles"])
+    assert main(["run", *crowd]) == 0
+    first, more = run["circles"][0], len(run["circles"]) - 1
+    said = f"deadlock: robots {listed(first)} wait for each other in a circle, and so do those of "
+    assert f"{said}{more} more circles\n" in capsys.readouterr().out
+
+
+def test_robots_that_have_not_stood_for_long_are_in_no_deadlock(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    resolved = resolve("tabletop-1", ["fleet.robots=5", "strategy.right_of_way=wait"])
+    until = 1024 + 63  # robots 1 and 2 have met head-on, but the last window is a short one
+    assert run_once(resolved, until=until).circles == []
+    assert run_once(resolved, until=until + 1).circles == [(1, 2)]
+    assert as_json(capsys, "tabletop-1")["circles"] == []
 
 
 def test_a_scenario_without_an_end_is_finished_at_its_limit(
@@ -167,6 +208,38 @@ def test_a_scenario_without_an_end_is_finished_at_its_limit(
     assert as_json(capsys, "tabletop-1", *settings)["ticks"] == 100
     assert main(["run", "tabletop-1", *settings]) == 0
     assert "ran for 100 cycles" in capsys.readouterr().out
+
+
+def test_stopped_before_its_last_tick_a_run_without_an_end_is_not_finished(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = ("--set", "stop.when=never", "--set", "stop.at_most=100")
+    run = as_json(capsys, "tabletop-1", *settings, "--until", "60")
+    assert (run["finished"], run["stopped"], run["ticks"]) == (False, True, 60)
+    assert main(["run", "tabletop-1", *settings, "--until", "60"]) == 0
+    assert "stopped after 60 cycles" in capsys.readouterr().out
+    run = as_json(capsys, "tabletop-1", *settings, "--until", "100")
+    assert (run["finished"], run["stopped"]) == (True, False)
+
+
+def test_a_run_says_when_its_orders_ran_out(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ("warehouse-100", "--set", "orders.count=30", "--set", "stop.at_most=900")
+    run = as_json(capsys, *settings)
+    simulation = Simulation(resolve("warehouse-100", settings[2::2]))
+    simulation.run()
+    orders = simulation.world.orders
+    taken, delivered = int(orders.dispatched.max()), int(orders.delivered.max())
+    assert 0 < taken < delivered < 900
+    assert run["ran_out"] == {"taken": taken, "delivered": delivered}
+    assert main(["run", *settings]) == 0
+    assert (
+        f"orders ran out: the last of 30 was taken at tick {taken}, the last delivered at "
+        f"{delivered}; figures after it count idle robots\n"
+    ) in capsys.readouterr().out
+    early = as_json(capsys, *settings, "--until", str(delivered - 1))
+    assert early["ran_out"] == {"taken": taken, "delivered": None}
+    assert as_json(capsys, *settings, "--until", str(taken))["ran_out"] is None
+    assert as_json(capsys, "tabletop-mini")["ran_out"] is None  # it ends with its orders
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,7 @@ from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRul
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
 from automaton.world.state import MOVE, NIL
+from automaton.world.waiting import DRIVING_SLOWLY
 from automaton.world.zones import MODES, Zones, zones_of
 
 
@@ -159,6 +161,7 @@ class Move:
     start: int
     to: int
     ends: int
+    zone: int  # that slows it, or NIL
 
 
 class Watcher:
@@ -171,6 +174,8 @@ class Watcher:
         self.run = Simulation(case.resolved, on_record=self.recorder, on_observe=Chronicle())
         self.moves: dict[int, Move] = {}
         self.held: set[int] = set()  # robots in the zones that moves began in
+        self.lost: Counter[int] = Counter()  # ticks beyond the duration, by robot
+        self.lost_in: Counter[int] = Counter()  # and by the zone that slows
         self.free = 0  # moves off an intersection with others on it
 
     def tick(self) -> None:
@@ -181,6 +186,15 @@ class Watcher:
             if 0 < did & ACTION_MASK <= MOVE_NORTH:
                 assert i not in self.moves, "it was still on its way"
                 self.begin(i, did, *before)
+        for i, move in self.moves.items():
+            if self.run.tick <= move.ends - self.move:
+                self.lost[i] += 1
+                self.lost_in[move.zone] += 1
+        watch = self.run.watch
+        assert watch.lost[:, DRIVING_SLOWLY].tolist() == [
+            self.lost[i] for i in range(len(robots.did))
+        ]
+        assert watch.lost_in_zone.tolist() == [self.lost_in[z] for z in range(self.zones.count)]
         for i, move in list(self.moves.items()):
             if self.run.tick < move.ends:
                 assert (robots.cell[i], robots.claim[i]) == (move.start, move.to)
@@ -199,7 +213,8 @@ class Watcher:
         extra = span - (1 + others) * self.move
         assert extra in {0.0: (0,), 1.0: (1,)}.get(self.world_rules.extra_tick, (0, 1))
         to = start + int(world.grid.offset[direction])
-        self.moves[i] = Move(start, to, self.run.tick + span - 1)
+        slows = zone if others > 0 else NIL
+        self.moves[i] = Move(start, to, self.run.tick + span - 1, slows)
         self.held.add(1 + others)
         watch, slowed = self.run.watch, others > 0
         assert watch.slow_zone[i] == (zone if slowed else NIL)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from panel_stage import moment, of_cell, shown
+from panel_stage import moment, of_cell, of_robot, shown
 from staged_scenes import camera_at, drawn, open_floor, shipped, stage, text
 from viewing import mini, record, viewing
 
@@ -19,6 +20,7 @@ from automaton.kernels.routes.frontier import FIFO, LARGER_G, TIES
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL
+from automaton.world.waiting import DRIVING_SLOWLY
 from automaton.world.zones import MODES, zones_of
 from tui.cast.making import make_picture
 from tui.cast.request import Request
@@ -29,7 +31,9 @@ from tui.render.legend import legend
 from tui.render.zone_tints import LETTERS, TINTS, tints_of
 from tui.search import find
 from tui.view import View
+from tui.widgets.figures import Figures, slow_zones
 from tui.widgets.inspector import Inspector
+from tui.widgets.why import Why
 
 SLOW = ("world={slowdown: zones}", "fleet.robots=5")
 AISLES = ".....\n.#.#.\n....."
@@ -212,6 +216,36 @@ def test_a_zone_lists_its_robots(crowded: View) -> None:
     assert "here " + ", ".join(f"robot {robot}" for robot in robots) in said
 
 
+def test_a_zone_tells_what_it_has_cost(crowded: View) -> None:
+    lost = crowded.snapshot.lost_in_zone
+    zone = int(np.argmax(lost))
+    said = shown(Inspector(), replace(crowded, zone=zone))
+    assert lost[zone] > 1 and f"so far moves from here took {lost[zone]} ticks longer" in said
+
+
+def test_the_slowest_zones_are_listed_and_lead_to_themselves(crowded: View) -> None:
+    lost = crowded.snapshot.lost_in_zone
+    worst = [zone for zone in np.argsort(-lost, kind="stable")[:5].tolist() if lost[zone]]
+    assert len(worst) > 1
+    rows = " ".join(f"zone {zone} {lost[zone]}" for zone in worst)
+    assert f"slowest zones by ticks lost in them {rows}" in shown(Figures(), crowded, 56, 90)
+    links = [span.link for made in slow_zones(crowded) for span in made if span.link]
+    assert links == [("zone", zone) for zone in worst]
+    assert "slowest zones" not in shown(Figures(), moment(300, "tabletop-1"), 56, 90)
+
+
+def test_driving_slowly_is_told_beside_lost_time_and_is_no_wait(crowded: View) -> None:
+    lost = crowded.snapshot.robots.lost
+    robot = int(np.argmax(lost[:, DRIVING_SLOWLY]))
+    ticks = int(lost[robot, DRIVING_SLOWLY])
+    row = shown(Why(), of_robot(crowded, robot)).partition("s driving slowly ")[2]
+    assert row.split()[1:3] == [str(ticks), f"{100 * ticks / 300:.0f}"]
+    assert "s driving slowly" in shown(Figures(), crowded, 56, 90)
+    assert f"slowed by {ticks} ticks" in shown(Inspector(), of_robot(crowded, robot))
+    found = find(f"slowed >= {ticks}", crowded).robots
+    assert found == tuple(np.flatnonzero(lost[:, DRIVING_SLOWLY] >= ticks).tolist())
+
+
 def test_zones_are_found_by_number(crowded: View) -> None:
     assert find("Zone 3", crowded).zones == (3,) and find("zone 3", crowded).many == "1 zone"
     last = zones_of(crowded.plan).count - 1
@@ -249,5 +283,35 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
         request = Request(layer=name, follow=1, color="none", ascii=True, zoom="1x1")
         make_picture(recording, request, out, 30)
     before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
-    assert f"{layer}  robot 1" in after[-2] + after[-1]
-    assert before[:-2] != after[:-2]
+    assert f"{layer}  robot 1" in after[-3] + after[-2] + after[-1]
+    assert before[:-2] != after[: len(before) - 2]
+    key = "a tint or letter (d e f) for each zone  touching ones differ"
+    assert (key in after[-1]) == (layer == "zones")
+
+
+def test_a_drawing_of_zones_says_what_its_letters_mean(recording: Path) -> None:
+    out = recording.with_name("zones.svg")
+    make_picture(recording, Request(layer="zones", size=(80, 24)), out, 30)
+    words = re.findall(r"<text[^>]*>([^<]*)</text>", out.read_text())
+    assert "a tint or letter (d e f) for each zone" in words and "touching ones differ" in words
+
+
+def test_the_map_as_text_says_what_the_letters_of_zones_mean(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    async def story() -> None:
+        async with viewing(mini()) as user:
+            for key in ("S", "f7", "S"):
+                await user.press(key)
+                await user.shown()
+                if key == "S":
+                    (file,) = tmp_path.glob("*.txt")
+                    texts.append(file.read_text().splitlines()[-1])
+                    file.unlink()
+
+    texts: list[str] = []
+    asyncio.run(story())
+    assert "for each zone" not in texts[0]
+    assert texts[1] == "a tint or letter (d e f) for each zone; touching ones differ"

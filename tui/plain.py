@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from automaton.headless import Outcome, operations, trouble
+from automaton.circles import circles
+from automaton.headless import Outcome, operations, ran_out, stuck, trouble
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_of
 from automaton.recording.header import changed, resolved_of
@@ -91,7 +92,8 @@ def _held(run: Run) -> Resolved:
 
 def _outcome(run: Run, still: np.ndarray) -> Outcome:
     front = run.front
-    finished = front.finished or _held(run).scenario.stop.when == "never"
+    stop = _held(run).scenario.stop
+    finished = front.finished or (stop.when == "never" and front.tick >= stop.at_most)
     state = front.world.orders.state
     return Outcome(
         finished=finished,
@@ -104,5 +106,7 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         robots=metrics_by_robot(front),
         trouble="" if finished else trouble(front, still),
         stopped=not finished and not run.live,
+        circles=circles(front.world, stuck(front, still)),
+        ran_out=ran_out(front),
         picture="",
     )

@@ -71,6 +71,7 @@ class Notice(NamedTuple):
 
     words: Word
     until: float
+    about: tuple[str, int] | None = None  # the layer and the robot without which it goes sooner
 
 
 class Stage(App[None]):
@@ -158,6 +159,16 @@ class Stage(App[None]):
         self.notice = Notice(word(message, NOTICE_INKS[severity]), until)
         self.say_soon()
         self.set_timer(seconds + LINES_S, self.say_soon)
+
+    def notify_of_layer(self, message: str) -> None:
+        """Say what holds as long as this layer is shown and this robot selected."""
+        self.notify(message)
+        if self.notice is not None and self.notice.words.text == message:
+            self.notice = self.notice._replace(about=(self.choice.layer, self.choice.robot))
+
+    def _holds(self, notice: Notice) -> bool:
+        now = (self.choice.layer, self.choice.robot)
+        return asyncio.get_running_loop().time() < notice.until and notice.about in (None, now)
 
     def _fits_line(self, message: str) -> bool:
         fits = message.isascii() and len(message) <= self.info.size.width
@@ -326,7 +337,7 @@ class Stage(App[None]):
     def _message(self) -> list[Word]:
         """The most important of what there is to say."""
         shot = self.shot
-        if self.notice is not None and asyncio.get_running_loop().time() < self.notice.until:
+        if self.notice is not None and self._holds(self.notice):
             return [self.notice.words]
         self.notice = None
         error = self.error or self.broken or (shot.error if shot is not None else "")

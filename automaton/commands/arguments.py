@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
+
+from automaton.scenario.doubts import doubts
+from automaton.scenario.resolve import Resolved
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Which scenario, with what changed: `scenario`, `seed` and `settings`."""
     parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
     parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
+    add_settings_argument(parser)
+
+
+def add_settings_argument(parser: argparse.ArgumentParser) -> None:
+    """What to change in a scenario: `settings`."""
     parser.add_argument(
         "--set",
         action="append",
@@ -18,6 +27,13 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KEY=VALUE",
         help="change a value of the scenario, such as fleet.robots=3; may be repeated",
     )
+
+
+def tell_doubts(resolved: Resolved) -> None:
+    """Say on stderr what is allowed but hardly meant."""
+    sys.stdout.flush()  # keeps the order where both streams meet
+    for doubt in doubts(resolved):
+        print(f"automaton: {resolved.scenario.name}: warning: {doubt}", file=sys.stderr)
 
 
 def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int]:

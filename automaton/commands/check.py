@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from automaton.commands.arguments import add_settings_argument, tell_doubts
 from automaton.errors import InputError
 from automaton.scenario.matrices import write_matrix
 from automaton.scenario.resolve import Resolved, resolve
+from automaton.strategy.entry import files_of
 from automaton.units import count
 from automaton.whole_file import refusal, written
 from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
@@ -26,6 +28,7 @@ SLOTS = {  # what a scenario's line counts
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
     parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or a shipped scenario")
+    add_settings_argument(parser)
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
     )
@@ -38,10 +41,12 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
         try:
-            resolved = resolve(file)
+            resolved = resolve(file, args.settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
+            check_files(resolved)
             print(described(resolved))
+            tell_doubts(resolved)
         except InputError as error:
             if args.debug:
                 raise
@@ -49,6 +54,14 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.flush()  # keeps the order where both streams meet
             print(f"automaton: {error}", file=sys.stderr)
     return 2 if bad else 0
+
+
+def check_files(resolved: Resolved) -> None:
+    """Raises InputError for a file that a strategy reads and that is not there."""
+    for layer, pick in resolved.picks.items():
+        for file in files_of(pick.parameters):
+            if not file.is_file():
+                raise InputError(f"strategy.{layer}: there is no file {file}")
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_scenario_arguments, whole
+from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
 from automaton.errors import InputError
 from automaton.scenario.resolve import Resolved, resolve
 
@@ -42,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from automaton.headless import run_once
 
     resolved = resolve(args.scenario, args.settings, args.seed)
+    tell_doubts(resolved)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
         outcome = run_once(resolved, on_record, on_window, args.until, args.picture)
         if on_record is not None:
@@ -115,9 +116,12 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "scenario": resolved.scenario.name,
         "seed": resolved.scenario.seed,
         "finished": outcome.finished,
+        "stopped": outcome.stopped,
         "ticks": outcome.ticks,
         "orders": outcome.orders,
         "delivered": outcome.delivered,
+        "circles": [list(circle) for circle in outcome.circles],
+        "ran_out": None if outcome.ran_out is None else outcome.ran_out._asdict(),
         "digest": outcome.digest,
         "wall_s": round(outcome.wall_s, 6),
         "metrics": outcome.metrics,

@@ -58,6 +58,9 @@ def as_text(file: str, found: Verification) -> list[str]:
             lines.append(f"  and {len(report.violations) - SHOWN} more")
     equal = "run again: every tick is equal"
     lines.append(equal if found.difference is None else f"run again: {found.difference}")
+    lines += [
+        f"{file} is not what it was when the run was recorded" for file in found.changed_files
+    ]
     if not found.same_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
         lines.append(f"recorded by other sources than those installed here (version {recorded})")
@@ -92,5 +95,6 @@ def as_json(file: str, found: Verification) -> dict[str, Any]:
         "equal": difference is None,
         "difference": None if difference is None else difference._asdict(),
         "same_sources": found.same_sources,
+        "changed_files": list(found.changed_files),
         "actions": report.counts,
     }

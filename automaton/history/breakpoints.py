@@ -21,8 +21,15 @@ from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
 from automaton.world.plan import FloorPlan
 from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
-from automaton.world.waiting import CAUSES, DEADLOCK_TICKS, Observation, waits
+from automaton.world.waiting import (
+    CAUSES,
+    DEADLOCK_TICKS,
+    DRIVING_SLOWLY,
+    Observation,
+    waits,
+)
 
+WAITS: Final = [cause.name for cause in CAUSES[:DRIVING_SLOWLY]]
 FIELDS: Final = {  # name: what it is, of one robot
     "robot": "its number",
     "x": "column of its cell",
@@ -31,7 +38,8 @@ FIELDS: Final = {  # name: what it is, of one robot
     "load": "the load it carries, or -1",
     "order": "the order it works on, or -1",
     "waiting": "ticks that it has waited; 0 if it does not",
-    "cause": "why it waits: " + ", ".join(f"'{cause.name}'" for cause in CAUSES),
+    "slowed": "ticks that its moves took longer so far, in slow zones and by chance",
+    "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAITS),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
@@ -41,7 +49,7 @@ FIELDS: Final = {  # name: what it is, of one robot
 }
 NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck")
 LONGEST: Final = 200  # characters
-NAMED: Final = {"cause": [cause.name for cause in CAUSES], "action": list(ACTION_NAMES)}
+NAMED: Final = {"cause": WAITS, "action": list(ACTION_NAMES)}
 COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
     ast.Lt: np.less,
     ast.LtE: np.less_equal,
@@ -209,6 +217,7 @@ def _fields(
         "load": robots.load,
         "order": robots.order,
         "waiting": np.where(waits(watch.cause), tick - watch.since, 0),
+        "slowed": watch.lost[:, DRIVING_SLOWLY],
         "cause": watch.cause.astype(np.int64),
         "action": robots.action.astype(np.int64),
         "busy": robots.busy.astype(np.int64),

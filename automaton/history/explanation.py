@@ -85,8 +85,12 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "charge": "charges",
     }
     text = texts.get(action, "is about to go on")
+    slowed = fleet.slow_zone[robot] != NIL
+    if slowed:
+        text += " slowly"
     if busy:
         text += f" for {busy} more tick{'s' if busy != 1 else ''}"
-    if fleet.slow_zone[robot] != NIL:
-        text += f": slow zone {fleet.slow_zone[robot]} with {fleet.crowd[robot]} robots"
+    if slowed:
+        held = f"zone {fleet.slow_zone[robot]} held {fleet.crowd[robot]} robots"
+        text += f": {held} when this move began"
     return text

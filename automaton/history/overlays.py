@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from automaton.history.snapshot import OVERLAYS, Snapshot
+from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import LARGER_G, STAMP, TIES
 from automaton.scenario.schema import Scenario
@@ -133,7 +134,7 @@ def explored(world: World, paths: Paths, robot: int) -> Array:
     i = int(robots.at_index[robot])
     if robots.stand[i] == NIL:
         return field
-    pose = first_cell(world, i) * world.grid.headings + int(robots.heading[i])
+    pose = int(first_cell(world.robots, i)) * world.grid.headings + int(robots.heading[i])
     found, path = paths.found(pose, int(robots.stand[i]))
     field[found] = 1
     field[path] = 2
@@ -156,10 +157,10 @@ def _predicted_path(world: World, paths: Paths, i: int) -> Array:
     stand, heading = int(robots.stand[i]), int(robots.heading[i])
     steps = robots.route[i, robots.at[i] : robots.length[i]]
     if len(steps):
-        path = driven(grid.offset, first_cell(world, i), steps)
+        path = driven(grid.offset, int(first_cell(world.robots, i)), steps)
         heading = int(steps[-1]) & (grid.headings - 1)
     else:
-        path = paths.leg(first_cell(world, i) * grid.headings + heading, stand)
+        path = paths.leg(int(first_cell(world.robots, i)) * grid.headings + heading, stand)
     beyond = _next_stand(world, i)
     if beyond == NIL:
         return path
@@ -174,11 +175,3 @@ def _next_stand(world: World, i: int) -> int:
         return NIL
     access = world.slots.access[orders.target[order]]
     return int(access[access != NIL][0]) if (access != NIL).any() else NIL
-
-
-def first_cell(world: World, i: int) -> int:
-    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its bay by."""
-    robots = world.robots
-    if robots.claim[i] != NIL:
-        return int(robots.claim[i])
-    return int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])

@@ -39,6 +39,7 @@ from automaton.world.condition import EMPTY
 from automaton.world.state import (
     GOAL_NONE,
     IN_LINE,
+    MOVE,
     NIL,
     TICK,
     UNDELIVERED,
@@ -48,6 +49,7 @@ from automaton.world.waiting import (
     BAY_HELD,
     CHARGER_HELD,
     DELIVERED_ORDERS,
+    DRIVING_SLOWLY,
     EVENTFUL,
     FAULT,
     ILLEGAL_ANSWER,
@@ -107,8 +109,8 @@ def look_at_all(world, watch):
         if i + AHEAD < did.shape[0]:
             fetch_move(world, watch, i + AHEAD)
         w = np.int64(want[U(i)])
-        if world.rules.slowdown:
-            note_slow_zone(world, watch, i, w)
+        if world.rules.slowdown or world.rules.extra_tick:
+            note_slow_move(world, watch, i, w)
         told = np.int64(did[U(i)])
         mark = 0
         now = NOT_WAITING
@@ -252,16 +254,25 @@ def find_wait(world, watch, i, want, did):
 
 
 @kernel
-def note_slow_zone(world, watch, i, want):
-    """Enter the zone that slows robot i; a move that its zone slows is a long one, out of its cell."""
-    cell, direction = U(world.robots.cell[U(i)]), want & 3
-    if world.robots.claim[U(i)] == NIL:
+def note_slow_move(world, watch, i, want):
+    """Enter the zone that slows robot i, and a tick that its move takes beyond its duration.
+
+    A move that is slowed is a long one, out of its cell; its last ticks are its duration.
+    """
+    robots = world.robots
+    if robots.claim[U(i)] == NIL:
         watch.slow_zone[U(i)] = NIL
-    elif want & MOVED:
+        return
+    if want & MOVED and world.rules.slowdown:
         around = robots_around(world, i, want)
         if around > 1:
-            watch.slow_zone[U(i)] = world.grid.zone[cell, U(direction >> 1)]
+            zone = world.grid.zone[U(robots.cell[U(i)]), U((want & 3) >> 1)]
+            watch.slow_zone[U(i)] = zone
             watch.crowd[U(i)] = around
+    if robots.action[U(i)] == MOVE and robots.busy[U(i)] >= world.rules.duration[MOVE]:
+        watch.lost[U(i), U(DRIVING_SLOWLY)] += 1
+        if watch.slow_zone[U(i)] != NIL:
+            watch.lost_in_zone[U(watch.slow_zone[U(i)])] += 1
 
 
 @kernel

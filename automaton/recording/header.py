@@ -21,10 +21,11 @@ from automaton.recording.frames import Content
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.strategy import lookup
-from automaton.strategy.entry import NoParameters
+from automaton.strategy.entry import NoParameters, files_of
 from automaton.world.plan import FloorPlan
 
 PACKAGES = ("automaton", "strategies", "layouts")
+DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks
 LIBRARIES = ("fleet-automaton", "numpy", "numba", "msgspec")
 FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 
@@ -41,6 +42,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "overrides": resolved.overrides,
         "text": resolved.source,
         "sources": source_hash(plugins),
+        "files": file_hashes(resolved),
         "versions": versions(),
         "digest_names": digest_names,
         "floor": {
@@ -68,6 +70,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
         "settings": settings,
         "scenario": msgspec.to_builtins(resolved.scenario),
         "picks": _picks(resolved),
+        "files": file_hashes(resolved),
         "every": rules.every.copy(),
         "wait": rules.wait.copy(),
     }
@@ -134,7 +137,7 @@ def _pick(layer: str, name: str, parameters: Content) -> Pick:
 
 @cache
 def source_hash(plugins: tuple[str, ...] = ()) -> str:
-    """16 hex digits of all sources that a run depends on; `plugins`: "module:Class" names.
+    """16 hex digits of all that is installed and decides; `plugins`: "module:Class" names.
 
     Where the packages are installed does not matter.
     """
@@ -143,7 +146,8 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
         spec = importlib.util.find_spec(package)
         if spec is not None and spec.origin is not None:
             root = Path(spec.origin).parent
-            for path in sorted(root.rglob("*.py")):
+            found = (path for path in root.rglob("*") if path.suffix in DECIDING)
+            for path in sorted(found):
                 digest.update(path.relative_to(root.parent).as_posix().encode())
                 digest.update(path.read_bytes())
     for plugin in sorted(plugins):
@@ -151,6 +155,20 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
         if spec is not None and spec.origin is not None:
             digest.update(plugin.encode() + Path(spec.origin).read_bytes())
     return digest.hexdigest()[:16]
+
+
+def file_hashes(resolved: Resolved) -> dict[str, str]:
+    """16 hex digits of the content of each file that a strategy reads."""
+    files = [file for pick in resolved.picks.values() for file in files_of(pick.parameters)]
+    return {str(file): content_hash(file) for file in files}
+
+
+def content_hash(file: Path) -> str:
+    """16 hex digits of the content of a file; "" if it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+    except OSError:
+        return ""
 
 
 @cache

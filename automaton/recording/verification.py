@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.kernels.decisions import first_other_tick
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording.codes import (
@@ -19,7 +20,7 @@ from automaton.recording.codes import (
     PICKED_AT_ONCE,
 )
 from automaton.recording.frames import CONDITIONS, END, TICKS, Content, Recording, read_recording
-from automaton.recording.header import changed, resolved_of, source_hash
+from automaton.recording.header import changed, content_hash, resolved_of, source_hash
 from automaton.recording.validator import ACTS, Report, validate_stored
 from automaton.simulation import Simulation
 from automaton.world.state import CHANGED, DECIDED, RECORDED, Array
@@ -44,6 +45,7 @@ class Verification:
     report: Report  # of the validator
     difference: Difference | None  # None: what is there agrees
     same_sources: bool  # recorded by the sources that are installed here
+    changed_files: tuple[str, ...]  # read by a strategy, and not as they were
 
     @property
     def passed(self) -> bool:
@@ -60,12 +62,29 @@ def verify_recording(recording: Recording) -> Verification:
     """Verify a recording that is open or in memory."""
     header = recording.header
     plugins = tuple(pick["name"] for pick in header["picks"].values() if ":" in pick["name"])
+    files = changed_files(recording)
+    try:
+        difference = first_difference(recording)
+    except InputError as error:
+        if not files:
+            raise
+        names = ", ".join(files)
+        raise InputError(f"{names} changed after the run was recorded: {error}") from error
     return Verification(
         recording=recording,
         report=validate_stored(recording),
-        difference=first_difference(recording),
+        difference=difference,
         same_sources=header["sources"] == source_hash(plugins),
+        changed_files=files,
     )
+
+
+def changed_files(recording: Recording) -> tuple[str, ...]:
+    """The files read by its strategies that are gone, or hold something else than then."""
+    parts = [recording.header]
+    parts += [frame.content for frame in recording.frames if frame.kind == CONDITIONS]
+    recorded = {file: found for part in parts for file, found in part.get("files", {}).items()}
+    return tuple(file for file, found in recorded.items() if content_hash(Path(file)) != found)
 
 
 def first_difference(recording: Recording) -> Difference | None:

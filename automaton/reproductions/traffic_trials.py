@@ -96,7 +96,7 @@ def noisy(precision: float, recall: float) -> Predictor:
         chances = round(keep * CERTAIN), round(add * CERTAIN)
         arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
         with np.errstate(over="ignore"):
-            trial.foresee(*arguments, np.uint64(seed), tasks, *chances, foreseen)
+            trial.count_foreseen(*arguments, np.uint64(seed), tasks, *chances, foreseen)
         return foreseen
 
     return predict

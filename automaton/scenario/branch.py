@@ -10,7 +10,7 @@ import msgspec
 from automaton.errors import InputError
 from automaton.scenario.document import Document
 from automaton.scenario.overrides import override
-from automaton.scenario.resolve import Resolved, picks_of
+from automaton.scenario.resolve import Resolved, naming_files, picks_of
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 
@@ -31,4 +31,5 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             raise InputError(
                 f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
             )
-    return replace(resolved, scenario=scenario, picks=picks_of(document, scenario))
+    picks = picks_of(document, scenario)
+    return replace(resolved, scenario=naming_files(scenario, picks), picks=picks)

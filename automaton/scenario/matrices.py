@@ -4,11 +4,16 @@
     -1, 0,200, 0     An intersection is a free cell: which ones they are follows from the floor, so
     -1,50,  0,50     0 and 50 mean the same when a matrix is read.
 
+Spreadsheets write numbers as 100.0 and, where the comma is the decimal sign, 100,0 between semicolons;
+both are read, as are columns between tabs.
+
 What a matrix does not say is how many robots a free cell holds: that is one number for all.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from functools import lru_cache
 from typing import Final
 
@@ -22,6 +27,12 @@ from automaton.world.plan import FloorPlan, bordered, floor_plan
 from automaton.world.zones import zones_of
 
 INTERSECTION: Final = 50
+SEPARATORS: Final = (
+    ";",
+    "\t",
+    ",",
+)  # the first that occurs; a comma beside others is a decimal one
+NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
 KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
 CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}
 
@@ -40,7 +51,8 @@ def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
     rows = text.rstrip().split("\n") if text.strip() else []
     if not rows:
         raise MatrixError("the matrix is empty")
-    cells = [row.split(",") for row in rows]
+    separator = next((sign for sign in SEPARATORS if sign in rows[0]), ",")
+    cells = [row.split(separator) for row in rows]
     width = len(cells[0])
     if max(len(rows), width) > MAX_SIDE:
         raise MatrixError(f"the matrix has a side of more than {MAX_SIDE:,} cells")
@@ -79,22 +91,24 @@ def write_matrix(plan: FloorPlan) -> str:
 
 
 def _kinds(row: list[str], y: int) -> list[int]:
-    try:
-        return [KIND_OF[int(code)] for code in row]
-    except (KeyError, ValueError):
-        allowed = alternatives(map(str, KIND_OF))
-        x = next(x for x, code in enumerate(row) if not _is_code(code))
-        found = row[x].strip() or "nothing"
-        raise MatrixError(
-            f"column {x + 1} must be one of the codes {allowed}, found {found[:20]}", y
-        ) from None
+    codes = [_number(code) for code in row]
+    for x, code in enumerate(codes):
+        if code not in KIND_OF:
+            allowed = alternatives(map(str, KIND_OF))
+            found = row[x].strip()[:20] or "nothing"
+            # By size, not by letters: 99 is next to 100.
+            near = min(KIND_OF, key=lambda known: abs(known - code)) if math.isfinite(code) else ""
+            hint = f"; did you mean {near}?" if near != "" else ""
+            raise MatrixError(
+                f"column {x + 1} must be one of the codes {allowed}, found {found}{hint}", y
+            )
+    return [KIND_OF[int(code)] for code in codes]
 
 
-def _is_code(text: str) -> bool:
-    try:
-        return int(text) in KIND_OF
-    except ValueError:
-        return False
+def _number(text: str) -> float:
+    """The number that a text writes; NaN for anything else."""
+    plain = text.strip().replace(",", ".")
+    return float(plain) if NUMBER.fullmatch(plain) else math.nan
 
 
 def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:

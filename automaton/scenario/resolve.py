@@ -21,9 +21,10 @@ from automaton.scenario.feasibility import (
 )
 from automaton.scenario.floors import floor_of
 from automaton.scenario.overrides import override
-from automaton.scenario.reading import read
+from automaton.scenario.reading import SHIPPED_FOLDER, read
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.scenario.validation import validated
+from automaton.strategy.entry import files_of, located
 from automaton.world.plan import FloorPlan
 
 
@@ -66,10 +67,11 @@ def resolve(
     check_floor(checked, floor, start)
     check_service(document, checked, floor.plan, start)
     check_energy(document, checked, floor.plan)
+    picks = picks_of(document, checked)
     return Resolved(
-        scenario=checked,
+        scenario=naming_files(checked, picks),
         plan=floor.plan,
-        picks=picks_of(document, checked),
+        picks=picks,
         start=start,
         source=document.text,
         overrides=settings,
@@ -79,6 +81,19 @@ def resolve(
 def picks_of(document: Document, scenario: Scenario) -> dict[str, Pick]:
     """The strategies that a scenario names, by layer. Raises InputError."""
     return {layer: _pick(document, scenario, layer) for layer in LAYERS}
+
+
+def naming_files(scenario: Scenario, picks: dict[str, Pick]) -> Scenario:
+    """The scenario with the files of its strategies named as they are found from anywhere."""
+    choices: dict[str, Any] = {}
+    for layer, pick in picks.items():
+        choice: Any = getattr(scenario.strategy, layer)
+        if files_of(pick.parameters) and isinstance(choice, dict):
+            found = msgspec.to_builtins(pick.parameters)
+            choices[layer] = {key: found.get(key, choice[key]) for key in choice}
+    return msgspec.structs.replace(
+        scenario, strategy=msgspec.structs.replace(scenario.strategy, **choices)
+    )
 
 
 def _document(scenario: str | Path | Scenario) -> Document:
@@ -103,4 +118,7 @@ def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:
         wanted = lookup.parameters_type(layer, choice)
     except InputError as error:
         raise document.error(keys, error.message) from None
-    return Pick(choice, validated(document, parameters, wanted, ("strategy", layer)))
+    given = validated(document, parameters, wanted, ("strategy", layer))
+    # Nobody keeps files beside the shipped scenarios.
+    own = document.folder.resolve() != SHIPPED_FOLDER
+    return Pick(choice, located(given, document.folder if own else Path()))

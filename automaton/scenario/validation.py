@@ -109,6 +109,8 @@ def shown(value: Any) -> str:
 def _range(expected: Any) -> str:
     if expected.ge is not None and expected.le is not None:
         return f" from {expected.ge} to {expected.le}"
+    if expected.gt is not None and expected.le is not None:
+        return f" above {expected.gt} and at most {expected.le}"
     if expected.ge is not None:
         return f" of at least {expected.ge}"
     if expected.gt is not None:

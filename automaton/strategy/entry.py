@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 
 
 class NoParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A strategy without parameters."""
+
+
+def located(parameters: Any, folder: Path) -> Any:
+    """Parameters with the files that they name found from a folder, as absolute paths.
+
+    Parameters that name files have a method `located(folder)`, and `files` that lists them.
+    """
+    return parameters.located(folder) if hasattr(parameters, "located") else parameters
+
+
+def files_of(parameters: Any) -> tuple[Path, ...]:
+    """The files that parameters name."""
+    return tuple(getattr(parameters, "files", ()))
 
 
 class Entry(NamedTuple):

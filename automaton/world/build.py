@@ -294,6 +294,7 @@ def build_observation(world: World, ticks: int) -> Observation:
         crowd=np.zeros(n, np.int32),
         ring=np.zeros(n, np.int32),
         lost=np.zeros((n, CAUSE_COUNT), np.int64),
+        lost_in_zone=np.zeros(world.grid.zones if ticks else 1, np.int64),
         busy_before=np.zeros(n, np.uint16),
         set_down=nil.copy(),
         load_before=nil.copy(),

@@ -1,7 +1,8 @@
 """Why a robot does not get on: the causes of lost time, and the events of a run.
 
 A robot waits when it neither works nor drives in a tick. Its cause says what keeps it, its blocker
-which robot does, and `wanted` names the cell that it wants to enter.
+which robot does, and `wanted` names the cell that it wants to enter. DRIVING_SLOWLY is no wait: it
+is the cause of the ticks that a move takes beyond its duration.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ ILLEGAL_ANSWER: Final = 15
 CHARGER_HELD: Final = 16
 NO_ENERGY: Final = 17
 FAULT: Final = 18
+DRIVING_SLOWLY: Final = 19  # in observation.lost alone: who does is not waiting
 UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -125,6 +127,12 @@ CAUSES: Final = (
         "broken down",
         "{robot} has broken down",
         "a broken robot stands where it is until it is towed",
+        False,
+    ),
+    Cause(
+        "driving slowly",
+        "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
+        "a move begun in a zone with m robots takes m times as long",
         False,
     ),
 )
@@ -216,6 +224,7 @@ class Observation(Struct):
     )
     ring: Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
+    lost_in_zone: Array  # (Z,) int64: of DRIVING_SLOWLY, those of moves that a zone slows
     busy_before: Array  # (n,) uint16: robots.busy after the tick before
     set_down: Array  # (n,) int32: the load that it set down in this tick, or NIL
     load_before: Array  # (n,) int32

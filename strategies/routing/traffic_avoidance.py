@@ -49,7 +49,9 @@ STAND = 0  # the zones foreseen of a robot are those of its way to this cell ...
 NEXT = 1  # ... and on to this one
 PLAN_FROM = 2  # the leg that was planned before its time
 PLAN_TO = 3
-SETS = 4  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
+TAKEN = 4  # the order whose first leg a network was last asked about, plus 1 ...
+TAKEN_AT = 5  # ... and the cell from which that leg began
+SETS = 6  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
 
 
 @kernel
@@ -69,7 +71,7 @@ def next_stand(view, i):
 
 
 @kernel
-def foresee(view, memory, space, i):
+def foresee_task(view, memory, space, i):
     """Replay robot i's task from where it is now, and remember the zones that it uses."""
     own, given = memory.own, memory.parameters
     if given.shape[0] > NETWORK:
@@ -120,7 +122,7 @@ def predict(view, memory, i):
     """Have the network say which zones robot i's task uses, and remember them.
 
     It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
-    when it took its order, or where it stands now if there is no order to pick up.
+    when it was first seen with its order, or where it stands now if there is none to pick up.
     """
     own, zone = memory.own, view.grid.zone
     own[i, STAND] = view.robots.stand[i]
@@ -129,7 +131,11 @@ def predict(view, memory, i):
     used[:] = 0
     network, cell = memory.parameters[NETWORK:], position(view, i)
     if own[i, NEXT] != NIL:
-        cell = np.int64(view.orders.dispatched_from[view.robots.order[i]])
+        taken = np.int64(view.robots.order[i]) + 1  # the memory begins with zeros: no order
+        if own[i, TAKEN] != taken:
+            own[i, TAKEN] = taken
+            own[i, TAKEN_AT] = cell
+        cell = own[i, TAKEN_AT]
     for leg in (STAND, NEXT):
         if own[i, leg] != NIL:
             start, end = np.int64(zone[cell, 0]), np.int64(zone[own[i, leg], 0])
@@ -149,7 +155,7 @@ def count_others(view, memory, space, i):
         if j == i or view.robots.stand[j] == NIL:
             continue
         if not is_foreseen(view, memory, j) or view.rules.radius > 0:
-            foresee(view, memory, space, j)
+            foresee_task(view, memory, space, j)
         used, _ = sets_of(memory, j)
         count_zones(used, count)
 
@@ -221,7 +227,7 @@ def decide(view, asked, answers, memory, space):
     for k in range(asked.count[0]):  # first: tasks that begin now, all from where they begin
         i = np.int64(asked.robot[k])
         if not is_on_second_leg(view, memory, i):
-            foresee(view, memory, space, i)
+            foresee_task(view, memory, space, i)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         steps = answers.routing.steps[k]

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tui.recordings import capture_file, short_path
+from tui.render.overlays import zone_key
 from tui.render.still import as_text
 from tui.stage import Stage
 
@@ -27,11 +28,18 @@ class CaptureActions(Stage):
     def action_copy_text(self) -> None:
         texts = [
             f"{title}, tick {self._tick_of(side):,}\n{as_text(self.codes_of(side), self.glyphs)}"
+            f"{self._key(side)}"
             for side, title in enumerate(self.titles)
         ]
         text = "\n".join(texts)
         self.copy_to_clipboard(text)
         self._save(text, ".txt")
+
+    def _key(self, side: int) -> str:
+        """What the letters of zones mean, if they are shown: there is no legend beside a text."""
+        if self.choice.layer != "zones":
+            return ""
+        return "; ".join(zone_key(self.pictures.floors[side], self.glyphs)) + "\n"
 
     def _tick_of(self, side: int) -> int:
         return 0 if self.shot is None else self.shot.snapshots[side].tick

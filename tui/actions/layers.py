@@ -36,17 +36,17 @@ class LayerActions(Stage):
             self.notify("this floor has no zones: all of it is intersections")
 
     def action_layer_explored(self) -> None:
-        if self.choice.robot == NIL:
-            self.notify("select a robot, and the search for its way is shown")
         self.show_layer("explored")
+        if self.choice.robot == NIL:
+            self.notify_of_layer("select a robot, and the search for its way is shown")
 
     def action_layer_predicted(self) -> None:
         """Again: where one more robot will drive, up to MOST; then one again."""
         if self.choice.layer == "predicted":
             self.choice.least = self.choice.least % MOST + 1
         others = "other robots" if self.choice.robot != NIL else "robots"
-        self.notify(f"cells through which {self.choice.least} or more {others} will drive")
         self.show_layer("predicted")
+        self.notify_of_layer(f"cells through which {self.choice.least} or more {others} will drive")
 
     def action_layer_route(self) -> None:
         self.choice.route = not self.choice.route

@@ -18,6 +18,7 @@ from tui.opening import recorded
 from tui.pictures import Choice, Pictures
 from tui.render.depth import DEPTHS, Depth
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
+from tui.render.overlays import zone_key
 from tui.render.scene import LAYERS
 from tui.render.styles import Look
 from tui.titles import title_of
@@ -39,8 +40,8 @@ class Film:
         bare = SHADED if self.look.depth == Depth.NONE else UNICODE
         self.glyphs = ASCII if request.ascii else bare
         self._choice = self._chosen(request)
-        self._status = self._said(request)
         self._pictures = Pictures(self._opening, self.glyphs)
+        self._status = self._said(request)
         plan, robots = self._resolved.plan, self._resolved.scenario.fleet.robots
         self.columns, self.rows = (
             checked_size(*request.size)
@@ -131,4 +132,6 @@ class Film:
         chosen += [f"robot {request.follow}"] if request.follow != NIL else []
         orders = len(self.recording.header["orders"]["source"])
         tick = unit(scenario.units.tick)
-        return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen))
+        floor = self._pictures.floors[0]
+        key = zone_key(floor, self.glyphs) if request.layer == "zones" else []
+        return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)

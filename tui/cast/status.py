@@ -7,6 +7,7 @@ Every number has its place, whatever its value, so that words stand still and fe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -33,10 +34,19 @@ class Word(NamedTuple):
 
 
 class Status:
-    """What is said of each tick, in one row if there is room, else in two."""
+    """What is said of each tick, in one row if there is room, else in two; below it the key."""
 
-    def __init__(self, last: int, robots: int, orders: int, tick: Unit, chosen: str) -> None:
+    def __init__(
+        self,
+        last: int,
+        robots: int,
+        orders: int,
+        tick: Unit,
+        chosen: str,
+        key: Sequence[str] = (),  # what the signs of a layer mean, in a row of its own
+    ) -> None:
         self.last, self.unit, self.chosen = last, tick, chosen
+        self.key = [Word(words, styles.DIM) for words in key]
         self.robots_width, self.orders_width = len(f"{robots:,}"), len(f"{orders:,}")
         self.orders = orders
 
@@ -48,18 +58,19 @@ class Status:
     @property
     def least(self) -> int:
         """Columns with which nothing is left out."""
-        return max(self.widths)
+        return max(*self.widths, _width(self.key))
 
     def rows(self, columns: int) -> int:
-        """How many it takes."""
-        return 1 if sum(self.widths) <= columns else 2
+        """How many it takes, the key included."""
+        return (1 if sum(self.widths) <= columns else 2) + bool(self.key)
 
     def codes(self, snapshot: Snapshot, columns: int) -> Codes:
         """(rows, columns) codes."""
         time = self._time(snapshot.tick)
         now = tally(snapshot)
         fleet = self._fleet(now.working, now.waiting, now.delivered, now.circling)
-        lines = [time + fleet] if self.rows(columns) == 1 else [time, fleet]
+        lines = [time + fleet] if sum(self.widths) <= columns else [time, fleet]
+        lines += [self.key] if self.key else []
         return np.stack([_line(words, columns) for words in lines])
 
     def _time(self, tick: int) -> list[Word]:

@@ -20,7 +20,7 @@ from tui.render.zone_tints import LETTERS, TINTS
 
 if TYPE_CHECKING:  # they import what is here
     from tui.render.canvas import Canvas
-    from tui.render.scene import Scene
+    from tui.render.scene import Floor, Scene
 
 OVERLAYS: Final = ("explored", "predicted")
 EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
@@ -87,6 +87,21 @@ def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], 
     if zones.mode != "with-intersections" and zones.intersection.any():
         entries.append(((crossing_sign(glyphs),), "intersection, in no zone"))
     return entries
+
+
+def zone_key(floor: Floor, glyphs: GlyphSet) -> list[str]:
+    """What a picture of zones without a legend beside it has to say, in a few words each."""
+    zones = floor.zones
+    if zones is None or not zones.count:
+        return ["this floor has no zones"]
+    letters = " ".join(
+        chr(code) for code in TINT_LETTERS[np.unique(floor.tints[floor.tints != NIL])]
+    )
+    said = [f"a tint or letter ({letters}) for each zone", "touching ones differ"]
+    signed = floor.plan.kind.reshape(-1)[zones.intersection] == FLOOR  # others keep their signs
+    if zones.mode != "with-intersections" and signed.any():
+        said.append(f"{glyphs.characters[glyphs.crossing]} intersection")
+    return said
 
 
 def crossing_sign(glyphs: GlyphSet) -> int:

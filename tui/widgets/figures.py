@@ -20,10 +20,12 @@ from tui.widgets.compared import compared_lines
 from tui.widgets.lines import Line, Link, Span, dim, length, line, term, title
 from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
+from tui.widgets.zone_facts import zone_link
 
 NAME: Final = 13  # columns for the name of a figure
 FIGURE: Final = 5  # columns of a figure, one digit behind the point
 ROWS: Final = 3  # of a curve
+ZONES: Final = 5  # that are listed
 UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # the same where there is little room
 
@@ -44,6 +46,7 @@ class Figures(TextPanel):
             self._now(view, width),
             *self._curves(view, width),
             self._lost(view, width),
+            slow_zones(view),
             self._all(view, width),
         )
         self.ends = tuple(accumulate(len(part) for part in parts))
@@ -141,6 +144,20 @@ class Figures(TextPanel):
             self.explain(link)
         else:
             super().follow(link, column)
+
+
+def slow_zones(view: View) -> list[Line]:
+    """The zones that slowed moves most so far, and by how many ticks."""
+    lost = view.snapshot.lost_in_zone
+    worst = [zone for zone in np.argsort(-lost, kind="stable")[:ZONES].tolist() if lost[zone]]
+    if not worst:
+        return []
+    wide = len(str(max(worst)))
+    rows = [
+        line("zone ", zone_link(zone), " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
+        for zone in worst
+    ]
+    return [line(title("slowest zones"), dim(" by ticks lost in them")), *rows]
 
 
 def _known(view: View) -> Curve:

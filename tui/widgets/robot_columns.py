@@ -10,7 +10,7 @@ import numpy as np
 from automaton.history.snapshot import Fleet
 from automaton.units import percent
 from automaton.world.state import ACTION_NAMES, NIL, Array
-from automaton.world.waiting import CAUSES, waits
+from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, waits
 from tui.view import View
 
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
@@ -75,6 +75,13 @@ COLUMNS: Final = (
     Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
     Column(
+        "slowed",
+        6,
+        lambda v: v.snapshot.robots.lost[:, DRIVING_SLOWLY],
+        lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, DRIVING_SLOWLY]), 0),
+        True,
+    ),
+    Column(
         "load",
         5,
         lambda v: v.snapshot.robots.load,
@@ -97,8 +104,8 @@ COLUMNS: Final = (
         True,
     ),
     Column(
-        "operations",
-        10,
+        "ops",
+        6,
         lambda v: v.shot.figures[v.side].operations,
         lambda v, r: f"{int(v.shot.figures[v.side].operations[r]):,}",
         True,

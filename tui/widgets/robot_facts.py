@@ -19,7 +19,7 @@ from automaton.world.state import (
     NIL,
     Array,
 )
-from automaton.world.waiting import CAUSES, NOT_WAITING, waits
+from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, NOT_WAITING, waits
 from tui.view import View
 from tui.widgets.event_rows import event_line
 from tui.widgets.lines import (
@@ -162,9 +162,11 @@ def _route(view: View, robot: int) -> list[str | Span]:
 def _so_far(view: View, robot: int) -> list[str | Span]:
     """Its work since the start, as of the last reading of the figures."""
     figures = view.shot.figures[view.side]
+    slowed = int(view.snapshot.robots.lost[robot, DRIVING_SLOWLY])
     return [
         f"{count(int(figures.operations[robot]), 'operation')}, "
-        f"active {percent(float(figures.active[robot]), 0)}"
+        f"active {percent(float(figures.active[robot]), 0)}",
+        *([f", slowed by {count(slowed, 'tick')}"] if slowed else []),
     ]
 
 

@@ -90,6 +90,12 @@ def _pace(view: View, zone: int) -> Parts:
     return [f"from here takes {ticks}"]
 
 
+def _cost(view: View, zone: int) -> Parts:
+    """What the zone has cost; nothing to say where zones slow nobody and never did."""
+    lost = int(view.snapshot.lost_in_zone[zone])
+    return [f"moves from here took {count(lost, 'tick')} longer"] if lost or _slow(view) else []
+
+
 def zone_lines(view: View, zone: int, width: int) -> list[Line]:
     """Everything about one zone."""
     zones = zones_in(view)
@@ -110,6 +116,7 @@ def zone_lines(view: View, zone: int, width: int) -> list[Line]:
         ("cells", [f"{len(cells):,}, ", *ends]),
         ("driven", _ways(view, zones, int(cells[0]), zone)),
         ("a move", _pace(view, zone)),
+        ("so far", _cost(view, zone)),
         ("robots", [f"{len(robots):,}"]),
         ("here", named),
     ):

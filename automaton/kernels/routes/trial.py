@@ -45,7 +45,7 @@ def draw_tasks(seed, racks, docks, tasks):
 
 
 @kernel
-def foresee(grid, duration, space, trial, ties, seed, tasks, keep, add, foreseen):
+def count_foreseen(grid, duration, space, trial, ties, seed, tasks, keep, add, foreseen):
     """foreseen: (trials, Z) int32, others whose plain A* uses a zone, seen as `blur` sees them."""
     for number in range(tasks.shape[0]):
         foreseen[number] = 0

@@ -64,6 +64,7 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "lost_illegal": ("ticks", "after illegal answers of a strategy"),
     "slowed": ("ticks", "that moves begun take longer, in slow zones and by chance"),
     "withdrawals": ("times", "withdrawals begun"),
+    "alternatives": ("times", "traffic avoidance chose another plan than that of plain A*"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
 
@@ -80,7 +81,8 @@ def executed_ticks(world: World) -> Array:
 def metrics_of(run: Measured) -> dict[str, float | int]:
     """All metrics of the fleet, by the names of GLOSSARY.
 
-    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer.
+    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer. What
+    strategies count themselves comes under the names that they give it, those unknown here last.
     """
     world = run.world
     elapsed = int(world.clock[TICK])
@@ -102,7 +104,10 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
     if may_slow(world):
         figures["slowed"] = int(world.tally.slowed.sum())
     figures |= task_figures(run)
-    return {name: figures[name] for name in GLOSSARY if name in figures}
+    counted = run.counted
+    figures = {**counted, **figures}
+    others = [name for name in counted if name not in GLOSSARY]
+    return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}
 
 
 def may_slow(world: World) -> bool:

@@ -7,6 +7,7 @@ both legs driven on the empty floor, the pick, and the tick in which the load is
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +32,8 @@ class Measured(Protocol):
     def resolved(self) -> Resolved: ...
     @property
     def least(self) -> Array: ...
+    @property
+    def counted(self) -> Mapping[str, int]: ...
 
 
 def task_figures(run: Measured) -> dict[str, float]:

@@ -81,6 +81,13 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
     recall: Annotated[
         Share | None, Meta(description="noisy: how many of the zones used are foreseen.")
     ] = None
+    used: Annotated[
+        Annotated[float, Meta(gt=0, lt=1)] | None,
+        Meta(
+            description="noisy: the share of all zones that a task uses on average; on it depends "
+            "how many others are foreseen. As in warehouse-100 unless given: 27.5 of 522."
+        ),
+    ] = None
     most_threshold: Annotated[
         int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
     ] = 6
@@ -89,8 +96,8 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
         given = [value is not None for value in (self.precision, self.recall)]
         if self.predictor == "noisy" and not all(given):
             raise ValueError("predictor noisy needs precision and recall")
-        if self.predictor != "noisy" and any(given):
-            raise ValueError("precision and recall are for predictor noisy alone")
+        if self.predictor != "noisy" and (any(given) or self.used is not None):
+            raise ValueError("precision, recall and used are for predictor noisy alone")
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ from automaton.kernels.routes.astar import astar, search
 from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
 from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.frontier import TIES
-from automaton.kernels.routes.noise import CERTAIN, blur, false_alarms
+from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
 from automaton.kernels.routes.presence import (
     OWN_PARAMETERS,
     forget,
@@ -23,7 +23,7 @@ from automaton.kernels.routes.presence import (
     row_size,
     shared_size,
 )
-from automaton.kernels.routes.replay import add_zones, count_zones, has_zone, size_of
+from automaton.kernels.routes.replay import add_zones, count_zones, has_zone
 from automaton.kernels.routes.timed import find_in_time
 from automaton.kernels.search import (
     FAR,
@@ -47,6 +47,7 @@ __all__ = [
     "PLAIN",
     "STRATEGY",
     "TIES",
+    "USED_SHARE",
     "WITHDRAWALS",
     "add_predicted",
     "add_zones",
@@ -75,7 +76,6 @@ __all__ = [
     "nearest_mark",
     "position",
     "search",
-    "size_of",
 ]
 
 

@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import Entry, NoParameters
+from automaton.world.plan import FloorPlan
 
 Span = Annotated[
     tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
@@ -113,6 +115,19 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     horizon: Annotated[
         int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
     ] = 500
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """The plans are kept in memory, 16 bytes for each robot and tick."""
+        robots = scenario.fleet.robots
+        if robots * self.horizon <= MOST_PLANNED:
+            return None
+        return (
+            f"{robots:,} plans of {self.horizon:,} ticks do not fit into memory: robots x horizon may "
+            f"be {MOST_PLANNED:,}, so with this fleet horizon at most {MOST_PLANNED // robots}"
+        )
+
+
+MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 1.6 GB
 
 
 CATALOGUE: dict[str, dict[str, Entry]] = {

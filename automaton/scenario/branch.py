@@ -31,4 +31,4 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             raise InputError(
                 f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
             )
-    return replace(resolved, scenario=scenario, picks=picks_of(document, scenario))
+    return replace(resolved, scenario=scenario, picks=picks_of(document, scenario, resolved.plan))

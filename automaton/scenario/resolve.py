@@ -62,16 +62,28 @@ def resolve(
     return Resolved(
         scenario=checked,
         plan=floor.plan,
-        picks=picks_of(document, checked),
+        picks=picks_of(document, checked, floor.plan),
         start=start,
         source=document.text,
         overrides=settings,
     )
 
 
-def picks_of(document: Document, scenario: Scenario) -> dict[str, Pick]:
-    """The strategies that a scenario names, by layer. Raises InputError."""
-    return {layer: _pick(document, scenario, layer) for layer in LAYERS}
+def picks_of(document: Document, scenario: Scenario, plan: FloorPlan) -> dict[str, Pick]:
+    """The strategies that a scenario names, by layer. Raises InputError.
+
+    Parameters may have a method `objection(scenario, plan)`: one sentence on what they do not go
+    with, or None.
+    """
+    picks = {layer: _pick(document, scenario, layer) for layer in LAYERS}
+    for layer, pick in picks.items():
+        objection = getattr(pick.parameters, "objection", None)
+        sentence = objection(scenario, plan) if objection else None
+        if sentence:
+            raise document.error(
+                ("strategy", layer), f"strategy.{layer} is {pick.name}: {sentence}"
+            )
+    return picks
 
 
 def _document(scenario: str | Path | Scenario) -> Document:

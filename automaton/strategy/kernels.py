@@ -17,6 +17,7 @@ from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.frontier import TIES
 from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
 from automaton.kernels.routes.presence import (
+    KEPT,
     OWN_PARAMETERS,
     forget,
     forget_all,
@@ -34,6 +35,7 @@ from automaton.kernels.search import (
     mark_goal,
     nearest_mark,
 )
+from automaton.kernels.stands import drop_stand, pick_stand
 from automaton.kernels.zone_network import add_predicted
 from automaton.strategy.layer import memory_of
 from automaton.world.state import Memory, World
@@ -42,6 +44,7 @@ __all__ = [
     "ABORTS",
     "CERTAIN",
     "FAR",
+    "KEPT",
     "LEAST_TIME",
     "OWN_PARAMETERS",
     "PLAIN",
@@ -61,6 +64,7 @@ __all__ = [
     "distance",
     "draw",
     "draw_between",
+    "drop_stand",
     "false_alarms",
     "find_in_time",
     "find_path",
@@ -74,6 +78,7 @@ __all__ = [
     "kernel",
     "mark_goal",
     "nearest_mark",
+    "pick_stand",
     "position",
     "search",
 ]
@@ -86,9 +91,10 @@ def position(view, i):
 
 
 def forecast_memory(view: World, horizon: int, own: Sequence[int] = ()) -> Memory:
-    """Memory for `foresee` over so many ticks, at most 65,535; nothing in it outlasts a call.
+    """Memory for `foresee` over so many ticks, at most 65,535.
 
-    `own`: further parameters, in memory.parameters[OWN_PARAMETERS:].
+    Nothing in it outlasts a call but memory.own[:, KEPT], a number of the strategy's own for each
+    robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:].
     """
     zones = view.grid.zones
     shared = shared_size(zones, horizon)

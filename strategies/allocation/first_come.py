@@ -10,7 +10,7 @@ from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED
 from strategies.allocation.independent import deliver, take_order
-from strategies.allocation.stands import is_open
+from strategies.allocation.open_orders import is_open
 
 
 @kernel

@@ -7,10 +7,18 @@ with the cells of the other robots removed, or as if they were free if nothing i
 
 import numpy as np
 
-from automaton.strategy.kernels import begin_search, kernel, mark_goal, nearest_mark, position
+from automaton.strategy.kernels import (
+    begin_search,
+    drop_stand,
+    kernel,
+    mark_goal,
+    nearest_mark,
+    pick_stand,
+    position,
+)
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN, TAKE
-from strategies.allocation.stands import drop_stand, is_open, pick_stand
+from strategies.allocation.open_orders import is_open
 
 
 @kernel

@@ -29,6 +29,7 @@ from automaton.strategy.kernels import (
     choose_threshold,
     close_zones,
     count_zones,
+    drop_stand,
     false_alarms,
     has_zone,
     kernel,
@@ -38,7 +39,6 @@ from automaton.strategy.kernels import (
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.network import network_for, packed, scratch_size, shipped
 from automaton.world.state import GOAL_PICK, NIL, TICK
-from strategies.allocation.stands import drop_stand
 from strategies.routing.astar import RULE, around_robots, start_pose
 
 SHIPPED = "warehouse-100"  # the scenario whose network is shipped

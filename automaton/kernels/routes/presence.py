@@ -1,11 +1,12 @@
 """Who will be where: foreseen robots in each zone, tick by tick, from now to a horizon.
 
-memory.shared   the counts of the zones, four ticks to a word; then room for a replay. All of it is
-                zero between two calls of a strategy.
+memory.shared   the counts of the zones, four ticks to a word; then room for a replay, and whether a
+                count has overflowed. All of it is zero between two calls of a strategy.
 memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
                 visits to zones, which are what it adds to the counts.
 
-A visit is zone << 32 | first tick << 16 | tick in which it is over.
+A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one that
+would go beyond stays there until all are forgotten.
 """
 
 from automaton.compiled import kernel
@@ -26,7 +27,11 @@ ZONE = 6  # where it is counted, or NIL
 SINCE = 7  # the tick in which it came there
 VISITS = 8
 LINK = 9  # the robot whose step begins in the same tick, plus one
-COLUMNS = 10
+IN_BAY = (
+    10  # 1: its first step begins in a bay, 2 or more: it has left it, its step ends after so many
+)
+KEPT = 11  # a number that a strategy keeps from call to call
+COLUMNS = 12
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
@@ -42,7 +47,7 @@ def row_size(horizon: int) -> int:
 
 def shared_size(zones: int, horizon: int) -> int:
     """Length of memory.shared for so many zones and ticks."""
-    return zones * -(-horizon // LANES) + zones + horizon
+    return zones * -(-horizon // LANES) + zones + horizon + 1
 
 
 @kernel
@@ -69,6 +74,9 @@ def present(memory, zone, tick):
 def add(memory, zone, begin, end, sign):
     """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
     base = zone * words_of_zone(memory)
+    if memory.own.shape[0] > MASK:
+        add_within_bounds(memory, base, begin, end, sign)
+        return
     tick = begin
     while tick < end:
         if tick % LANES == 0 and tick + LANES <= end:
@@ -77,6 +85,19 @@ def add(memory, zone, begin, end, sign):
         else:
             memory.shared[base + tick // LANES] += sign << (tick % LANES * LANE)
             tick += 1
+
+
+@kernel
+def add_within_bounds(memory, base, begin, end, sign):
+    """The same with more robots than a count can hold: it must not carry into its neighbour."""
+    for tick in range(begin, end):
+        word, shift = base + tick // LANES, tick % LANES * LANE
+        count = (memory.shared[word] >> shift) & MASK
+        if count == MASK or count + sign > MASK:
+            memory.shared[word] |= MASK << shift
+            memory.shared[memory.shared.shape[0] - 1] = 1
+        else:
+            memory.shared[word] += sign << shift
 
 
 @kernel
@@ -109,3 +130,5 @@ def forget_all(memory):
     """Leave the counts as they are found: all zero."""
     for i in range(memory.own.shape[0]):
         forget(memory, i)
+    if memory.shared[memory.shared.shape[0] - 1]:
+        memory.shared[:] = 0

@@ -15,14 +15,26 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
+from automaton.strategy.layer import Strategy
 from automaton.tasks import TASK_METRICS
 from automaton.world.cells import DOCK, RACK
 from automaton.world.demand import build_orders
 from automaton.world.floor import floor_for
 from automaton.world.reach import rack_stands
 from automaton.world.starts import random_stands
-from automaton.world.state import DELIVERED, NIL
+from automaton.world.state import (
+    ALLOCATION,
+    DELIVERED,
+    NIL,
+    PARK,
+    PERIODIC,
+    PICKED,
+    TURN,
+    WAITING,
+)
 from layouts.racks import Racks
+from strategies.allocation.first_come import LOOKED
+from strategies.allocation.independent import deliver, take_order
 
 SMALL = """
 name: small
@@ -162,6 +174,51 @@ def test_the_oldest_order_is_taken_first(ran):
     assert len(taken) > 20
     assert (orders.dispatched[: len(taken)] == np.sort(taken)).all()
     assert (orders.dispatched[len(taken) :] == NIL).all()
+
+
+def test_every_order_is_looked_at_once_in_a_run(scenario):
+    """Five thousand orders, some hundreds of questions: not a million looks."""
+    simulation = Simulation(scenario(SMALL, "orders.count=5000", "stop.at_most=3000"))
+    simulation.run()
+    taken = int((simulation.world.orders.dispatched != NIL).sum())
+    assert taken > 200
+    assert simulation.memories[ALLOCATION].shared[LOOKED] == taken
+
+
+class Plainly(Strategy):
+    """First come, first served, looking at all orders each time."""
+
+    layer = "allocation"
+
+    def decide(self, view, asked, answers, memory, space):
+        given = answers.allocation
+        for k in range(asked.count[0]):
+            i = int(asked.robot[k])
+            waits = (view.orders.state == WAITING) & (view.orders.by == NIL)
+            open_orders = np.flatnonzero(waits & (given.order_taken == 0))
+            if asked.reason[k] == PICKED:
+                deliver(view, given, k, i)
+            elif asked.reason[k] == PERIODIC:
+                continue
+            elif len(open_orders):
+                take_order(view, given, k, int(open_orders[0]))
+            else:
+                given.verb[k] = PARK
+
+
+@pytest.mark.parametrize("information", ["everything", "orders", "{radius: 2}"])
+@pytest.mark.parametrize("seed", range(4))
+def test_orders_that_are_given_back_are_taken_again(information, seed):
+    """Robots in each other's way give orders back before they withdraw."""
+    digests = []
+    for name in ("first-come", "test_tasks:Plainly"):
+        settings = [f"strategy.allocation={name}", "fleet.robots=5", f"information={information}"]
+        simulation = Simulation(resolve("tabletop-mini", settings, seed))
+        simulation.run()
+        assert simulation.finished
+        assert metrics_of(simulation)["withdrawals"] > 5
+        digests.append(simulation.digest)
+    assert digests[0] == digests[1]
 
 
 # Figures, and the end of a run.

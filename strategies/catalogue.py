@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import Entry, NoParameters
+from automaton.world.cells import DOCK
 from automaton.world.plan import FloorPlan
 
 Span = Annotated[
@@ -41,6 +42,18 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = 2
     withdraw: Span = (1, 12)  # moves
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
+
+
+class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but loads are looked for on shelves alone."""
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """Loads at docks belong to no alley: nobody would ever fetch them."""
+        orders = scenario.orders
+        listed = [plan.cell(*line.source) for line in orders.listed or ()]
+        if orders.generator != "dock-to-rack" and not (plan.kind.flat[listed] == DOCK).any():
+            return None
+        return "it finds loads on shelves alone, and orders begin at docks; first-come takes those"
 
 
 class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -141,12 +154,12 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "cooperative": Entry(
             "strategies.allocation.cooperative:Cooperative",
-            NoParameters,
+            Alleys,
             "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
         "adaptive": Entry(
             "strategies.allocation.adaptive:Adaptive",
-            NoParameters,
+            Alleys,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
         "first-come": Entry(

@@ -165,7 +165,7 @@ def test_times_at_slots_are_no_delay(scenario, kinematics):
     simulation.run()
     turns = simulation.world.tally.ticks[0, 2].sum()
     assert (turns > 0) == (kinematics == "differential")
-    assert 0 <= metrics_of(simulation)["delay"] <= turns / 3
+    assert metrics_of(simulation)["delay"] == 0
 
 
 def test_the_oldest_order_is_taken_first(ran):
@@ -234,6 +234,53 @@ def test_figures_of_tasks_leave_the_warm_up_out(ran):
     assert figures["task_time"] == pytest.approx(times.mean())
     assert figures["completions"] == pytest.approx(1000 * completed / (3 * 350))
     assert figures["delay"] == 0, "any number of robots fit into a cell"
+
+
+TURNS = """
+name: turns
+layout:
+  picture: |
+    b+---+---+
+    #|s$s|s$s|
+    #+---+---+
+    #|s$s|sss|
+    #+---+---+d
+fleet: {robots: 1, kinematics: rail}
+orders: {generator: drawn-loads}
+durations: {move: 2, turn: 5, pick: 3, drop: 4}
+stop: {when: parked, at_most: 2000}
+measure: {}
+"""
+
+
+@pytest.mark.parametrize("routing", ["shortest", "astar", "congestion"])
+@pytest.mark.parametrize("kinematics", ["omni", "rail", "differential"])
+def test_a_robot_alone_is_never_delayed(scenario, kinematics, routing):
+    """It turns as often as it must, also where it takes an order and where it picks up."""
+    settings = [f"fleet.kinematics={kinematics}", f"strategy.routing={routing}"]
+    simulation = Simulation(scenario(TURNS, *settings))
+    simulation.run()
+    assert simulation.finished and (simulation.world.orders.delivered != NIL).all()
+    turns = int(simulation.world.tally.times[0, TURN].sum())
+    assert (turns > 5) == (kinematics != "omni")
+    assert metrics_of(simulation)["delay"] == 0
+
+
+def test_the_heading_is_known_in_which_an_order_was_taken(scenario):
+    simulation = Simulation(scenario(LINE.replace("i~", "i#"), "fleet.kinematics=differential"))
+    before = int(simulation.world.robots.heading[0])
+    simulation.run()
+    east = 0
+    assert simulation.world.orders.dispatched_heading.tolist() == [before, east, east]
+
+
+@pytest.mark.parametrize("routing", ["shortest", "astar", "congestion"])
+def test_a_differential_robot_alone_in_a_warehouse_is_not_delayed(scenario, routing):
+    settings = ["fleet.robots=1", "fleet.kinematics=differential", "durations.turn=3"]
+    simulation = Simulation(scenario(SMALL, *settings, f"strategy.routing={routing}"))
+    simulation.run()
+    figures = metrics_of(simulation)
+    assert figures["delivered"] > 5 and figures["delay"] == 0
 
 
 def test_narrow_aisles_delay(scenario):

@@ -69,6 +69,7 @@ class OrderBook:
     released: Array
     dispatched: Array
     dispatched_from: Array
+    dispatched_heading: Array
     delivered: Array
     legs: Array
 

@@ -38,6 +38,7 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tupl
         released=np.zeros(m, np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
+        dispatched_heading=np.zeros(m, np.uint8),
         delivered=nil.copy(),
         legs=np.zeros(m, np.int32),
     )

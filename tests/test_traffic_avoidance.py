@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_astar import path
-from plain_paths import FAR
+from plain_paths import FAR, Ways
 from test_route_search import Case, cases
 
 from automaton.commands import main
@@ -18,10 +18,12 @@ from automaton.kernels.routes import avoidance, noise, replay, trial
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.metrics import metrics_of
 from automaton.reproductions.traffic_trials import ROBOTS, tasks_of, warehouse
+from automaton.scenario.pictures import draw_floor
 from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL, ROUTING, Array
+from automaton.world.zones import MODES
 
 MOST = 4
 
@@ -37,10 +39,10 @@ def tasks(draw: Any) -> tuple[Case, int, list[int]]:
 
 
 def touching(case: Case, cell: int) -> set[int]:
-    """The zones of a cell, or those that meet in it."""
+    """The zones of a cell, and those beside it."""
     zone = case.built()[0].grid.zone
-    own = {int(z) for z in zone[cell]} - {NIL}
-    return own or {int(z) for beside in case.ways.plan.neighbours(cell) for z in zone[beside]}
+    cells = (cell, *case.ways.plan.neighbours(cell))
+    return {int(z) for one in cells for z in zone[one]} - {NIL}
 
 
 def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
@@ -92,6 +94,23 @@ def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[i
     assert chosen == avoidance.PLAIN or times[chosen] < times[avoidance.PLAIN]
     open_to = [one for one in range(1, 1 + min(MOST, max(count, default=0))) if times[one] < FAR]
     assert cautious == (open_to[0] if open_to else avoidance.PLAIN)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_may_leave_the_intersection_where_it_stands(mode: str) -> None:
+    """Everything is busy: what stays open are the three aisles that meet in the middle."""
+    plan = draw_floor(".......\n.##.##.\n.......")
+    middle = plan.cell(3, 0)
+    case = Case(Ways(plan, "omni", 1, 1), (middle, 0), middle, mode)
+    floor, _, space = case.built()
+    space.count[:] = 9
+    avoidance.close_zones(floor.grid.read_only(), space, 1, case.start_pose(), NIL, middle)
+
+    def is_open(x: int, y: int) -> bool:
+        return not space.closed[floor.grid.zone[plan.cell(x, y)][0]]
+
+    assert is_open(2, 0) and is_open(1, 0) and is_open(4, 0) and is_open(3, 1)
+    assert not is_open(0, 1) and not is_open(1, 2)
 
 
 def size_of(used: Array) -> int:

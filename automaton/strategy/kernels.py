@@ -16,6 +16,7 @@ from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_thresho
 from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.frontier import TIES
 from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
+from automaton.kernels.routes.predicted import next_stand
 from automaton.kernels.routes.presence import (
     KEPT,
     OWN_PARAMETERS,
@@ -78,6 +79,7 @@ __all__ = [
     "kernel",
     "mark_goal",
     "nearest_mark",
+    "next_stand",
     "pick_stand",
     "position",
     "search",

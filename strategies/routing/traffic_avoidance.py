@@ -29,16 +29,16 @@ from automaton.strategy.kernels import (
     choose_threshold,
     close_zones,
     count_zones,
-    drop_stand,
     false_alarms,
     has_zone,
     kernel,
+    next_stand,
     position,
     search,
 )
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.network import network_for, packed, scratch_size, shipped
-from automaton.world.state import GOAL_PICK, NIL, TICK
+from automaton.world.state import NIL, TICK
 from strategies.routing.astar import RULE, around_robots, start_pose
 
 SHIPPED = "warehouse-100"  # the scenario whose network is shipped
@@ -63,15 +63,6 @@ def sets_of(memory, i):
     """The two sets of zones of robot i."""
     words = (memory.own.shape[1] - SETS) >> 1
     return memory.own[i, SETS : SETS + words], memory.own[i, SETS + words :]
-
-
-@kernel
-def next_stand(view, i):
-    """Where robot i will set down what it drives to pick up; NIL if it does not."""
-    order = np.int64(view.robots.order[i])
-    if order == NIL or view.robots.goal[i] != GOAL_PICK:
-        return np.int64(NIL)
-    return drop_stand(view, np.int64(view.orders.target[order]))
 
 
 @kernel

@@ -129,6 +129,14 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
     ] = 500
 
+    foresees: Annotated[
+        Literal["plans", "tasks", "shares"],
+        Meta(
+            description="plans: where the plans of all lead, and when, slow zones included; tasks: "
+            "where A* would lead all on their tasks, undelayed; shares: as tasks, averaged over time."
+        ),
+    ] = "plans"
+
     def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
         """The plans are kept in memory, 16 bytes for each robot and tick."""
         robots = scenario.fleet.robots

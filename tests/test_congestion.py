@@ -138,6 +138,12 @@ OTHERS = [
 ]
 
 
+@pytest.mark.parametrize("foresees", ["tasks", "shares"])
+@pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing"])
+def test_who_knows_tasks_alone_finishes_too(scenario: str, foresees: str) -> None:
+    finishes(scenario, f"strategy.routing={{name: congestion, foresees: {foresees}}}")
+
+
 @pytest.mark.parametrize(("scenario", "kinematics"), [("tabletop-mini", "rail"), *OTHERS])
 def test_it_finishes_on_other_floors(scenario: str, kinematics: str) -> None:
     """One robot to a cell, turns that take time, aisles that are no rails, bays."""

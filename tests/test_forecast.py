@@ -12,12 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_traffic import ONE_WAY, Traffic
 
+from automaton.kernels.routes.expected import expect, expect_no_more
 from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.presence import (
+    STEPS,
     ZONE,
     add,
     forget,
     forget_all,
+    occupancy,
     present,
     row_size,
     shared_size,
@@ -243,3 +246,44 @@ def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
     assert table(memory, 3, 4).sum() == table(memory, 3, 4)[:, 1].sum()
     forget_all(memory)
     assert not memory.shared.any()
+
+
+ALONE = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=1")
+
+
+def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
+    """Alone and undelayed it is there; in the tick in which it arrives the task is over."""
+    settings = (*ALONE, "durations.pick=3", "stop.at_most=400", "strategy.routing=astar")
+    run = Simulation(resolve("warehouse-100", settings))
+    run.run(1)
+    world, memory = run.world, forecast_memory(run.view, 200)
+    expect(run.view, run.space, memory)
+    expected = table(memory, world.grid.zones, 200)[1:]  # that tick is over
+    for tick in range(199):
+        if world.orders.delivered[0] != NIL:
+            break
+        zone = world.grid.zone[world.robots.cell[0], world.robots.travel[0] >> 1]
+        assert expected[tick].sum() == (zone != NIL) and (zone == NIL or expected[tick, zone] == 1)
+        run.run(run.tick + 1)
+    assert tick > 15 and not expected[tick:].any()
+    expect_no_more(run.view, memory, 0)
+    assert not memory.shared.any()
+
+
+def test_shares_are_those_of_the_ticks_of_a_task() -> None:
+    settings = (*ALONE, "stop.at_most=400", "strategy.routing=astar")
+    run = Simulation(resolve("warehouse-100", settings))
+    run.run(1)
+    zones = run.world.grid.zones
+    memory, shares = forecast_memory(run.view, 200), forecast_memory(run.view, 200, shares=True)
+    for one in (memory, shares):
+        expect(run.view, run.space, one)
+    ticks = table(memory, zones, 200).sum(axis=0)
+    task = shares.own[0, STEPS] - 2  # moves, without pick and drop
+    for zone in range(zones):
+        expected = 1000 * ticks[zone] / task
+        assert occupancy(shares, zone, 7) == pytest.approx(expected, abs=1)
+    assert sum(occupancy(shares, zone, 0) for zone in range(zones)) > 500
+    assert occupancy(memory, int(ticks.argmax()), 10_000) == 0
+    expect_no_more(run.view, shares, 0)
+    assert not shares.shared.any()

@@ -13,6 +13,7 @@ from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar, search
 from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.expected import expect, expect_no_more, expect_one
 from automaton.kernels.routes.forecast import foresee, foresee_one
 from automaton.kernels.routes.frontier import TIES
 from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
@@ -66,6 +67,9 @@ __all__ = [
     "draw",
     "draw_between",
     "drop_stand",
+    "expect",
+    "expect_no_more",
+    "expect_one",
     "false_alarms",
     "find_in_time",
     "find_path",
@@ -92,12 +96,17 @@ def position(view, i):
     return first_cell(view.robots, i)
 
 
-def forecast_memory(view: World, horizon: int, own: Sequence[int] = ()) -> Memory:
+def forecast_memory(
+    view: World, horizon: int, own: Sequence[int] = (), shares: bool = False
+) -> Memory:
     """Memory for `foresee` over so many ticks, at most 65,535.
 
     Nothing in it outlasts a call but memory.own[:, KEPT], a number of the strategy's own for each
-    robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:].
+    robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is foreseen
+    of a zone is a share of all ticks (`expect`).
     """
     zones = view.grid.zones
     shared = shared_size(zones, horizon)
-    return memory_of(view, row_size(horizon), shared, parameters=(horizon, zones, *own))
+    return memory_of(
+        view, row_size(horizon), shared, parameters=(horizon, zones, int(shares), *own)
+    )

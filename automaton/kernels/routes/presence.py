@@ -14,7 +14,8 @@ from automaton.world.state import NIL
 
 HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them
 ZONES = 1
-OWN_PARAMETERS = 2
+SHARES = 2  # 1: what is foreseen of a zone is a share of all ticks, the same for each of them
+OWN_PARAMETERS = 3
 
 # Columns of memory.own; ticks are counted from now.
 PLACE = 0  # the cell in which its next step begins
@@ -31,13 +32,15 @@ IN_BAY = (
     10  # 1: its first step begins in a bay, 2 or more: it has left it, its step ends after so many
 )
 KEPT = 11  # a number that a strategy keeps from call to call
-COLUMNS = 12
+TASK = 12  # of which task the plan is, where whole tasks are planned
+COLUMNS = 13
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
 MOST_TICKS = MASK  # of a horizon
+WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are foreseen
 
 
 def row_size(horizon: int) -> int:
@@ -68,6 +71,20 @@ def present(memory, zone, tick):
         return 0
     word = memory.shared[zone * words_of_zone(memory) + tick // LANES]
     return (word >> (tick % LANES * LANE)) & MASK
+
+
+@kernel
+def occupancy(memory, zone, tick):
+    """Thousandths of robots that are expected in a zone at a tick."""
+    if zone != NIL and memory.parameters[SHARES]:
+        return memory.shared[first_share(memory) + zone] // (WHOLE // 1000)
+    return 1000 * present(memory, zone, tick)
+
+
+@kernel
+def first_share(memory):
+    """Where the shares of the zones begin in memory.shared; a replay counts robots there."""
+    return memory.parameters[ZONES] * words_of_zone(memory)
 
 
 @kernel
@@ -132,3 +149,6 @@ def forget_all(memory):
         forget(memory, i)
     if memory.shared[memory.shared.shape[0] - 1]:
         memory.shared[:] = 0
+    if memory.parameters[SHARES]:
+        first = first_share(memory)
+        memory.shared[first : first + memory.parameters[ZONES]] = 0

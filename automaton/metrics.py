@@ -86,6 +86,7 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),
     "out_of_order": ("ticks", "robots stood out of order on the floor"),
+    "alternatives": ("times", "traffic avoidance chose another plan than that of plain A*"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
 
@@ -102,7 +103,8 @@ def executed_ticks(world: World) -> Array:
 def metrics_of(run: Measured) -> dict[str, float | int]:
     """All metrics of the fleet, by the names of GLOSSARY.
 
-    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer.
+    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer. What
+    strategies count themselves comes under the names that they give it, those unknown here last.
     """
     world = run.world
     elapsed = int(world.clock[TICK])
@@ -130,7 +132,10 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
         figures["lead_time"] = float(times.mean()) if delivered else 0.0
     figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)
-    return {name: figures[name] for name in GLOSSARY if name in figures}
+    counted = run.counted
+    figures = {**counted, **figures}
+    others = [name for name in counted if name not in GLOSSARY]
+    return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}
 
 
 def energy_figures(world: World, elapsed: int) -> dict[str, float | int]:

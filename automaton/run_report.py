@@ -108,9 +108,10 @@ def metrics_table(outcome: Outcome, tick: Unit) -> Table:
     table = plain_table("metric", "value", "unit")
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
-    for name, (kind, meaning) in GLOSSARY.items():
-        if name.startswith(LOST) or name == SLOWED or name not in outcome.metrics:
+    for name in outcome.metrics:
+        if name.startswith(LOST) or name == SLOWED:
             continue
+        kind, meaning = GLOSSARY.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick)
         table.add_row(name, value, in_unit, meaning)
     return table

@@ -178,6 +178,18 @@ class Simulation:
         return self._memories
 
     @property
+    def counted(self) -> dict[str, int]:
+        """What the strategies count themselves (`Strategy.counters`), over all robots."""
+        limited = self.world.rules.radius > 0  # then what robots remember is put away
+        found: dict[str, int] = {}
+        for strategy, memory in zip(
+            self._strategies, self._vaults if limited else self._memories, strict=True
+        ):
+            for name, column in strategy.counters.items() if strategy else ():
+                found[name] = found.get(name, 0) + int(memory.own[:, column].sum())
+        return found
+
+    @property
     def tick(self) -> int:
         """Ticks executed so far."""
         return int(self.world.clock[TICK])

@@ -1,12 +1,14 @@
 """The figures of tasks after a warm-up: how long they take, and by how much too long.
 
 A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
-the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond
-both legs driven on the empty floor, the pick, and the tick in which the load is set down.
+the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
+least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
+heading in which it begins, the pick, and the tick in which the load is set down.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +33,8 @@ class Measured(Protocol):
     def resolved(self) -> Resolved: ...
     @property
     def least(self) -> Array: ...
+    @property
+    def counted(self) -> Mapping[str, int]: ...
 
 
 def task_figures(run: Measured) -> dict[str, float]:

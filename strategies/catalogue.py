@@ -9,7 +9,10 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import Entry, NoParameters
+from automaton.world.cells import DOCK
+from automaton.world.plan import FloorPlan
 
 Span = Annotated[
     tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
@@ -41,6 +44,18 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = 2
     withdraw: Span = (1, 12)  # moves
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
+
+
+class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but loads are looked for on shelves alone."""
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """Loads at docks belong to no alley: nobody would ever fetch them."""
+        orders = scenario.orders
+        listed = [plan.cell(*line.source) for line in orders.listed or ()]
+        if orders.generator != "dock-to-rack" and not (plan.kind.flat[listed] == DOCK).any():
+            return None
+        return "it finds loads on shelves alone, and orders begin at docks; first-come takes those"
 
 
 class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -87,6 +102,13 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
     recall: Annotated[
         Share | None, Meta(description="noisy: how many of the zones used are foreseen.")
     ] = None
+    used: Annotated[
+        Annotated[float, Meta(gt=0, lt=1)] | None,
+        Meta(
+            description="noisy: the share of all zones that a task uses on average; on it depends "
+            "how many others are foreseen. As in warehouse-100 unless given: 27.5 of 522."
+        ),
+    ] = None
     most_threshold: Annotated[
         int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
     ] = 6
@@ -95,8 +117,8 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
         given = [value is not None for value in (self.precision, self.recall)]
         if self.predictor == "noisy" and not all(given):
             raise ValueError("predictor noisy needs precision and recall")
-        if self.predictor != "noisy" and any(given):
-            raise ValueError("precision and recall are for predictor noisy alone")
+        if self.predictor != "noisy" and (any(given) or self.used is not None):
+            raise ValueError("precision, recall and used are for predictor noisy alone")
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -125,6 +147,27 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
     ] = 500
 
+    foresees: Annotated[
+        Literal["plans", "tasks", "shares"],
+        Meta(
+            description="plans: where the plans of all lead, and when, slow zones included; tasks: "
+            "where A* would lead all on their tasks, undelayed; shares: as tasks, averaged over time."
+        ),
+    ] = "plans"
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """The plans are kept in memory, 16 bytes for each robot and tick."""
+        robots = scenario.fleet.robots
+        if robots * self.horizon <= MOST_PLANNED:
+            return None
+        return (
+            f"{robots:,} plans of {self.horizon:,} ticks do not fit into memory: robots x horizon may "
+            f"be {MOST_PLANNED:,}, so with this fleet horizon at most {MOST_PLANNED // robots}"
+        )
+
+
+MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 1.6 GB
+
 
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {},
@@ -137,12 +180,12 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "cooperative": Entry(
             "strategies.allocation.cooperative:Cooperative",
-            NoParameters,
+            Alleys,
             "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
         "adaptive": Entry(
             "strategies.allocation.adaptive:Adaptive",
-            NoParameters,
+            Alleys,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
         "first-come": Entry(

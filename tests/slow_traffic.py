@@ -13,6 +13,7 @@ from automaton.strategy.kernels import forecast_memory
 from automaton.strategy.layer import Strategy
 from automaton.world.cells import FLOOR, UNLIMITED, Symbol
 from automaton.world.state import (
+    GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
     LAYERS,
@@ -33,7 +34,7 @@ ONE_WAY = {  # symbols of cells for any number of robots, left in one direction
 class Traffic:
     """Robots A, B, ... stand in cells ~ (any number fits) and have nothing to do; e s w n are one-way.
 
-    `robots` instead of letters: flat cells of robots 0, 1, ...
+    `robots` instead of letters: flat cells of robots 0, 1, ...; or `bays`: so many robots in bays.
     """
 
     def __init__(
@@ -41,6 +42,7 @@ class Traffic:
         picture: str,
         *,
         robots: tuple[int, ...] = (),
+        bays: int = 0,
         routing: Strategy | None = None,
         kinematics: str = "omni",
         zones: str = "undirected",
@@ -62,7 +64,7 @@ class Traffic:
         scenario = Scenario(
             name="traffic",
             layout={},
-            fleet=Fleet(robots=len(start), kinematics=kinematics),  # type: ignore[arg-type]
+            fleet=Fleet(robots=bays or len(start), kinematics=kinematics),  # type: ignore[arg-type]
             durations=Durations(move=move, turn=turn),
             orders=Orders(generator="drawn-loads"),
             world=WorldRules(zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
@@ -70,10 +72,12 @@ class Traffic:
         )
         picks = {layer: Pick("none", NoParameters()) for layer in LAYERS}
         self.run = Simulation(
-            Resolved(scenario, self.plan, picks, start=start, source=""),
+            Resolved(scenario, self.plan, picks, start="bays" if bays else start, source=""),
             strategies=[routing if layer == "routing" else None for layer in LAYERS],
         )
         self.world = self.run.world
+        if bays:
+            return
         self.world.robots.parked[:] = 0
         self.world.robots.home[:] = 0  # a wall: nobody ever parks
 
@@ -91,8 +95,10 @@ class Traffic:
         """Give a robot a route, at whose end it does nothing."""
         robots = self.world.robots
         robots.route[i, : len(route)] = route
-        robots.length[i], robots.at[i], robots.goal[i] = len(route), 0, GOAL_PARK
-        robots.stand[i] = int(robots.cell[i]) + int(self.world.grid.offset[route].sum())
+        robots.length[i], robots.at[i] = len(route), 0
+        robots.goal[i] = GOAL_CHARGE if robots.parked[i] else GOAL_PARK
+        begins = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
+        robots.stand[i] = int(begins) + int(self.world.grid.offset[route].sum())
 
     def drive(self, **routes: str) -> Traffic:
         """Give robots routes, such as A="EES"."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -60,6 +60,13 @@ class Floats(Base):
         return Memory(own=good.own, shared=np.zeros(3, np.float32), parameters=good.parameters)
 
 
+class CountsNothing(Base):
+    counters: ClassVar = {"asked": 1}
+
+    def reset(self, view: Any) -> Any:
+        return memory_of(view, own=1)
+
+
 class NoWait(Strategy):
     layer = "right_of_way"
 
@@ -98,6 +105,7 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
         ("OneRow", "allocation", "memory.own as int64 of shape"),
         ("Floats", "allocation", "memory.shared as int64 of shape"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
+        ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.own"),
         ("Often", "allocation", "every must be a number of ticks"),
     ],
 )

@@ -16,6 +16,7 @@ from automaton.bench import (
     observing,
     plans,
     routes,
+    slow_zones,
     tabletop,
 )
 from automaton.bench.floors import open_floor, scene
@@ -58,6 +59,9 @@ USUAL = [
     "forecast of 100 robots on 300x300",
     "leg in time on 1000x1000",
     "forecast of 100 robots on 1000x1000",
+    "warehouse-100, 1000 robots, slowdown none",
+    "warehouse-100, 1000 robots, slowdown zones",
+    "zones of a leg by the network",
     "layer asked every tick, compiled",
     "layer asked every tick, Python",
     "loop, idle fleet",
@@ -218,6 +222,8 @@ def test_every_sampler_returns_a_figure() -> None:
     assert plans.prepare_avoidance(30, 10)() > 0
     assert congestion.prepare_legs(30, 8)() > 0
     assert congestion.prepare_forecast(30, 8)() > 0
+    assert slow_zones.prepare_fleet("zones", 20, 50)() > 0
+    assert slow_zones.prepare_network(20)() > 0
     assert loop.prepare_loop(1000)() > 0
     assert loop.prepare_digest(10)() > 0
     for strategy in (layers.COMPILED, layers.IN_PYTHON):

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -213,3 +214,25 @@ def test_light_commands_import_nothing_heavy(
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
+
+
+@pytest.mark.parametrize("allocation", ["cooperative", "adaptive"])
+def test_an_allocation_that_sees_no_docks_is_refused(
+    allocation: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = tmp_path / "drawn.yaml"
+    drawn.write_text(
+        "name: drawn\nlayout:\n  picture: |\n    i...\n    #rs.\nfleet: {robots: 1}\n"
+        "orders: {list: [{from: [2, 1], to: [1, 1]}, {from: [0, 0], to: [1, 1]}]}\n"
+        f"strategy: {{allocation: {allocation}}}\n"
+    )
+    racks = tmp_path / "racks.yaml"
+    text = shipped()["warehouse-100"].read_text(encoding="utf-8")
+    racks.write_text(text.replace("allocation: first-come", f"allocation: {allocation}"))
+    for path in (drawn, racks):
+        assert main(["check", str(path)]) == 2
+        errors = capsys.readouterr().err
+        assert "it finds loads on shelves alone, and orders begin at docks" in errors
+        assert errors.count("\n") == 1 and f"{path}:" in errors
+    drawn.write_text(drawn.read_text().replace(", {from: [0, 0], to: [1, 1]}", ""))
+    assert main(["check", str(drawn)]) == 0

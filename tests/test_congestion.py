@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from slow_traffic import Traffic
 
+from automaton.commands import main
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -63,6 +66,43 @@ def test_routes_are_made_anew_every_so_many_ticks(every: int, route: str) -> Non
     assert traffic.tick().route("A") == route
 
 
+BLOCKED = """
+name: blocked
+layout:
+  picture: |
+    sA........B.d
+    #.#########.#
+    #...........#
+fleet: {robots: 2, kinematics: omni}
+orders: {list: [{from: [0, 0], to: [12, 0]}]}
+strategy:
+  routing: {name: congestion, beta: 0, every: EVERY}
+  right_of_way: {name: withdraw, withdraw: [1, 1]}
+stop: {when: delivered, at_most: 150}
+"""
+
+
+@pytest.mark.parametrize("every", [0, 1, 2, 5])
+def test_a_detour_is_not_dropped_for_the_way_that_is_blocked(tmp_path: Path, every: int) -> None:
+    """B stands there for good; the way round it begins with the whole aisle back."""
+    scenario = tmp_path / "blocked.yaml"
+    scenario.write_text(BLOCKED.replace("EVERY", str(every)))
+    run = Simulation(resolve(scenario))
+    run.run()
+    assert run.finished and metrics_of(run)["withdrawals"] == 1
+
+
+def test_more_plans_than_fit_into_memory_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    settings = ["layout={generator: racks, rows: 1000, columns: 1000}", "fleet.robots=300000"]
+    settings.append("strategy.routing=congestion")
+    arguments = [part for text in settings for part in ("--set", text)]
+    assert main(["run", "warehouse-100", *arguments]) == 2
+    errors = capsys.readouterr().err
+    assert "with this fleet horizon at most 333" in errors and errors.count("\n") == 1
+    fewer = (*settings, "strategy.routing={name: congestion, horizon: 333}")
+    assert resolve("warehouse-100", fewer).picks["routing"].name == "congestion"
+
+
 SMALL = ("layout.rows=40", "layout.columns=40", "fleet.robots=30", "stop.at_most=500")
 
 
@@ -96,6 +136,12 @@ def test_a_fleet_loses_less_time_to_itself(extra_tick: float) -> None:
 OTHERS = [
     (floor, ways) for floor in ("tabletop-mini", "crossing") for ways in ("differential", "omni")
 ]
+
+
+@pytest.mark.parametrize("foresees", ["tasks", "shares"])
+@pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing"])
+def test_who_knows_tasks_alone_finishes_too(scenario: str, foresees: str) -> None:
+    finishes(scenario, f"strategy.routing={{name: congestion, foresees: {foresees}}}")
 
 
 @pytest.mark.parametrize(("scenario", "kinematics"), [("tabletop-mini", "rail"), *OTHERS])

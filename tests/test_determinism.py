@@ -214,7 +214,7 @@ def test_a_route_that_differs_in_one_step_has_another_digest() -> None:
 def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
     run = simulation("tabletop-mini")
     left_out = {  # constant, storage, told by others, or kept for metrics
-        *("dispatched", "dispatched_from"),
+        *("dispatched", "dispatched_from", "dispatched_heading"),
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did"),
         *("cell", "endless", "access"),
     }

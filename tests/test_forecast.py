@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_traffic import ONE_WAY, Traffic
 
+from automaton.kernels.routes.expected import expect, expect_no_more
 from automaton.kernels.routes.forecast import foresee, foresee_one
-from automaton.kernels.routes.presence import ZONE, add, forget, forget_all, present
+from automaton.kernels.routes.presence import (
+    STEPS,
+    ZONE,
+    add,
+    forget,
+    forget_all,
+    occupancy,
+    present,
+    row_size,
+    shared_size,
+)
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -161,3 +174,116 @@ def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
     run.run(400)
     # Tick 0 of the forecast is tick 2 of the run; the load is down in the first tick of the drop.
     assert run.world.orders.delivered[0] == 2 + last - 2
+
+
+def test_the_second_leg_leads_to_where_loads_are_set_down(tmp_path: Path) -> None:
+    """The destination can be served from its left, 4 moves away, and from its right, 6 moves away."""
+    scenario = tmp_path / "sides.yaml"
+    scenario.write_text(
+        "name: sides\nlayout:\n  picture: |\n    .........\n    A##s.#.d.\n"
+        "fleet: {robots: 1, kinematics: omni}\norders: {list: [{from: [3, 1], to: [7, 1]}]}\n"
+        "stop: {when: delivered, at_most: 50}\n"
+    )
+    run = Simulation(resolve(scenario, ["strategy.routing=astar"]))
+    run.run(1)
+    memory = forecast_memory(run.view, 50)
+    foresee(run.view, run.space, memory)
+    last = int(np.flatnonzero(table(memory, run.world.grid.zones, 50).sum(axis=1))[-1])
+    run.run()
+    assert run.finished
+    assert run.world.orders.delivered[0] == 2 + last - 1
+
+
+IN_BAYS = """
+b~~~~~~~
+b~####~~
+b~#####~
+"""
+
+
+@pytest.mark.parametrize("move", [1, 3])
+@pytest.mark.parametrize(
+    ("kinematics", "turn"), [("omni", 1), ("differential", 1), ("differential", 2)]
+)
+def test_who_leaves_a_bay_is_counted_from_the_next_tick_on(
+    kinematics: str, turn: int, move: int
+) -> None:
+    traffic = Traffic(IN_BAYS.strip("\n"), bays=3, kinematics=kinematics, move=move, turn=turn)
+    robots = traffic.world.robots
+    assert (robots.cell == NIL).all()
+    for i, route in enumerate(([0, 0, 0], [3, 0, 0, 0], [3])):  # 0 is east, 3 north
+        traffic.send(i, route)
+    counts = foreseen(traffic)
+    real = happened(traffic)
+    assert real[0].sum() == 0 < real[1].sum()
+    assert np.array_equal(counts, real)
+
+
+def test_a_robot_with_a_new_route_is_counted_when_it_has_left_its_bay() -> None:
+    traffic = Traffic(IN_BAYS.strip("\n"), bays=1, move=3)
+    route = np.array([0, 0], np.uint8)
+    traffic.send(0, route.tolist())
+    everybody = foreseen(traffic)
+    memory = traffic.memory(HORIZON)
+    foresee(traffic.run.view, traffic.run.space, memory)
+    forget(memory, 0)
+    foresee_one(traffic.run.view, traffic.run.space, memory, 0, route, len(route))
+    assert np.array_equal(table(memory, traffic.world.grid.zones), everybody)
+
+
+def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
+    memory = Memory(
+        own=np.zeros((65_536, row_size(4)), np.int64),
+        shared=np.zeros(shared_size(3, 4), np.int64),
+        parameters=np.array([4, 3], np.int64),
+    )
+    add(memory, 1, 0, 4, 65_534)
+    for _ in range(3):
+        add(memory, 1, 1, 3, 1)
+    assert table(memory, 3, 4)[:, 1].tolist() == [65_534, 65_535, 65_535, 65_534]
+    add(memory, 1, 0, 4, -1)
+    assert table(memory, 3, 4)[:, 1].tolist() == [65_533, 65_535, 65_535, 65_533]
+    assert table(memory, 3, 4).sum() == table(memory, 3, 4)[:, 1].sum()
+    forget_all(memory)
+    assert not memory.shared.any()
+
+
+ALONE = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=1")
+
+
+def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
+    """Alone and undelayed it is there; in the tick in which it arrives the task is over."""
+    settings = (*ALONE, "durations.pick=3", "stop.at_most=400", "strategy.routing=astar")
+    run = Simulation(resolve("warehouse-100", settings))
+    run.run(1)
+    world, memory = run.world, forecast_memory(run.view, 200)
+    expect(run.view, run.space, memory)
+    expected = table(memory, world.grid.zones, 200)[1:]  # that tick is over
+    for tick in range(199):
+        if world.orders.delivered[0] != NIL:
+            break
+        zone = world.grid.zone[world.robots.cell[0], world.robots.travel[0] >> 1]
+        assert expected[tick].sum() == (zone != NIL) and (zone == NIL or expected[tick, zone] == 1)
+        run.run(run.tick + 1)
+    assert tick > 15 and not expected[tick:].any()
+    expect_no_more(run.view, memory, 0)
+    assert not memory.shared.any()
+
+
+def test_shares_are_those_of_the_ticks_of_a_task() -> None:
+    settings = (*ALONE, "stop.at_most=400", "strategy.routing=astar")
+    run = Simulation(resolve("warehouse-100", settings))
+    run.run(1)
+    zones = run.world.grid.zones
+    memory, shares = forecast_memory(run.view, 200), forecast_memory(run.view, 200, shares=True)
+    for one in (memory, shares):
+        expect(run.view, run.space, one)
+    ticks = table(memory, zones, 200).sum(axis=0)
+    task = shares.own[0, STEPS] - 2  # moves, without pick and drop
+    for zone in range(zones):
+        expected = 1000 * ticks[zone] / task
+        assert occupancy(shares, zone, 7) == pytest.approx(expected, abs=1)
+    assert sum(occupancy(shares, zone, 0) for zone in range(zones)) > 500
+    assert occupancy(memory, int(ticks.argmax()), 10_000) == 0
+    expect_no_more(run.view, shares, 0)
+    assert not shares.shared.any()

@@ -13,9 +13,9 @@ from automaton.recording.validator import validate_stored
 from automaton.recording.verification import verify_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
+from automaton.strategy.kernels import drop_stand, pick_stand
 from automaton.strategy.layer import Strategy
 from automaton.world.state import NIL, PARK, SET_DOWN, TAKE, TICK, WAITING
-from strategies.allocation.stands import drop_stand, pick_stand
 
 FLOOR = """
 name: leaving

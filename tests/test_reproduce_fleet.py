@@ -14,8 +14,11 @@ from automaton.reproductions.traffic_fleet import (
     AVOIDANCE,
     CHANCE,
     CONGESTION,
+    CROWD,
     POLICIES,
     ROBOTS,
+    SHARES,
+    TASKS,
     delayed_fleets,
     fleets,
 )
@@ -27,8 +30,8 @@ Figures = dict[tuple[str, int | str], dict[str, float]]  # (policy, robots or ch
 
 def chosen() -> Iterator[ScenarioCase]:
     """The cases on which the claims rest, but for avoidance by small fleets."""
-    for case in fleets([A_STAR, AVOIDANCE, CONGESTION]):
-        if case.labels["robots"] == 100 or case.labels == {"policy": CONGESTION, "robots": 6}:
+    for case in fleets([A_STAR, AVOIDANCE, SHARES, TASKS, CONGESTION]):
+        if case.labels["robots"] == CROWD or case.labels == {"policy": CONGESTION, "robots": 6}:
             yield case
     yield from fleets([A_STAR])[:1]
     yield from delayed_fleets([A_STAR, CONGESTION])
@@ -51,6 +54,12 @@ def test_a_hundred_robots_lose_little_time_to_each_other(one_seed: Figures) -> N
 
 def test_avoidance_used_by_everybody_is_harmful(one_seed: Figures) -> None:
     assert one_seed[AVOIDANCE, 100]["delay"] > 150
+
+
+def test_to_know_the_tasks_of_the_others_is_not_enough(one_seed: Figures) -> None:
+    """Only who knows the plans loses less than by A*; to know when is not worth much alone."""
+    for policy in (SHARES, TASKS):
+        assert 40 < one_seed[policy, CROWD]["delay"] < 110
 
 
 def test_a_small_fleet_loses_nothing(one_seed: Figures) -> None:

@@ -151,6 +151,17 @@ def test_the_publication_does_not_bear_out_three_of_its_claims(two_seeds: Reprod
     assert all("E_U" in claim.claim.text for claim in unprinted) and len(unprinted) == 6
 
 
+@pytest.mark.parametrize(
+    ("values", "verdict"),
+    [([0.0, 0.0], "does not hold"), ([1.0, 1.0], "holds"), ([-1.0, -1.0], "does not hold")],
+)
+def test_no_difference_is_no_claim_of_more(values: list[float], verdict: str) -> None:
+    figure = Figure("more", lambda mean: mean("T", 1), at_least=0, strict=True)
+    judged = judge(Claim("more", (figure,)), {("T", (1,)): values}, {("T", (1,)): values[0]})
+    assert judged is not None
+    assert (judged.verdict, judged.in_print) == (verdict, verdict == "holds")
+
+
 def test_a_claim_needs_its_whole_interval() -> None:
     samples = {("T", (1,)): [10.0, 11.0, 12.0, 13.0], ("T", (2,)): [9.0, 9.5, 11.5, 12.0]}
     less = Figure("less", lambda mean: mean("T", 1) - mean("T", 2), at_least=0)

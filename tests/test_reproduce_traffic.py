@@ -16,6 +16,7 @@ from automaton.commands import main
 from automaton.reproductions.claims import JudgedClaim, judge
 from automaton.reproductions.study import Reproduced, Row, reproduce
 from automaton.reproductions.traffic import REPRODUCTION
+from automaton.reproductions.traffic_claims import CLAIMS, PLAIN, READINGS
 from automaton.reproductions.traffic_trials import (
     ROBOTS,
     TRIALS,
@@ -192,3 +193,15 @@ def test_the_report_fits_the_terminal(
 def test_there_are_no_strategies_to_choose(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reproduce", "traffic", "--strategies", "astar"]) == 2
     assert "compares no strategies" in capsys.readouterr().err
+
+
+def test_what_is_claimed_to_be_more_is_not_as_much() -> None:
+    """Trials in which avoidance changes nothing bear out no claim that it does."""
+    same = {"time": 200.0, "distance": 160.0, "encounters": 5.0, "taken": 0.0, "saved": 0.0}
+    readings = [*READINGS, *((slowdown, *PLAIN) for slowdown in ("static", "dynamic"))]
+    samples = {(name, key): [value] * 3 for key in readings for name, value in same.items()}
+    judged = [judge(claim, samples, {}) for claim in CLAIMS]
+    verdicts = {one.claim.text: one.verdict for one in judged if one is not None}
+    for words in ("shortens the travel time", "shorter distance", "fewer zones", "saves 126.76"):
+        found = {verdict for text, verdict in verdicts.items() if words in text}
+        assert found == {"does not hold"}, words

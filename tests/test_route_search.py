@@ -55,7 +55,7 @@ def cases(draw: Any) -> Case:
         plan=draw_floor("\n".join(lines)),
         kinematics=draw(st.sampled_from(["rail", "differential", "omni"])),
         move=draw(st.integers(1, 3)),
-        turn=draw(st.sampled_from([1, 2, 5])),
+        turn=draw(st.sampled_from([0, 1, 2, 5])),
     )
     cells = ways.cells()
     start = (draw(st.sampled_from(cells)), draw(st.integers(0, ways.headings - 1)))

@@ -18,11 +18,12 @@ from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.tasks import TASK_METRICS
 from automaton.units import Unit, listed, number, unit
 
-OF_OTHER_RUNS = (*TASK_METRICS, "slowed")  # shown where tasks are measured, or moves take longer
+# Shown where tasks are measured, moves may take longer, a strategy counts them.
+OF_OTHER_RUNS = (*TASK_METRICS, "slowed", "alternatives")
 METRICS = [name for name in GLOSSARY if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
-from automaton.strategy.layer import Strategy
+from automaton.strategy.layer import Strategy, memory_of
 
 def one_over(x):
     return 1 / x
@@ -49,6 +50,15 @@ class Idle(Strategy):
     layer = "allocation"
     def decide(self, view, asked, answers, memory, space):
         pass
+
+class Counts(Idle):
+    """Counts how often each robot was asked about."""
+    counters = {"asked_robots": 1}
+    def reset(self, view):
+        return memory_of(view, own=2)
+    def decide(self, view, asked, answers, memory, space):
+        for k in range(asked.count[0]):
+            memory.own[asked.robot[k], 1] += 1
 '''
 
 
@@ -337,3 +347,13 @@ def test_a_run_stops_where_it_is_told_and_draws_the_grid(
 def test_a_tick_is_counted_from_one(tick: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "tabletop-mini", f"--until={tick}"]) == 2
     assert f"'{tick}' is not a tick" in capsys.readouterr().err
+
+
+def test_what_a_strategy_counts_is_reported(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["tabletop-mini", "--set", "strategy.allocation=own_strategies:Counts"]
+    arguments += ["--set", "stop.at_most=5"]
+    main(["run", *arguments])
+    [line] = [x for x in capsys.readouterr().out.splitlines() if x.startswith("asked_robots")]
+    assert line.split() == ["asked_robots", "3", "times", "counted", "by", "a", "strategy"]
+    main(["run", *arguments, "--json"])
+    assert json.loads(capsys.readouterr().out)["metrics"]["asked_robots"] == 3

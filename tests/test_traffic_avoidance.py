@@ -10,18 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_astar import path
-from plain_paths import FAR
+from plain_paths import FAR, Ways
 from test_route_search import Case, cases
 
 from automaton.commands import main
 from automaton.kernels.routes import avoidance, noise, replay, trial
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.metrics import metrics_of
-from automaton.reproductions.traffic_trials import tasks_of, warehouse
+from automaton.reproductions.traffic_trials import ROBOTS, tasks_of, warehouse
+from automaton.scenario.pictures import draw_floor
 from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
-from automaton.world.state import NIL, ROUTING
+from automaton.world.state import NIL, ROUTING, Array
+from automaton.world.zones import MODES
 
 MOST = 4
 
@@ -37,10 +39,10 @@ def tasks(draw: Any) -> tuple[Case, int, list[int]]:
 
 
 def touching(case: Case, cell: int) -> set[int]:
-    """The zones of a cell, or those that meet in it."""
+    """The zones of a cell, and those beside it."""
     zone = case.built()[0].grid.zone
-    own = {int(z) for z in zone[cell]} - {NIL}
-    return own or {int(z) for beside in case.ways.plan.neighbours(cell) for z in zone[beside]}
+    cells = (cell, *case.ways.plan.neighbours(cell))
+    return {int(z) for one in cells for z in zone[one]} - {NIL}
 
 
 def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
@@ -94,8 +96,35 @@ def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[i
     assert cautious == (open_to[0] if open_to else avoidance.PLAIN)
 
 
-def sets_of_the_warehouse(precision: float, recall: float) -> tuple[int, int, int]:
-    """Zones used, of those foreseen, and foreseen in all, summed over the tasks of a seed."""
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_may_leave_the_intersection_where_it_stands(mode: str) -> None:
+    """Everything is busy: what stays open are the three aisles that meet in the middle."""
+    plan = draw_floor(".......\n.##.##.\n.......")
+    middle = plan.cell(3, 0)
+    case = Case(Ways(plan, "omni", 1, 1), (middle, 0), middle, mode)
+    floor, _, space = case.built()
+    space.count[:] = 9
+    avoidance.close_zones(floor.grid.read_only(), space, 1, case.start_pose(), NIL, middle)
+
+    def is_open(x: int, y: int) -> bool:
+        return not space.closed[floor.grid.zone[plan.cell(x, y)][0]]
+
+    assert is_open(2, 0) and is_open(1, 0) and is_open(4, 0) and is_open(3, 1)
+    assert not is_open(0, 1) and not is_open(1, 2)
+
+
+def size_of(used: Array) -> int:
+    """How many zones are in a set."""
+    return sum(int(word).bit_count() for word in used.astype(np.uint64))
+
+
+def sets_of_the_warehouse(
+    precision: float, recall: float, share: float = noise.USED_SHARE
+) -> tuple[int, int, int]:
+    """Zones used, of those foreseen, and foreseen in all, summed over the tasks of a seed.
+
+    `share`: of the zones that a task uses, as the noise has it.
+    """
     where = warehouse()
     used = found = right = 0
     with np.errstate(over="ignore"):
@@ -104,13 +133,12 @@ def sets_of_the_warehouse(precision: float, recall: float) -> tuple[int, int, in
                 arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
                 trial.use_zones(*arguments, np.uint64(1), task)
                 truth, seen = where.trial.used.copy(), where.trial.used.copy()
-                keep, sure = round(recall * noise.CERTAIN), round(precision * noise.CERTAIN)
-                size, zones = replay.size_of(truth), where.grid.zones
-                add = noise.false_alarms(keep, sure, size, zones)
-                noise.blur(seen, zones, keep, add, np.uint64(1), number, r)
-                used += size
-                found += replay.size_of(seen)
-                right += replay.size_of(seen & truth)
+                chance = noise.false_alarms(precision, recall, share)
+                keep, add = round(recall * noise.CERTAIN), round(chance * noise.CERTAIN)
+                noise.blur(seen, where.grid.zones, keep, add, np.uint64(1), number, r)
+                used += size_of(truth)
+                found += size_of(seen)
+                right += size_of(seen & truth)
     return used, right, found
 
 
@@ -118,7 +146,11 @@ def sets_of_the_warehouse(precision: float, recall: float) -> tuple[int, int, in
 def test_noise_has_the_precision_and_recall_that_were_asked_for(
     precision: float, recall: float
 ) -> None:
-    used, right, found = sets_of_the_warehouse(precision, recall)
+    where = warehouse()
+    tasks = len(tasks_of(where, 1)) * ROBOTS
+    share = sets_of_the_warehouse(1, 1)[0] / (tasks * where.grid.zones)
+    assert share == pytest.approx(noise.USED_SHARE, rel=0.08), "that one is of random ties"
+    used, right, found = sets_of_the_warehouse(precision, recall, share)
     assert right / used == pytest.approx(recall, abs=0.015)  # 16,000 zones: sd 0.004
     assert right / found == pytest.approx(precision, abs=0.01)
 
@@ -181,6 +213,47 @@ def test_so_nobody_is_in_anybodys_way(tmp_path: Path) -> None:
     assert lost["astar"] > 0 == lost["traffic-avoidance"]
 
 
+@pytest.mark.parametrize("information", ["everything", "{radius: 9}"])
+def test_alternatives_are_counted(tmp_path: Path, information: str) -> None:
+    for routing, alternatives in (("traffic-avoidance", 1), ("astar", None)):
+        ring(tmp_path, routing)
+        settings = [f"strategy.routing={routing}", f"information={information}"]
+        simulation = Simulation(resolve(tmp_path / "ring.yaml", settings))
+        simulation.run()
+        assert metrics_of(simulation).get("alternatives") == alternatives
+
+
+def fleet(routing: str) -> dict[str, float | int]:
+    """The first 200 ticks of 100 robots in the warehouse."""
+    settings = ["fleet.robots=100", "stop.at_most=200", "measure.warm_up=0"]
+    simulation = Simulation(resolve("warehouse-100", [*settings, f"strategy.routing={routing}"]))
+    simulation.run()
+    return {**metrics_of(simulation), "digest": int(simulation.digest, 16)}
+
+
+def test_a_noisy_crowd_leaves_no_alternative_up_to_six_others() -> None:
+    """About eleven others are foreseen in a zone, so every zone that is not its own is closed."""
+    noisy = "{name: traffic-avoidance, predictor: noisy, precision: 0.4, recall: 0.84%s}"
+    plain, six, twenty = (
+        fleet(name) for name in ("astar", noisy % "", noisy % ", most_threshold: 20")
+    )
+    assert six["alternatives"] == 0 and six["digest"] == plain["digest"]
+    assert twenty["alternatives"] > 50
+
+
+def test_the_noise_is_that_of_the_trials() -> None:
+    """Whatever the zones of a task: the chances are those of precision, recall and the mean share."""
+    noisy = "{name: traffic-avoidance, predictor: noisy, precision: 0.4, recall: 0.84%s}"
+    chances = []
+    for more in ("", ", used: 0.25"):
+        resolved = resolve("warehouse-100", [f"strategy.routing={noisy % more}"])
+        memory = Simulation(resolved).memories[ROUTING]
+        chances.append(memory.parameters[2:4] / noise.CERTAIN)
+    share = 27.5 / 522
+    assert chances[0] == pytest.approx([0.84, 0.84 * share * 0.6 / (0.4 * (1 - share))])
+    assert chances[1] == pytest.approx([0.84, 0.84 * 0.25 * 0.6 / (0.4 * 0.75)])
+
+
 LONG_WAY_TO_ITS_LOAD = RING.replace("A", ".") + "#.#########\n" * 20 + "#A#########"
 
 
@@ -234,6 +307,7 @@ def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
     [
         ("{name: traffic-avoidance, predictor: noisy}", "needs precision and recall"),
         ("{name: traffic-avoidance, recall: 0.5}", "are for predictor noisy alone"),
+        ("{name: traffic-avoidance, used: 0.5}", "are for predictor noisy alone"),
         ("{name: traffic-avoidance, predictor: exakt}", "did you mean 'exact'"),
         ("{name: astar, ties: filo}", "did you mean 'fifo'"),
     ],

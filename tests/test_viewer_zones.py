@@ -19,7 +19,7 @@ from automaton.history.snapshot import take_snapshot
 from automaton.kernels.routes.frontier import FIFO, LARGER_G, TIES
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import NIL
+from automaton.world.state import GOAL_PICK, NIL
 from automaton.world.waiting import DRIVING_SLOWLY
 from automaton.world.zones import MODES, zones_of
 from tui.cast.making import make_picture
@@ -161,6 +161,32 @@ def test_predicted_paths_hold_the_routes_and_lose_the_selected_robot(run: Simula
     assert (everybody >= least).all() and everybody.max() >= 2
     own = everybody - others
     assert set(own.tolist()) == {0, 1} and (own[route_of(run, robot)] == 1).all()
+
+
+def test_predicted_paths_are_the_routes_and_the_rest_of_the_tasks(run: Simulation) -> None:
+    """Each robot counts once in a cell, however often it will be there."""
+    world, paths = run.world, paths_of(run)
+    robots, headings = world.robots, world.grid.headings
+    expected = np.zeros(world.grid.rule.size, np.int32)
+    for i in np.flatnonzero(robots.stand != NIL):
+        cell = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+        steps = robots.route[i, robots.at[i] : robots.length[i]]
+        cells = [cell, *(cell + np.cumsum(world.grid.offset[steps]))]
+        if robots.goal[i] == GOAL_PICK:
+            heading = int(steps[-1]) % headings if len(steps) else int(robots.heading[i])
+            access = world.slots.access[world.orders.target[robots.order[i]]]
+            beyond = next(int(access[way]) for way in (2, 0, 3, 1) if access[way] != NIL)
+            cells += paths.found(int(robots.stand[i]) * headings + heading, beyond)[1].tolist()
+        expected[sorted({int(cell) for cell in cells})] += 1
+    assert expected.max() >= 2 and (robots.goal == GOAL_PICK).any()
+    assert np.array_equal(predicted(world, paths, NIL), expected)
+
+
+def test_paths_are_those_of_one_seed(run: Simulation) -> None:
+    other = Simulation(run.resolved, seed=run.seed + 1)
+    paths = paths_of(run)
+    assert paths.fit(run.world, LARGER_G)
+    assert other.world.grid is run.world.grid and not paths.fit(other.world, LARGER_G)
 
 
 def test_steps_are_cells() -> None:

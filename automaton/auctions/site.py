@@ -13,21 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.auctions.market import FULL, INF, Battery, Fleet, Scratch, Work
+from automaton.auctions.market import Battery, Fleet, Scratch, Work
 from automaton.auctions.preparation import battery_of, deliveries, fleet_of, scratch_for
 from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell
-from automaton.kernels.search import FAR, distance
+from automaton.kernels.search import distance
 from automaton.struct import Struct
-from automaton.world.condition import RUNNING
 from automaton.world.state import (
-    DROP,
-    GOAL_CHARGE,
-    GOAL_DROP,
-    GOAL_PICK,
     MOVE,
     NIL,
-    PICK,
     TURN,
 )
 

@@ -4,7 +4,8 @@ explored     1 in the cells that the search for the selected robot finds, 2 on t
 predicted    how many robots besides the selected one are going to drive through each cell
 
 A robot's predicted path is the rest of its route and, if it picks up an order with a target of its
-own, the path of A* from there to the target. Both overlays ignore other robots and closed zones.
+own, the path of A* from there to where it sets its load
+down. Both overlays ignore other robots and closed zones.
 """
 
 from __future__ import annotations
@@ -21,18 +22,18 @@ from automaton.history.snapshot import OVERLAYS, Snapshot
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import LARGER_G, STAMP, TIES
+from automaton.kernels.routes.predicted import count_predicted
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.world.route_space import route_space
-from automaton.world.state import GOAL_PICK, NIL, Array, World
+from automaton.world.state import NIL, Array, World
 
 PAUSE_S: Final = 0.25  # between two computations while ticks go by
 SHARE: Final = 4  # at most a fourth of the time goes into them
-LEGS_KEPT: Final = 20_000
 
 
 class Overlays:
-    """The overlays of one run; scratch and the legs searched are kept from picture to picture."""
+    """The overlays of one run; scratch is kept from picture to picture."""
 
     def __init__(self) -> None:
         self._of: tuple[Simulation, int, int, str] | None = None  # run, tick, robot and layer
@@ -75,12 +76,14 @@ class Paths:
         self._grid, self._duration, self._ties = grid, world.rules.duration, ties
         self._seed = world.rules.seed
         self._space = route_space(grid.rule.size * grid.headings, grid.zones)
-        self._steps = np.zeros(grid.rule.size, np.uint8)
-        self._legs: dict[tuple[int, int], Array] = {}
+        longest = max(grid.rule.size, world.robots.route.shape[1])
+        self._steps = np.zeros(longest, np.uint8)
+        self._seen = np.zeros(grid.rule.size, np.int32)
 
     def fit(self, world: World, ties: int) -> bool:
         """Whether they are those of this world."""
         same = self._grid is world.grid and self._ties == ties
+        same = same and self._seed == world.rules.seed  # random ties depend on it
         return same and np.array_equal(self._duration, world.rules.duration)
 
     def found(self, pose: int, target: int) -> tuple[Array, Array]:
@@ -90,14 +93,13 @@ class Paths:
         poses = np.flatnonzero(space.label >> 32 == space.state[STAMP])
         return np.unique(poses // headings), path
 
-    def leg(self, pose: int, target: int) -> Array:
-        """(k,) the cells of the path from a pose to a cell, both ends included; kept."""
-        path = self._legs.get((pose, target))
-        if path is None:
-            if len(self._legs) >= LEGS_KEPT:
-                self._legs.clear()
-            path = self._legs[pose, target] = self._search(pose, target)
-        return path
+    def counted(self, world: World, besides: int) -> Array:
+        """(C,) int32: robots that are going to drive through each cell, but for one."""
+        field = np.zeros(self._grid.rule.size, np.int32)
+        scratch = (self._steps, self._seen)
+        with np.errstate(over="ignore"):
+            count_predicted(world.read_only(), self._space, self._ties, besides, *scratch, field)
+        return field
 
     def _search(self, pose: int, target: int) -> Array:
         """(k,) the cells of the path; without one, none."""
@@ -143,35 +145,4 @@ def explored(world: World, paths: Paths, robot: int) -> Array:
 
 def predicted(world: World, paths: Paths, besides: int) -> Array:
     """(C,) int32: how many robots on a way are going to drive through each cell, but for one."""
-    field = np.zeros(world.grid.rule.size, np.int32)
-    robots = world.robots
-    for i in np.flatnonzero(robots.stand != NIL).tolist():
-        if robots.identity[i] != besides:
-            field[np.unique(_predicted_path(world, paths, i))] += 1
-    return field
-
-
-def _predicted_path(world: World, paths: Paths, i: int) -> Array:
-    """The cells of the rest of robot i's task, some of them twice."""
-    robots, grid = world.robots, world.grid
-    stand, heading = int(robots.stand[i]), int(robots.heading[i])
-    steps = robots.route[i, robots.at[i] : robots.length[i]]
-    if len(steps):
-        path = driven(grid.offset, int(first_cell(world.robots, i)), steps)
-        heading = int(steps[-1]) & (grid.headings - 1)
-    else:
-        path = paths.leg(int(first_cell(world.robots, i)) * grid.headings + heading, stand)
-    beyond = _next_stand(world, i)
-    if beyond == NIL:
-        return path
-    return np.concatenate((path, paths.leg(stand * grid.headings + heading, beyond)))
-
-
-def _next_stand(world: World, i: int) -> int:
-    """Where robot i sets down what it is on the way to pick up, or NIL."""
-    robots, orders = world.robots, world.orders
-    order = int(robots.order[i])
-    if robots.goal[i] != GOAL_PICK or order == NIL or orders.target[order] == NIL:
-        return NIL
-    access = world.slots.access[orders.target[order]]
-    return int(access[access != NIL][0]) if (access != NIL).any() else NIL
+    return paths.counted(world, besides)

@@ -77,6 +77,7 @@ class OrderBook:
     coming: Array
     dispatched: Array
     dispatched_from: Array
+    dispatched_heading: Array
     delivered: Array
     legs: Array
 

@@ -190,6 +190,7 @@ def take(world, record, i, order, stand):
         orders.dispatched[order] = world.clock[TICK]
         in_bay = robots.cell[i] == NIL
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
+        orders.dispatched_heading[order] = robots.heading[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal[i] == GOAL_CHARGE:
         end_charging(robots, i)

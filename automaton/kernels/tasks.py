@@ -1,37 +1,89 @@
 """The least time that a task takes: both legs driven on the empty floor."""
 
 from automaton.compiled import kernel
-from automaton.kernels.search import FAR, distance
-from automaton.world.state import NIL
+from automaton.kernels.search import (
+    FAR,
+    STARTED,
+    TURNED_AHEAD,
+    TURNED_BEHIND,
+    begin_search,
+    distance,
+    pop,
+    reach,
+)
+from automaton.kernels.stands import drop_stand, pick_stand
+from automaton.world.state import MOVE, TURN
+
+POSE = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
 
 
 @kernel
 def least_drives(view, space, which, out):
-    """out[order] = least ticks of driving for each order in `which`: to its source, to its target.
+    """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
 
-    The first leg begins in the cell where the order was taken. Of several cells from which a slot
-    is served, and of several headings, the best counts; FAR if there is no way.
+    The first leg begins where and with the heading in which the order was taken, the second one with
+    the heading in which the first one ends; of several that take the least ticks, the best counts.
+    Slots are served from the cells that the shipped allocations choose. FAR if there is no way.
     """
-    access = view.slots.access
+    orders = view.orders
     for k in range(which.shape[0]):
         order = which[k]
-        source, target = view.orders.source[order], view.orders.target[order]
-        best = FAR
-        for p in range(4):
-            if access[source, p] == NIL:
-                continue
-            before = least(view, space, view.orders.dispatched_from[order], access[source, p])
-            for d in range(4):
-                if access[target, d] != NIL:
-                    after = least(view, space, access[source, p], access[target, d])
-                    best = min(best, before + after)
-        out[order] = best
+        start = orders.dispatched_from[order] * view.grid.headings
+        start += orders.dispatched_heading[order]
+        stand, end = pick_stand(view, orders.source[order]), drop_stand(view, orders.target[order])
+        out[order] = least_by(view, space, start, stand, end)
 
 
 @kernel
-def least(view, space, start, end):
-    """Least ticks from a cell to another, whatever the heading at the start."""
-    best = FAR
-    for heading in range(view.grid.headings):
-        best = min(best, distance(view, space, start, heading, end))
+def least_by(view, space, start, stand, end):
+    """Least ticks from a pose to a cell, and from there to another one; FAR if there is no way.
+
+    A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
+    """
+    headings = view.grid.headings
+    if headings == 1:
+        return distance(view, space, start, 0, stand) + distance(view, space, stand, 0, end)
+    search = begin_search(space)
+    size = reach(space, search, 0, start, 0, estimate(view, start, stand), STARTED)
+    least = best = FAR
+    while size > 0:
+        key = pop(space.heap, size)
+        size -= 1
+        pose = key & POSE
+        ticks = space.cost[pose]
+        if (key >> 32) > least:
+            break
+        if (key >> 32) != ticks + estimate(view, pose, stand):
+            continue  # a better way to this pose was found meanwhile
+        if pose // headings == stand:
+            least = ticks
+            best = min(best, ticks + distance(view, space, stand, pose % headings, end))
+        size = go_on(view, space, search, size, pose, ticks, stand)
     return best
+
+
+@kernel
+def go_on(view, space, search, size, pose, ticks, stand):
+    """Enter the poses that follow on a pose into the queue; returns its size."""
+    grid, duration = view.grid, view.rules.duration
+    cell, heading = pose // grid.headings, pose % grid.headings
+    for way in range(heading, 4, grid.headings):
+        if (grid.rule[cell] >> way) & 1:
+            to = (cell + grid.offset[way]) * grid.headings + heading
+            left = estimate(view, to, stand)
+            size = reach(space, search, size, to, ticks + duration[MOVE], left, way)
+    if grid.headings > 1 and grid.rule[cell] & 16:
+        left = estimate(view, pose, stand)
+        for k in range(2):
+            to = cell * grid.headings + ((heading + 1 - 2 * k) & (grid.headings - 1))
+            how = TURNED_BEHIND if k else TURNED_AHEAD
+            size = reach(space, search, size, to, ticks + duration[TURN], left, how)
+    return size
+
+
+@kernel
+def estimate(view, pose, target):
+    """Ticks from a pose to a cell at least."""
+    cell, width = pose // view.grid.headings, view.grid.width
+    left = abs(cell // width - target // width) + abs(cell % width - target % width)
+    return left * view.rules.duration[MOVE]

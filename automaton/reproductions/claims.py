@@ -29,8 +29,21 @@ class Figure:
     of: Callable[[Mean], float]
     at_least: float = -math.inf
     at_most: float = math.inf
+    strict: bool = False  # the ends of the range do not belong to it: "more" is not "as many"
     unit: str = ""  # "%" and "points" show shares times 100
     digits: int = 0  # shown after the decimal point of what is no share
+
+    def holds(self, low: float, high: float) -> bool:
+        """Whether everything from low to high lies in the range."""
+        if self.strict:
+            return low > self.at_least and high < self.at_most
+        return low >= self.at_least and high <= self.at_most
+
+    def fails(self, low: float, high: float) -> bool:
+        """Whether nothing from low to high does."""
+        if self.strict:
+            return high <= self.at_least or low >= self.at_most
+        return high < self.at_least or low > self.at_most
 
 
 @dataclass(frozen=True)
@@ -56,9 +69,9 @@ class Judged:
         """holds if the whole interval lies in the range, does not hold if none of it does."""
         if self.low is None or self.high is None:
             return "undecided"
-        if self.low >= self.figure.at_least and self.high <= self.figure.at_most:
+        if self.figure.holds(self.low, self.high):
             return "holds"
-        if self.high < self.figure.at_least or self.low > self.figure.at_most:
+        if self.figure.fails(self.low, self.high):
             return "does not hold"
         return "undecided"
 
@@ -67,7 +80,7 @@ class Judged:
         """Whether the publication's own table bears the figure out; None if it prints none."""
         if self.printed is None:
             return None
-        return self.figure.at_least <= self.printed <= self.figure.at_most
+        return self.figure.holds(self.printed, self.printed)
 
     @property
     def margin(self) -> float:

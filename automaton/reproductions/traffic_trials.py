@@ -16,7 +16,7 @@ import numpy as np
 from automaton.kernels.routes import trial
 from automaton.kernels.routes.avoidance import LEAST_TIME, MOST_CAUTIOUS
 from automaton.kernels.routes.frontier import LARGER_G
-from automaton.kernels.routes.noise import CERTAIN
+from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, false_alarms
 from automaton.scenario.floors import generator_type
 from automaton.world.cells import DOCK, EAST, RACK
 from automaton.world.floor import Floor, floor_for
@@ -27,7 +27,6 @@ SIDE: Final = 100  # cells
 ROBOTS: Final = 6  # five are active, one is dispatched
 TRIALS: Final = 100  # of a seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
-USED_SHARE: Final = 27.5 / 522  # of the zones, by a task (ties random): what the noise reckons with
 
 
 class Warehouse(NamedTuple):
@@ -88,12 +87,11 @@ def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
 
 def noisy(precision: float, recall: float) -> Predictor:
     """Exact predictions with errors of this precision and recall, drawn for each zone and robot."""
-    keep = recall
-    add = recall * USED_SHARE * (1 - precision) / (precision * (1 - USED_SHARE))
+    add = false_alarms(precision, recall, USED_SHARE)
 
     def predict(where: Warehouse, seed: int, tasks: Array) -> Array:
         foreseen = np.zeros((len(tasks), where.grid.zones), np.int32)
-        chances = round(keep * CERTAIN), round(add * CERTAIN)
+        chances = round(recall * CERTAIN), round(add * CERTAIN)
         arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
         with np.errstate(over="ignore"):
             trial.count_foreseen(*arguments, np.uint64(seed), tasks, *chances, foreseen)

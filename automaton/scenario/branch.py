@@ -31,5 +31,5 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             raise InputError(
                 f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
             )
-    picks = picks_of(document, scenario)
+    picks = picks_of(document, scenario, resolved.plan)
     return replace(resolved, scenario=naming_files(scenario, picks), picks=picks)

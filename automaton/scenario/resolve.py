@@ -67,7 +67,7 @@ def resolve(
     check_floor(checked, floor, start)
     check_service(document, checked, floor.plan, start)
     check_energy(document, checked, floor.plan)
-    picks = picks_of(document, checked)
+    picks = picks_of(document, checked, floor.plan)
     return Resolved(
         scenario=naming_files(checked, picks),
         plan=floor.plan,
@@ -78,9 +78,21 @@ def resolve(
     )
 
 
-def picks_of(document: Document, scenario: Scenario) -> dict[str, Pick]:
-    """The strategies that a scenario names, by layer. Raises InputError."""
-    return {layer: _pick(document, scenario, layer) for layer in LAYERS}
+def picks_of(document: Document, scenario: Scenario, plan: FloorPlan) -> dict[str, Pick]:
+    """The strategies that a scenario names, by layer. Raises InputError.
+
+    Parameters may have a method `objection(scenario, plan)`: one sentence on what they do not go
+    with, or None.
+    """
+    picks = {layer: _pick(document, scenario, layer) for layer in LAYERS}
+    for layer, pick in picks.items():
+        objection = getattr(pick.parameters, "objection", None)
+        sentence = objection(scenario, plan) if objection else None
+        if sentence:
+            raise document.error(
+                ("strategy", layer), f"strategy.{layer} is {pick.name}: {sentence}"
+            )
+    return picks
 
 
 def naming_files(scenario: Scenario, picks: dict[str, Pick]) -> Scenario:

@@ -34,6 +34,11 @@ def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
             raise _fault(strategy, f"reset() must give memory.{name} as int64 of shape {shape}")
     if memory.parameters.flags.writeable:
         raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
+    for name, column in strategy.counters.items():
+        columns = memory.own.shape[1]
+        if not isinstance(column, int) or not 0 <= column < columns:
+            found = f"memory.own has {columns} columns, found {column!r}"
+            raise _fault(strategy, f"counter {name!r} must name a column of memory.own: {found}")
     return memory
 
 

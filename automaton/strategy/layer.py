@@ -16,7 +16,7 @@ when that is over. It begins in `position(view, robot)`, in a long move the cell
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import msgspec
@@ -34,6 +34,7 @@ class Strategy:
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
+    counters: ClassVar[Mapping[str, int]] = {}  # metric -> column of memory.own, summed over robots
     every: int = 0  # also asked every so many ticks (below); 0 = only when concerned
 
     def __init_subclass__(cls) -> None:

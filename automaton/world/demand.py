@@ -47,6 +47,7 @@ def orders_of(source: Array, target: Array, released: Array) -> Orders:
         coming=np.argsort(released, kind="stable").astype(np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
+        dispatched_heading=np.zeros(m, np.uint8),
         delivered=nil.copy(),
         legs=np.zeros(m, np.int32),
     )

@@ -216,6 +216,7 @@ class Orders(Struct):
     coming: Array  # (m,) int32: the orders, in the sequence in which they become known
     dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
     dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
+    dispatched_heading: Array  # (m,) uint8: its heading then
     delivered: Array  # (m,) int32: tick of delivery, or NIL
     legs: Array  # (m,) int32: times it was picked up
 

@@ -21,7 +21,7 @@ near the target carrying turns too often. The rule takes the better end of both.
 
 import numpy as np
 
-from automaton.strategy.kernels import distance, kernel, position
+from automaton.strategy.kernels import distance, drop_stand, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import (
     BLOCKED,
@@ -39,7 +39,6 @@ from automaton.world.state import (
 )
 from strategies.allocation.cooperative import pass_right, take_in_alley
 from strategies.allocation.independent import deliver
-from strategies.allocation.stands import drop_stand
 
 MOVES_PER_PASS = 4  # along the alley, from one load to the next
 DOUBT = 200  # driven ticks that a robot starts with

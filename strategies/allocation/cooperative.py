@@ -8,11 +8,11 @@ in the strategy's memory; everything else is read off the order list.
 
 import numpy as np
 
-from automaton.strategy.kernels import find_path, kernel, position
+from automaton.strategy.kernels import drop_stand, find_path, kernel, pick_stand, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN
 from strategies.allocation.independent import deliver, take_order
-from strategies.allocation.stands import drop_stand, is_open, pick_stand
+from strategies.allocation.open_orders import is_open
 
 ALLEY = 0  # memory.own: the column of the alley that a robot has reserved, or 0
 FROM = 1  # the column of the shelf from which it takes its load

@@ -1,7 +1,9 @@
 """First come, first served: a free robot takes the order that has waited longest.
 
 Orders are numbered in the order in which they come, so the oldest is the one of the lowest number.
-The robot carries it to its own target.
+The robot carries it to its own target. A cursor goes over the orders once in a run: those below it
+were all taken. One that was given back is found by its robot, which remembers what it took last.
+(Where robots see only what is near, the cursor is forgotten and every robot looks at all orders.)
 """
 
 import numpy as np
@@ -10,13 +12,34 @@ from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED
 from strategies.allocation.independent import deliver, take_order
-from strategies.allocation.stands import is_open
+from strategies.allocation.open_orders import is_open
+
+TOOK = 0  # memory.own: 1 + the order that a robot took last, or 0
+
+# memory.shared
+CURSOR = 0  # all orders below were taken
+LOOKED = 1  # orders looked at in the run so far: what the search has cost
 
 
 @kernel
-def oldest_order(view, given):
-    """The open order of the lowest number, NIL if there is none."""
-    for order in range(view.orders.state.shape[0]):
+def giver_back(view, given, memory):
+    """The robot whose order below the cursor is open again, that of the lowest one; NIL if none is."""
+    robot = NIL
+    lowest = memory.shared[CURSOR]
+    for j in range(memory.own.shape[0]):
+        order = memory.own[j, TOOK] - 1
+        if 0 <= order < lowest and is_open(view, given, order):
+            lowest = order
+            robot = j
+    return robot
+
+
+@kernel
+def next_order(view, given, memory):
+    """The first open order from the cursor on, NIL if there is none; the cursor stops there."""
+    for order in range(memory.shared[CURSOR], view.orders.state.shape[0]):
+        memory.shared[LOOKED] += 1
+        memory.shared[CURSOR] = order + 1
         if is_open(view, given, order):
             return order
     return NIL
@@ -25,16 +48,26 @@ def oldest_order(view, given):
 @kernel
 def decide(view, asked, answers, memory, space):
     given = answers.allocation
+    giver = giver_back(view, given, memory)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         if asked.reason[k] == PICKED:
             deliver(view, given, k, i)
-        elif asked.reason[k] != PERIODIC:
-            order = oldest_order(view, given)
+        elif asked.reason[k] == PERIODIC:
+            continue
+        elif giver != NIL:
+            order = memory.own[giver, TOOK] - 1
+            take_order(view, given, k, order)
+            memory.own[giver, TOOK] = memory.own[i, TOOK]  # that one may be open again, too
+            memory.own[i, TOOK] = order + 1
+            giver = giver_back(view, given, memory)
+        else:
+            order = next_order(view, given, memory)
             if order == NIL:
                 given.verb[k] = PARK
             else:
                 take_order(view, given, k, order)
+                memory.own[i, TOOK] = order + 1
 
 
 class FirstCome(Strategy):
@@ -44,4 +77,4 @@ class FirstCome(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view)
+        return memory_of(view, own=1, shared=2)

@@ -5,9 +5,14 @@ tasks began, pick up and set down: it foresees the zones on the A* paths of the 
 delayed them, or a noisy version of those, or what a network says that has learnt such paths. It plans
 both legs of its own task at once, with the zones of A or more others closed for A = 1, 2, ..., and
 keeps the plan that takes the least time so.
+
+The noisy version is that of the trials of Table 5 (automaton.kernels.routes.noise). In a fleet of many
+nearly every zone has A or more others foreseen for each A up to most_threshold; then no way is left open,
+and plain A* is all there is. How often another plan was taken is counted: `alternatives`.
 """
 
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +21,7 @@ from automaton.strategy.kernels import (
     LEAST_TIME,
     PLAIN,
     TIES,
+    USED_SHARE,
     add_predicted,
     add_zones,
     astar,
@@ -26,22 +32,21 @@ from automaton.strategy.kernels import (
     false_alarms,
     has_zone,
     kernel,
+    next_stand,
     position,
     search,
-    size_of,
 )
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.network import network_for, packed, scratch_size, shipped
-from automaton.world.state import GOAL_PICK, NIL, TICK
-from strategies.allocation.stands import drop_stand
+from automaton.world.state import NIL, TICK
 from strategies.routing.astar import RULE, around_robots, start_pose
 
 SHIPPED = "warehouse-100"  # the scenario whose network is shipped
 
 # memory.parameters, after RULE
 MOST = 1  # the largest A
-PRECISION = 2  # in units of 1 / CERTAIN
-RECALL = 3
+KEEP_ZONE = 2  # the chances of the noise in units of 1 / CERTAIN: a zone used is foreseen,
+ADD_ZONE = 3  # and another one
 NETWORK = 4  # where a packed network begins, if there is one; memory.shared is its scratch
 
 # memory.own
@@ -51,7 +56,8 @@ PLAN_FROM = 2  # the leg that was planned before its time
 PLAN_TO = 3
 TAKEN = 4  # the order whose first leg a network was last asked about, plus 1 ...
 TAKEN_AT = 5  # ... and the cell from which that leg began
-SETS = 6  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
+ALTERNATIVES = 6  # plans that were not plain A*'s
+SETS = 7  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
 
 
 @kernel
@@ -59,15 +65,6 @@ def sets_of(memory, i):
     """The two sets of zones of robot i."""
     words = (memory.own.shape[1] - SETS) >> 1
     return memory.own[i, SETS : SETS + words], memory.own[i, SETS + words :]
-
-
-@kernel
-def next_stand(view, i):
-    """Where robot i will set down what it drives to pick up; NIL if it does not."""
-    order = np.int64(view.robots.order[i])
-    if order == NIL or view.robots.goal[i] != GOAL_PICK:
-        return np.int64(NIL)
-    return drop_stand(view, np.int64(view.orders.target[order]))
 
 
 @kernel
@@ -96,11 +93,10 @@ def foresee_task(view, memory, space, i):
             )
             if pose != NIL:
                 add_zones(view.grid, space.routes, pose, used)
-    if given[PRECISION] < CERTAIN or given[RECALL] < CERTAIN:
+    if given[KEEP_ZONE] < CERTAIN or given[ADD_ZONE] > 0:
         zones, tick = view.grid.zones, view.clock[TICK]
-        add = false_alarms(given[RECALL], given[PRECISION], size_of(used), zones)
         who = np.int64(view.robots.identity[i])
-        blur(used, zones, given[RECALL], add, view.rules.seed, tick, who)
+        blur(used, zones, given[KEEP_ZONE], given[ADD_ZONE], view.rules.seed, tick, who)
 
 
 @kernel
@@ -183,6 +179,7 @@ def choose(view, memory, space, i, start):
         routes.closed[:] = 0
     else:
         close_zones(view.grid, routes, threshold, start, pick, drop)
+        memory.own[i, ALTERNATIVES] += 1
     _, closed = sets_of(memory, i)
     closed[:] = 0
     for zone in range(view.grid.zones):
@@ -243,12 +240,16 @@ class TrafficAvoidance(Strategy):
 
     layer = "routing"
     compiled = decide
+    counters: ClassVar = {"alternatives": ALTERNATIVES}
 
     def reset(self, view):
         p = self.parameters
         words = -(-view.grid.zones // 64)
-        precision, recall = (p.precision, p.recall) if p.predictor == "noisy" else (1, 1)
-        chances = (round(precision * CERTAIN), round(recall * CERTAIN))
+        keep, add = 1.0, 0.0
+        if p.predictor == "noisy":
+            keep = p.recall
+            add = false_alarms(p.precision, p.recall, p.used or USED_SHARE)
+        chances = (round(keep * CERTAIN), round(add * CERTAIN))
         parameters = (TIES.index(p.ties), p.most_threshold, *chances)
         own = SETS + 2 * words
         if p.predictor in ("exact", "noisy"):

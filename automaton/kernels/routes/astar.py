@@ -15,6 +15,7 @@ from automaton.kernels.routes.frontier import (
     COST,
     EXPANDED,
     LARGER_G,
+    LARGER_G_HEAP,
     LEVEL,
     POSE,
     TAIL,
@@ -50,6 +51,8 @@ def search(grid, duration, space, ties, seed, start, target, closing):
     """
     width, mask, shift = grid.width, grid.headings - 1, grid.headings >> 1
     move, turn = np.int64(duration[MOVE]), np.int64(duration[TURN])
+    if mask and turn == 0 and ties == LARGER_G:
+        ties = LARGER_G_HEAP
     label, state = space.label, space.state
     goal_x, goal_y = target % width, target // width
     fresh = begin(space)

@@ -74,13 +74,17 @@ def close_zones(grid, space, threshold, start, pick, drop):
 
 @kernel
 def open_zones(grid, space, cell):
-    """Open the zones that touch a cell: its own, or those that meet in it if it is in none."""
-    if grid.zone[cell, 0] != NIL:
-        space.closed[grid.zone[cell, 0]] = 0
-        space.closed[grid.zone[cell, 1]] = 0
-        return
+    """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
+
+    So whoever stands on an intersection may leave it, be that a zone of its own or none.
+    """
+    open_cell(grid, space, cell)
     for way in range(4):
-        beside = cell + grid.offset[way]
-        for column in range(2):
-            if grid.zone[beside, column] != NIL:
-                space.closed[grid.zone[beside, column]] = 0
+        open_cell(grid, space, cell + grid.offset[way])
+
+
+@kernel
+def open_cell(grid, space, cell):
+    for column in range(2):
+        if grid.zone[cell, column] != NIL:
+            space.closed[grid.zone[cell, column]] = 0

@@ -1,8 +1,9 @@
 """Plans replayed ahead of time: the world's rule of slow zones, without anything else.
 
 Each robot takes its steps as soon as it is free. A move takes as many times longer as its zone has
-robots when it begins; nobody waits for a cell. A robot whose plan has ended is counted for one more
-tick, then its next task is unknown; one that has nothing to do stays.
+robots when it begins; nobody waits for a cell. Who leaves a bay is counted from the next tick on. A
+robot whose plan has ended is counted for one more tick, then its next task is unknown; one that has
+nothing to do stays.
 """
 
 import numpy as np
@@ -21,6 +22,7 @@ from automaton.kernels.routes.presence import (
     FREE,
     HEADING,
     HORIZON,
+    IN_BAY,
     LINK,
     PLACE,
     STEP,
@@ -85,7 +87,7 @@ def arrive(view, memory, crowd, i, tick):
     """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
     row = memory.own[i]
     zone = NIL
-    if row[STEP] <= row[STEPS]:
+    if row[STEP] <= row[STEPS] and row[IN_BAY] != 1:
         zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
     if zone != row[ZONE]:
         if row[ZONE] != NIL:
@@ -100,9 +102,18 @@ def depart(view, memory, crowd, calendar, i, tick):
     """Robot i begins its next step, or goes past its last one."""
     row = memory.own[i]
     while row[STEP] < row[STEPS]:
-        zone = zone_left(view, row)
-        others = 0 if zone == NIL else crowd[zone] - (1 if zone == row[ZONE] else 0)
-        ticks = begin_step(view, row, others)
+        ticks = row[IN_BAY] - 1
+        if ticks <= 0:
+            zone = zone_left(view, row)
+            others = 0 if zone == NIL else crowd[zone] - (1 if zone == row[ZONE] else 0)
+            ticks = ticks_of_step(view, row, others)
+            if row[IN_BAY] and ticks > 1:
+                row[IN_BAY] = ticks
+                schedule(memory, calendar, i, tick + 1)
+                return
+        if ticks:
+            row[IN_BAY] = 0
+        begin_step(view, row)
         if ticks:
             schedule(memory, calendar, i, tick + ticks)
             return
@@ -119,22 +130,31 @@ def zone_left(view, row):
 
 
 @kernel
-def begin_step(view, row, others):
-    """Begin the next step, beside `others` in its zone; returns the ticks until the one after it."""
-    duration, headings = view.rules.duration, view.grid.headings
+def ticks_of_step(view, row, others):
+    """The ticks that the next step takes, beside `others` in its zone."""
+    duration = view.rules.duration
     step = row[COLUMNS + row[STEP]]
     if step >= PICKS:
-        row[STEP] += 1
         return np.int64(duration[DROP if step == DROPS else PICK])
+    if step & (view.grid.headings - 1) != row[HEADING]:
+        return np.int64(duration[TURN])
+    return ticks_of_move(view, others)
+
+
+@kernel
+def begin_step(view, row):
+    """Begin the next step; before a move in another heading it is a turn."""
+    headings = view.grid.headings
+    step = row[COLUMNS + row[STEP]]
     heading = step & (headings - 1)
-    if heading != row[HEADING]:
+    if step < PICKS and heading != row[HEADING]:
         left = headings == 4 and (heading - row[HEADING]) & 3 == 3
         row[HEADING] = (row[HEADING] + (3 if left else 1)) & (headings - 1)
-        return np.int64(duration[TURN])
+        return
     row[STEP] += 1
-    row[PLACE] += view.grid.offset[step]
-    row[TRAVEL] = step
-    return ticks_of_move(view, others)
+    if step < PICKS:
+        row[PLACE] += view.grid.offset[step]
+        row[TRAVEL] = step
 
 
 @kernel
@@ -150,8 +170,12 @@ def foresee_one(view, space, memory, i, steps, length):
     row, horizon = memory.own[i], memory.parameters[HORIZON]
     tick = row[FREE]
     while row[STEP] < row[STEPS] and tick < horizon:
-        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick)
-        tick += begin_step(view, row, present(memory, zone_left(view, row), tick))
+        enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick + row[IN_BAY])
+        ticks = ticks_of_step(view, row, present(memory, zone_left(view, row), tick))
+        if ticks:
+            row[IN_BAY] = 0
+        begin_step(view, row)
+        tick += ticks
     if tick < horizon:
         enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick)
     enter_zone(memory, i, NIL, min(tick + 1, horizon))

@@ -18,6 +18,9 @@ from automaton.world.state import NIL
 FIFO = 0
 LARGER_G = 1
 RANDOM = 2
+LARGER_G_HEAP = (
+    3  # as LARGER_G without its lane, which cannot tell equal g apart: turns of no ticks
+)
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
 # Entries of RouteSpace.state.
@@ -53,14 +56,14 @@ def begin(space):
 def put(space, ties, salt, pose, row, f, h):
     """Enter a pose of that f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
     state = space.state
-    if f == state[LEVEL] and ties != RANDOM:
+    if f == state[LEVEL] and ties < RANDOM:
         space.lane[state[TAIL]] = (row << 32) | pose
         state[TAIL] += 1
         return
     number = state[FOUND]
     state[FOUND] = number + 1
     tie = number
-    if ties == LARGER_G:
+    if ties == LARGER_G or ties == LARGER_G_HEAP:
         tie = h
     elif ties == RANDOM:
         tie = np.int64(mix(salt + np.uint64(number)) >> np.uint64(33))

@@ -14,6 +14,7 @@ from automaton.kernels.routes.presence import (
     COLUMNS,
     FREE,
     HEADING,
+    IN_BAY,
     PLACE,
     SINCE,
     STEP,
@@ -23,6 +24,7 @@ from automaton.kernels.routes.presence import (
     ZONE,
     most_steps,
 )
+from automaton.kernels.stands import drop_stand
 from automaton.world.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
 
 PICKS = 4  # steps besides the four directions
@@ -49,6 +51,9 @@ def begin_plan(view, memory, i):
     row[STEP] = 0
     row[STEPS] = 0
     row[VISITS] = 0
+    row[IN_BAY] = cell == NIL
+    if cell == NIL:
+        row[TRAVEL] = row[HEADING]  # as if it had come along its heading
     if claim != NIL and claim != cell:
         for direction in range(4):
             if cell + view.grid.offset[direction] == claim:
@@ -72,14 +77,11 @@ def append_rest(view, space, memory, i, heading):
         append(memory, i, DROPS)
     elif robots.goal[i] == GOAL_PICK and robots.order[i] != NIL:
         append(memory, i, PICKS)
-        target = np.int64(view.orders.target[robots.order[i]])
-        for direction in range(4):
-            stand = np.int64(view.slots.access[target, direction])
-            if stand != NIL:
-                pose = np.int64(robots.stand[i]) * view.grid.headings + heading
-                append_path(view, space, memory, i, pose, stand)
-                append(memory, i, DROPS)
-                return
+        stand = drop_stand(view, np.int64(view.orders.target[robots.order[i]]))
+        if stand != NIL:
+            pose = np.int64(robots.stand[i]) * view.grid.headings + heading
+            append_path(view, space, memory, i, pose, stand)
+            append(memory, i, DROPS)
 
 
 @kernel

@@ -1,11 +1,12 @@
 """Who will be where: foreseen robots in each zone, tick by tick, from now to a horizon.
 
-memory.shared   the counts of the zones, four ticks to a word; then room for a replay. All of it is
-                zero between two calls of a strategy.
+memory.shared   the counts of the zones, four ticks to a word; then room for a replay, and whether a
+                count has overflowed. All of it is zero between two calls of a strategy.
 memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
                 visits to zones, which are what it adds to the counts.
 
-A visit is zone << 32 | first tick << 16 | tick in which it is over.
+A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one that
+would go beyond stays there until all are forgotten.
 """
 
 from automaton.compiled import kernel
@@ -13,7 +14,8 @@ from automaton.world.state import NIL
 
 HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them
 ZONES = 1
-OWN_PARAMETERS = 2
+SHARES = 2  # 1: what is foreseen of a zone is a share of all ticks, the same for each of them
+OWN_PARAMETERS = 3
 
 # Columns of memory.own; ticks are counted from now.
 PLACE = 0  # the cell in which its next step begins
@@ -26,13 +28,19 @@ ZONE = 6  # where it is counted, or NIL
 SINCE = 7  # the tick in which it came there
 VISITS = 8
 LINK = 9  # the robot whose step begins in the same tick, plus one
-COLUMNS = 10
+IN_BAY = (
+    10  # 1: its first step begins in a bay, 2 or more: it has left it, its step ends after so many
+)
+KEPT = 11  # a number that a strategy keeps from call to call
+TASK = 12  # of which task the plan is, where whole tasks are planned
+COLUMNS = 13
 
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
 MOST_TICKS = MASK  # of a horizon
+WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are foreseen
 
 
 def row_size(horizon: int) -> int:
@@ -42,7 +50,7 @@ def row_size(horizon: int) -> int:
 
 def shared_size(zones: int, horizon: int) -> int:
     """Length of memory.shared for so many zones and ticks."""
-    return zones * -(-horizon // LANES) + zones + horizon
+    return zones * -(-horizon // LANES) + zones + horizon + 1
 
 
 @kernel
@@ -66,9 +74,26 @@ def present(memory, zone, tick):
 
 
 @kernel
+def occupancy(memory, zone, tick):
+    """Thousandths of robots that are expected in a zone at a tick."""
+    if zone != NIL and memory.parameters[SHARES]:
+        return memory.shared[first_share(memory) + zone] // (WHOLE // 1000)
+    return 1000 * present(memory, zone, tick)
+
+
+@kernel
+def first_share(memory):
+    """Where the shares of the zones begin in memory.shared; a replay counts robots there."""
+    return memory.parameters[ZONES] * words_of_zone(memory)
+
+
+@kernel
 def add(memory, zone, begin, end, sign):
     """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
     base = zone * words_of_zone(memory)
+    if memory.own.shape[0] > MASK:
+        add_within_bounds(memory, base, begin, end, sign)
+        return
     tick = begin
     while tick < end:
         if tick % LANES == 0 and tick + LANES <= end:
@@ -77,6 +102,19 @@ def add(memory, zone, begin, end, sign):
         else:
             memory.shared[base + tick // LANES] += sign << (tick % LANES * LANE)
             tick += 1
+
+
+@kernel
+def add_within_bounds(memory, base, begin, end, sign):
+    """The same with more robots than a count can hold: it must not carry into its neighbour."""
+    for tick in range(begin, end):
+        word, shift = base + tick // LANES, tick % LANES * LANE
+        count = (memory.shared[word] >> shift) & MASK
+        if count == MASK or count + sign > MASK:
+            memory.shared[word] |= MASK << shift
+            memory.shared[memory.shared.shape[0] - 1] = 1
+        else:
+            memory.shared[word] += sign << shift
 
 
 @kernel
@@ -109,3 +147,8 @@ def forget_all(memory):
     """Leave the counts as they are found: all zero."""
     for i in range(memory.own.shape[0]):
         forget(memory, i)
+    if memory.shared[memory.shared.shape[0] - 1]:
+        memory.shared[:] = 0
+    if memory.parameters[SHARES]:
+        first = first_share(memory)
+        memory.shared[first : first + memory.parameters[ZONES]] = 0

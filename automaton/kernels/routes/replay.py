@@ -58,18 +58,6 @@ def has_zone(used, zone):
 
 
 @kernel
-def size_of(used):
-    """How many zones are in a set."""
-    size = 0
-    for word in range(used.shape[0]):
-        bits = used[word]
-        while bits != 0:
-            bits &= bits - 1
-            size += 1
-    return size
-
-
-@kernel
 def count_zones(used, count):
     """count[z] += 1 for each zone of a set."""
     for word in range(used.shape[0]):

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.routes.forecast import ticks_of_move
 from automaton.kernels.routes.plans import begin_plan, zone_of
-from automaton.kernels.routes.presence import FREE, HEADING, PLACE, present
+from automaton.kernels.routes.presence import FREE, HEADING, PLACE, occupancy
 from automaton.kernels.search import (
     STARTED,
     TURNED_AHEAD,
@@ -64,8 +64,9 @@ def find_in_time(view, space, memory, beta, i, around, steps):
             after = cell + grid.offset[way]
             if (rule >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
-            others = present(memory, zone_of(grid, cell, way), now)
-            dearer, later = cost + move * (UNIT + beta * others), now + ticks_of_move(view, others)
+            others = occupancy(memory, zone_of(grid, cell, way), now)  # in thousandths
+            dearer = cost + move * (UNIT + beta * others // 1000)
+            later = now + ticks_of_move(view, others // 1000)
             to = after * headings + heading
             size = label(view, space, search, bits, size, to, dearer, later, target, way)
         if headings > 1 and rule & 16:

@@ -1,0 +1,129 @@
+"""What is expected of others by who knows their tasks and not their plans (Bhattathiri, Li & Kuhl).
+
+Of each robot it is known where and when its task began, where it picks up and where it sets down. It is
+expected on the paths of plain A*, as if nobody delayed it: at the ticks that follow from that, or, where
+shares are foreseen, at any time with the probability ticks in a zone / ticks of the task.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.routes.forecast import begin_step, ticks_of_step
+from automaton.kernels.routes.plans import DROPS, PICKS, append, append_path, zone_of
+from automaton.kernels.routes.presence import (
+    COLUMNS,
+    HEADING,
+    HORIZON,
+    IN_BAY,
+    PLACE,
+    SHARES,
+    SINCE,
+    STEP,
+    STEPS,
+    TASK,
+    TRAVEL,
+    VISITS,
+    WHOLE,
+    ZONE,
+    enter_zone,
+    first_share,
+    forget,
+)
+from automaton.kernels.stands import drop_stand, pick_stand
+from automaton.world.state import NIL, TICK
+
+
+@kernel
+def expect(view, space, memory):
+    """Count all robots with the tasks that they have."""
+    for i in range(view.robots.cell.shape[0]):
+        memory.own[i, VISITS] = 0
+        expect_one(view, space, memory, i)
+
+
+@kernel
+def expect_one(view, space, memory, i):
+    """Count robot i."""
+    if view.robots.order[i] == NIL:
+        memory.own[i, TASK] = 0
+        return
+    plan_task(view, space, memory, i)
+    if memory.parameters[SHARES]:
+        share_zones(view, memory, i, 1)
+    else:
+        replay_task(view, memory, i)
+
+
+@kernel
+def expect_no_more(view, memory, i):
+    """Take robot i out of what is expected."""
+    if memory.parameters[SHARES] == 0:
+        forget(memory, i)
+    elif memory.own[i, TASK] != 0:
+        share_zones(view, memory, i, -1)
+
+
+@kernel
+def plan_task(view, space, memory, i):
+    """Have robot i's row hold the way of its whole task; it stays there until the task is over."""
+    orders, headings = view.orders, view.grid.headings
+    order, row = np.int64(view.robots.order[i]), memory.own[i]
+    task = (np.int64(orders.dispatched[order]) << 32) | (order + 1)
+    if row[TASK] == task:
+        return
+    row[TASK] = task
+    row[STEPS] = 0
+    stand = pick_stand(view, np.int64(orders.source[order]))
+    heading = np.int64(orders.dispatched_heading[order])
+    pose = np.int64(orders.dispatched_from[order]) * headings + heading
+    append_path(view, space, memory, i, pose, stand)
+    if row[STEPS] > 0:
+        heading = row[COLUMNS + row[STEPS] - 1] & (headings - 1)
+    append(memory, i, PICKS)
+    end = drop_stand(view, np.int64(orders.target[order]))
+    append_path(view, space, memory, i, stand * headings + heading, end)
+    append(memory, i, DROPS)
+
+
+@kernel
+def begin_task(view, memory, i):
+    """Put robot i back to where its task began."""
+    order, row = np.int64(view.robots.order[i]), memory.own[i]
+    row[PLACE] = view.orders.dispatched_from[order]
+    row[HEADING] = view.orders.dispatched_heading[order]
+    row[TRAVEL] = row[HEADING]
+    row[STEP] = 0
+    row[IN_BAY] = 0
+
+
+@kernel
+def replay_task(view, memory, i):
+    """Enter robot i's visits from now on, as if nobody had delayed it or will."""
+    begin_task(view, memory, i)
+    row, horizon = memory.own[i], memory.parameters[HORIZON]
+    row[ZONE] = NIL
+    row[SINCE] = 0
+    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock[TICK]
+    while row[STEP] < row[STEPS] and tick < horizon:
+        zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
+        enter_zone(memory, i, zone, max(tick, 0))
+        tick += ticks_of_step(view, row, 0)
+        begin_step(view, row)
+    enter_zone(memory, i, NIL, min(max(tick, 0), horizon))
+
+
+@kernel
+def share_zones(view, memory, i, sign):
+    """Add robot i's shares of its zones to those of all, or take them away (sign -1)."""
+    row, first = memory.own[i], first_share(memory)
+    begin_task(view, memory, i)
+    ticks = 0
+    while row[STEP] < row[STEPS]:
+        ticks += ticks_of_step(view, row, 0)
+        begin_step(view, row)
+    begin_task(view, memory, i)
+    while row[STEP] < row[STEPS]:
+        zone, began = zone_of(view.grid, row[PLACE], row[TRAVEL]), ticks_of_step(view, row, 0)
+        if zone != NIL:
+            memory.shared[first + zone] += sign * (began * WHOLE // ticks)
+        begin_step(view, row)

@@ -83,6 +83,13 @@ class Simulation:
         self.world.clock[OBSERVING] = 1 if on_observe else 0
         picked = [self._picked(layer) for layer in LAYERS] if strategies is None else strategies
         self._strategies = [self._admitted(strategy) for strategy in picked]
+        for strategy in self._strategies:
+            if strategy is not None:
+                strategy.colleagues = {
+                    layer: other
+                    for layer, other in zip(LAYERS, self._strategies, strict=True)
+                    if other is not None
+                }
         if after is not None:
             take_over(self.world, self.watch, after)
             self.look_for_end()

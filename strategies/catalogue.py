@@ -169,9 +169,156 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 1.6 GB
 
 
+Percent = Annotated[float, Meta(ge=0, le=100)]
+
+
+class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What quotes of charging reckon with."""
+
+    queues: Annotated[
+        bool, Meta(description="robots sent to a charger before make it cost more")
+    ] = True
+
+
+class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How charging is put into a list of orders."""
+
+    mode: Annotated[
+        Literal["hierarchical", "joint"],
+        Meta(
+            description="hierarchical: an order goes where it adds least, then charging; joint: "
+            "where both together cost least."
+        ),
+    ] = "hierarchical"
+    never_strand: Annotated[
+        bool, Meta(description="at the end of a list a charger can still be reached")
+    ] = True
+
+
+class FillUp(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far batteries are filled."""
+
+    target: Annotated[Percent, Meta(description="percent")] = 100.0
+
+
+class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When a battery counts as low."""
+
+    threshold: Annotated[Percent, Meta(description="percent")] = 20.0
+    mode: Annotated[
+        Literal["look", "safe"],
+        Meta(
+            description="look: charge before a task that would end below the threshold; safe: also "
+            "before one from whose end no charger could be reached"
+        ),
+    ] = "safe"
+
+
+class Opportunity(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When an idle robot charges."""
+
+    below: Annotated[Percent, Meta(description="percent")] = 80.0
+
+
+Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
+
+
+class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """An epsilon that goes evenly from one value to another."""
+
+    first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
+    last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
+    until: Tick
+
+
+class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How orders are sold to robots, and by whom."""
+
+    auction: Annotated[
+        Literal[
+            "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
+        ],
+        Meta(
+            description="sequential: one by one, the winner bids anew; arrival: each order to the "
+            "lowest bid as it came; parallel: all at once; combinatorial: bundles, small cases; "
+            "genetic, exact: the benchmarks of the paper; assignment: one order for each robot."
+        ),
+    ] = "sequential"
+    bid: Annotated[
+        Literal["mixed", "average", "average-paper"],
+        Meta(
+            description="mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: what an order "
+            "adds to the sum of arrival times; average-paper: the mean arrival time."
+        ),
+    ] = "mixed"
+    epsilon: Annotated[
+        Fraction | EpsilonSchedule | Literal["load"],
+        Meta(
+            description="1 is MiniSum, 0 MiniMax; {from, to, until} changes it with time; load: the "
+            "more orders wait for each robot, the nearer to 1."
+        ),
+    ] = 0.5
+    winner: Annotated[
+        Literal["lowest", "difference", "fewest", "regret"],
+        Meta(
+            description="sequential: which order is sold next: that of the lowest bid (LB), of the "
+            "biggest difference (BD), with the fewest bidders (FB), or of the largest regret."
+        ),
+    ] = "lowest"
+    improve: Annotated[bool, Meta(description="local search over all lists after each auction")] = (
+        False
+    )
+    limit: Annotated[int, Meta(ge=1, le=64, description="orders in a robot's list")] = 8
+    horizon: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
+    auctioneer: Annotated[
+        Literal["central", "fixed", "time", "token"],
+        Meta(
+            description="central: one that all hear; fixed: `auctioneers` robots, each sells the "
+            "orders nearest to it; time, token: one robot at a time, passed on after `term` ticks, "
+            "or after each auction."
+        ),
+    ] = "central"
+    auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
+    term: Annotated[int, Meta(ge=1, le=1_000_000, description="time: ticks")] = 100
+    region: Annotated[
+        Literal["auctioneer", "order"],
+        Meta(description="who hears an order: robots around its auctioneer, or around the order"),
+    ] = "auctioneer"
+    radius: Annotated[
+        Annotated[int, Meta(ge=1, le=100_000)] | None,
+        Meta(description="in cells; doubled while nobody bids; null: all hear everything"),
+    ] = None
+    reauction_after: Annotated[
+        Annotated[int, Meta(ge=0, le=1_000_000)] | None,
+        Meta(description="a robot so many ticks late gives its list back; null: never"),
+    ] = None
+
+
 CATALOGUE: dict[str, dict[str, Entry]] = {
     "zoning": {},
-    "charging": {},
+    "charging": {
+        "insertion": Entry(
+            "strategies.charging.quoted:InsertCharging",
+            Insertion,
+            "optimal insertion: the charger, place in the list and time that cost least (De Ryck)",
+        ),
+        "threshold": Entry(
+            "strategies.charging.quoted:ThresholdCharging",
+            Threshold,
+            "threshold-100: below 20 % to the nearest charger, until it is full (De Ryck)",
+        ),
+        "fill-up": Entry(
+            "strategies.charging.quoted:FillUpCharging",
+            FillUp,
+            "as insertion, but charge up to a target where the list needs a charger",
+        ),
+        "opportunity": Entry(
+            "strategies.charging.quoted:OpportunityCharging",
+            Opportunity,
+            "idle robots charge at free chargers, and leave for orders that they can finish",
+        ),
+    },
     "allocation": {
         "independent": Entry(
             "strategies.allocation.independent:Independent",
@@ -192,6 +339,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.allocation.first_come:FirstCome",
             NoParameters,
             "oldest unreserved order, carried to its destination",
+        ),
+        "auction": Entry(
+            "strategies.allocation.auction:Auction",
+            Auctions,
+            "auctions with charging in the bids: sequential, parallel, combinatorial, ... (De Ryck)",
         ),
         "independent-python": Entry(
             "strategies.allocation.independent_python:IndependentPython",

@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.auctions.market import Battery, Fleet, Scratch, Work
+from automaton.auctions.market import INF, Battery, Fleet, Scratch, Work
 from automaton.auctions.preparation import battery_of, deliveries, fleet_of, scratch_for
 from automaton.compiled import kernel
+from automaton.kernels.energy import gain
 from automaton.kernels.operations import first_cell
 from automaton.kernels.search import distance
+from automaton.kernels.stands import drop_stand, pick_stand
 from automaton.struct import Struct
-from automaton.world.state import (
-    MOVE,
-    NIL,
-    TURN,
-)
+from automaton.world.condition import RUNNING
+from automaton.world.state import DROP, GOAL_CHARGE, GOAL_PICK, MOVE, NIL, PICK, TURN
 
 Array = NDArray[Any]
 
@@ -105,11 +104,109 @@ def rate_of_driving(rules, headings, loaded):
 
 
 @kernel
-def stand_of(view, slot, from_right):
-    """The cell from which allocation has a slot served: at its right to pick up, else at its left."""
-    access = view.slots.access
-    for k in range(4):
-        direction = k if from_right == 0 else (2 - k if k != 3 else 3) & 3
-        if access[slot, direction] != NIL:
-            return np.int64(access[slot, direction])
-    return np.int64(NIL)
+def enter_task(view, space, site, task, order):
+    """Task number `task` of the site is to carry this order to its target."""
+    work, rules = site.work, view.rules
+    slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
+    begin = pick_stand(view, slot)
+    end = begin if slot == target else drop_stand(view, target)
+    site.order[task] = order
+    site.cell[work.begin[task]] = begin
+    site.cell[work.end[task]] = end
+    drive = longest_way(view, space, begin, end) if slot != target else 0
+    loaded = rate_of_driving(rules, view.grid.headings, 1)
+    picking, dropping = np.int64(rules.duration[PICK]), np.int64(rules.duration[DROP])
+    work.inside[task] = min(drive + picking + (dropping if slot != target else 0), CAPPED)
+    energy = drive * loaded + picking * rules.drain[PICK, 0]
+    if slot != target:
+        energy += max(dropping, 1) * rules.drain[DROP, 1]
+    work.use[task] = min(energy + rules.drain[PICK, 0], CAPPED)
+
+
+@kernel
+def enter_robot(view, space, site, r, i):
+    """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
+    robots, fleet, rules = view.robots, site.fleet, view.rules
+    empty = rate_of_driving(rules, view.grid.headings, 0)
+    loaded = rate_of_driving(rules, view.grid.headings, 1)
+    place, ready = first_cell(robots, i), np.int64(robots.busy[i])
+    charge = np.int64(robots.charge[i])
+    order = np.int64(robots.order[i])
+    if robots.goal[i] == GOAL_CHARGE and robots.yields[i] == 0:
+        place = np.int64(robots.stand[i])
+        charge -= way_from(view, space, i, place) * empty
+        ready += way_from(view, space, i, place) + charging_time(view, charge, robots.level[i])
+        charge = max(charge, np.int64(robots.level[i]))
+    elif robots.load[i] != NIL:
+        place = drop_stand(view, np.int64(view.orders.target[robots.load[i]]))
+        drive = way_from(view, space, i, place)
+        ready += drive + rules.duration[DROP]
+        charge -= drive * loaded + max(np.int64(rules.duration[DROP]), 1) * rules.drain[DROP, 1]
+    elif order != NIL and robots.goal[i] == GOAL_PICK:
+        slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
+        begin = np.int64(robots.stand[i])
+        drive = way_from(view, space, i, begin)
+        place = begin if slot == target else drop_stand(view, target)
+        inside = longest_way(view, space, begin, place) if slot != target else 0
+        ready += drive + inside + rules.duration[PICK] + rules.duration[DROP]
+        charge -= drive * empty + inside * loaded
+        charge -= max(np.int64(rules.duration[PICK]), 1) * rules.drain[PICK, 0]
+        charge -= max(np.int64(rules.duration[DROP]), 1) * rules.drain[DROP, 1]
+    site.robot[r] = i
+    site.cell[r] = place
+    fleet.ready[r] = min(ready, CAPPED)
+    fleet.charge[r] = charge
+    fleet.first[r] = 0
+    fleet.length[r] = 0
+
+
+@kernel
+def charging_time(view, charge, level):
+    """Ticks at a charger from one charge to another."""
+    ticks = np.int64(0)
+    while charge < level:
+        charge += gain(view, charge)
+        ticks += 1
+    return ticks
+
+
+@kernel
+def survey(view, space, site, robots, tasks):
+    """Measure the ways between the first so many robots' places, the chargers, and so many tasks'."""
+    work, battery = site.work, site.battery
+    chargers = view.chargers.cell.shape[0]
+    first_task = site.fleet.place.shape[0] + chargers
+    rate = rate_of_driving(view.rules, view.grid.headings, 0)
+    for a in range(first_task + 2 * tasks):
+        if robots <= a < site.fleet.place.shape[0]:
+            continue
+        start = np.int64(site.cell[a])
+        for b in range(site.fleet.place.shape[0], first_task + 2 * tasks):
+            ticks = longest_way(view, space, start, np.int64(site.cell[b]))
+            work.ticks[a, b] = ticks
+            work.energy[a, b] = min(ticks * rate, CAPPED)
+        battery.nearest[a] = NIL
+        battery.reach[a] = INF
+        for c in range(chargers):
+            energy = np.int64(work.energy[a, battery.charger[c]])
+            if energy < battery.reach[a] and energy < CAPPED:
+                battery.nearest[a] = c
+                battery.reach[a] = energy
+
+
+@kernel
+def count_queues(view, space, site, besides):
+    """How long a robot waits at each charger for those that were sent there before, but for one."""
+    wait, robots = site.battery.wait, view.robots
+    for c in range(wait.shape[0]):
+        wait[c] = 0
+    if site.queues == 0:
+        return
+    for j in range(robots.cell.shape[0]):
+        if j == besides or robots.goal[j] != GOAL_CHARGE or robots.status[j] != RUNNING:
+            continue
+        stand = np.int64(robots.stand[j])
+        if stand != NIL and robots.yields[j] == 0:
+            wait[view.chargers.at[stand]] += charging_time(
+                view, np.int64(robots.charge[j]), np.int64(robots.level[j])
+            )

@@ -9,6 +9,7 @@ from automaton.world.state import (
     ALLOCATION,
     CHANGES,
     CHARGING,
+    CHARGING_AGAIN,
     FRESH_ALLOCATION,
     HOLD_ASK,
     KEEP,
@@ -21,6 +22,7 @@ from automaton.world.state import (
     NEEDING_WAY,
     NIL,
     PERIODIC,
+    PHASE,
     PICKED,
     RIGHT_OF_WAY,
     ROUTING,
@@ -62,11 +64,12 @@ def batch_everybody(world, asked, layer):
 def batch_charging(world, asked):
     """Robots with a battery that are free, have taken an order, or were left without one.
 
-    Once each, when they are not busy; on the ticks that the strategy asked for, all in order.
+    Once each, when they are not busy: the free ones before allocation, the others after it. On the
+    ticks that the strategy asked for, all that are in order.
     """
     robots, clock = world.robots, world.clock
     asked.count[0] = 0
-    due = is_due(world, CHARGING)
+    due = clock[PHASE] != CHARGING_AGAIN and is_due(world, CHARGING)
     if clock[NEEDING_CHARGING] == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):

@@ -1,6 +1,6 @@
 """The answers of strategies as a stream of numbers: kept while a run goes on, given again in a replay.
 
-    tick * 8 + layer | identity * 65,536 + number of values | values ...
+    tick * 8 + phase (entry of SEQUENCE) | identity * 65,536 + number of values | values ...
 
 in the order in which they entered the world; robots that were asked and got KEEP are left out.
 Values: zoning (zone), charging (stand, level, yields), allocation (verb, order, slot, stand,
@@ -19,13 +19,14 @@ from automaton.world.state import (
     DECIDED,
     KEEP,
     NIL,
+    PHASE,
     RIGHT_OF_WAY,
     ROUTING,
     TICK,
     ZONING,
 )
 
-LAYER_BITS = 3
+PHASE_BITS = 3
 COUNT_BITS = 16
 STEPS = 31  # directions in a word
 CURSOR = 0  # columns of a replaying strategy's memory.own
@@ -37,9 +38,15 @@ PLAN_WORDS = 7  # values of a plan, its orders aside
 
 
 @kernel
+def key_of(world):
+    """What the words of the answers that are given now begin with."""
+    return (world.clock[TICK] << PHASE_BITS) | world.clock[PHASE]
+
+
+@kernel
 def most_words(longest_route, longest_plan):
     """Words that the decisions about one robot may take in a tick."""
-    heads, values = 2 * 6, 1 + 3 + ANSWER_WORDS + PLAN_WORDS + longest_plan + 1 + 4
+    heads, values = 2 * 7, 1 + 2 * 3 + ANSWER_WORDS + PLAN_WORDS + longest_plan + 1 + 4
     return heads + values + (longest_route + STEPS - 1) // STEPS
 
 
@@ -53,7 +60,7 @@ def keep_decisions(world, record, asked, answers, layer):
         size = put(world, record.decisions, at + 2, asked, answers, layer, k)
         if size:
             identity = np.int64(world.robots.identity[asked.robot[k]])
-            record.decisions[at] = (world.clock[TICK] << LAYER_BITS) | layer
+            record.decisions[at] = key_of(world)
             record.decisions[at + 1] = (identity << COUNT_BITS) | size
             world.clock[DECIDED] = at + 2 + size
 
@@ -69,7 +76,7 @@ def keep_plans(world, record, given):
         count = count if 0 <= count <= world.robots.plan.shape[1] else ILLEGAL_PLAN
         at = world.clock[DECIDED]
         size = PLAN_WORDS + max(count, 0)
-        record.decisions[at] = (world.clock[TICK] << LAYER_BITS) | ALLOCATION
+        record.decisions[at] = key_of(world)
         record.decisions[at + 1] = (identity << COUNT_BITS) | size
         for k in range(PLAN_WORDS):
             record.decisions[at + 2 + k] = count
@@ -82,7 +89,7 @@ def keep_plans(world, record, given):
 def words_until(words, end, tick):
     """How many of the first `end` words tell of ticks up to `tick`."""
     at = 0
-    while at < end and words[at] >> LAYER_BITS <= tick:
+    while at < end and words[at] >> PHASE_BITS <= tick:
         at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
     return min(at, end)
 
@@ -94,14 +101,14 @@ def first_other_tick(words, others):
     at = 0
     while at + 1 < both:
         if words[at] != others[at]:
-            return min(words[at], others[at]) >> LAYER_BITS
+            return min(words[at], others[at]) >> PHASE_BITS
         following = at + 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
         for k in range(at + 1, following):
             if k >= both or words[k] != others[k]:
-                return words[at] >> LAYER_BITS
+                return words[at] >> PHASE_BITS
         at = following
     longer = words if words.shape[0] > others.shape[0] else others
-    return longer[at] >> LAYER_BITS if at < longer.shape[0] else NIL
+    return longer[at] >> PHASE_BITS if at < longer.shape[0] else NIL
 
 
 @kernel
@@ -155,7 +162,7 @@ def put_route(world, words, at, i, given, k):
 def repeat(view, asked, answers, memory, space):
     """Decide as recorded. memory: parameters (layer), shared the stream, own[0] CURSOR and END."""
     layer = memory.parameters[0]
-    key = (view.clock[TICK] << LAYER_BITS) | layer
+    key = key_of(view)
     words = memory.shared
     at, end = memory.own[0, CURSOR], memory.own[0, END]
     if layer == ALLOCATION:

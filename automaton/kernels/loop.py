@@ -1,6 +1,6 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
-    faults -> orders -> zoning -> charging -> allocation -> routing -> right of way
+    faults -> orders -> zoning -> charging -> allocation -> charging -> routing -> right of way
            -> motion -> faults -> record -> observe
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
@@ -45,13 +45,14 @@ from automaton.world.state import (
     DECIDED,
     DIGEST_EVERY,
     FINISHED,
-    LAYERS,
     OBSERVING,
     OUT,
+    PHASE,
     RECORDED,
     RECORDING,
     RIGHT_OF_WAY,
     ROUTING,
+    SEQUENCE,
     STOP_DELIVERED,
     STOP_PARKED,
     TICK,
@@ -69,7 +70,7 @@ ABSENT = 0  # how a layer is served
 COMPILED = 1
 INTERPRETED = 2
 
-LAYER_COUNT = len(LAYERS)
+PHASES = len(SEQUENCE)
 
 
 def ticks(
@@ -96,7 +97,9 @@ def ticks(
         if world.rules.may_fail:
             begin_faults(world, record)
         release_orders(world)
-        for layer in range(LAYER_COUNT):  # in the order of automaton.world.state.LAYERS
+        for phase in range(PHASES):
+            layer = SEQUENCE[phase]
+            clock[PHASE] = phase
             if serving[layer] == ABSENT or not concerns(world, batch, layer):
                 continue
             for turn in range(turns(world, batch)):

@@ -42,6 +42,8 @@ class Strategy:
         if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
             cls.compiled = None
 
+    colleagues: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset
+
     def __init__(self, parameters: Any = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
 

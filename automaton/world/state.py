@@ -64,6 +64,10 @@ ROUTING: Final = 3
 RIGHT_OF_WAY: Final = 4
 LAYERS: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
+# In which sequence they are asked: charging once more, about orders taken and robots left without one.
+SEQUENCE: Final = (ZONING, CHARGING, ALLOCATION, CHARGING, ROUTING, RIGHT_OF_WAY)
+CHARGING_AGAIN: Final = 3  # its entry
+
 # Why a robot is in a batch.
 FREE: Final = 0  # it has nothing to do
 PICKED: Final = 1  # its pick has begun: where does the load go?
@@ -112,7 +116,8 @@ NEEDING_CHARGING: Final = 17
 TICKETS: Final = 18  # tickets given out for lines before chargers
 NEXT_FAULT: Final = 19  # row of rules.faults that comes next
 OUT: Final = 20  # robots that are out of order or going to be
-CLOCK_SIZE: Final = 21
+PHASE: Final = 21  # entry of SEQUENCE that is being asked
+CLOCK_SIZE: Final = 22
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1

@@ -1,8 +1,8 @@
 """First come, first served: a free robot takes the order that has waited longest.
 
-Orders are numbered in the order in which they come, so the oldest is the one of the lowest number.
-The robot carries it to its own target. A cursor goes over the orders once in a run: those below it
-were all taken. One that was given back is found by its robot, which remembers what it took last.
+Orders are taken in the sequence in which they become known; ties: the lowest number. The robot
+carries it to its own target. A cursor goes over the orders once in a run: those before it were all
+taken. One that was given back is found by its robot, which remembers what it took last.
 (Where robots see only what is near, the cursor is forgotten and every robot looks at all orders.)
 """
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED
+from automaton.world.state import NEXT_ORDER, NIL, PARK, PERIODIC, PICKED
 from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.open_orders import is_open
 
 TOOK = 0  # memory.own: 1 + the order that a robot took last, or 0
 
 # memory.shared
-CURSOR = 0  # all orders below were taken
+CURSOR = 0  # entries of orders.coming before it were all taken
 LOOKED = 1  # orders looked at in the run so far: what the search has cost
 
 
@@ -25,7 +25,7 @@ LOOKED = 1  # orders looked at in the run so far: what the search has cost
 def giver_back(view, given, memory):
     """The robot whose order below the cursor is open again, that of the lowest one; NIL if none is."""
     robot = NIL
-    lowest = memory.shared[CURSOR]
+    lowest = view.orders.state.shape[0]
     for j in range(memory.own.shape[0]):
         order = memory.own[j, TOOK] - 1
         if 0 <= order < lowest and is_open(view, given, order):
@@ -37,9 +37,10 @@ def giver_back(view, given, memory):
 @kernel
 def next_order(view, given, memory):
     """The first open order from the cursor on, NIL if there is none; the cursor stops there."""
-    for order in range(memory.shared[CURSOR], view.orders.state.shape[0]):
+    for k in range(memory.shared[CURSOR], view.clock[NEXT_ORDER]):
+        order = np.int64(view.orders.coming[k])
         memory.shared[LOOKED] += 1
-        memory.shared[CURSOR] = order + 1
+        memory.shared[CURSOR] = k + 1
         if is_open(view, given, order):
             return order
     return NIL

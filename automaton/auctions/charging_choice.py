@@ -1,0 +1,128 @@
+"""Which robots go to a charger now: those whose list, as it is quoted, has a stop before its first task.
+
+The list of a robot is the order that it has taken but not begun, then its plan. If the whole list
+cannot be done, its end is left out until the rest can.
+"""
+
+import numpy as np
+
+from automaton.auctions.market import INF, NO_CHARGING
+from automaton.auctions.quotes import quote
+from automaton.auctions.site import count_queues, enter_task, survey
+from automaton.compiled import kernel
+from automaton.kernels.operations import first_cell
+from automaton.world.condition import FULL
+from automaton.world.state import FREE, GOAL_CHARGE, NIL, PERIODIC, WAIT
+
+PATIENCE = FULL // 20  # what an idle robot keeps beyond the way to a charger, where waiting costs
+
+
+@kernel
+def choose_charging(view, asked, given, site, space, idle_below):
+    """Answer a batch; idle robots below `idle_below` go to a free charger and may be called away."""
+    robots = view.robots
+    for k in range(asked.count[0]):
+        i = np.int64(asked.robot[k])
+        if robots.load[i] != NIL or robots.goal[i] == GOAL_CHARGE or robots.withdrawing[i]:
+            continue
+        tasks = enter_list(view, space, site, i)
+        if asked.reason[k] == PERIODIC and (tasks or robots.busy[i]):
+            continue
+        home = site.work.begin[0]
+        if tasks == 0:
+            site.cell[home] = robots.home[i]
+            site.cell[home + 1] = robots.home[i]
+        survey(view, space, site, 1, max(tasks, 1))
+        count_queues(view, space, site, i)
+        if tasks:
+            charge_for_list(view, given, site, k, tasks)
+        elif asked.reason[k] != FREE or idle_below > 0:
+            charge_when_idle(view, given, site, k, np.int64(home), idle_below)
+
+
+@kernel
+def enter_list(view, space, site, i):
+    """Make the market one of robot i and its list; returns how many tasks that has."""
+    robots, orders = view.robots, view.orders
+    site.robot[0] = i
+    site.cell[0] = first_cell(robots, i)
+    site.fleet.charge[0] = robots.charge[i]
+    tasks = np.int64(0)
+    if robots.order[i] != NIL:
+        enter_task(view, space, site, tasks, np.int64(robots.order[i]))
+        tasks += 1
+    for p in range(robots.planned[i]):
+        order = np.int64(robots.plan[i, p])
+        if orders.by[order] == NIL and tasks < site.order.shape[0]:
+            enter_task(view, space, site, tasks, order)
+            tasks += 1
+    for task in range(tasks):
+        site.fleet.order[0, task] = task
+    return tasks
+
+
+@kernel
+def charge_for_list(view, given, site, k, tasks):
+    """Answer k: to a charger if the quote of the list begins with a stop."""
+    charge = np.int64(site.fleet.charge[0])
+    order = site.fleet.order[0]
+    plan = site.scratch.plan
+    length = np.int64(tasks)
+    cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
+    while cost >= INF and length > 1:
+        length -= 1
+        cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
+    if cost >= INF:
+        nearest = np.int64(site.battery.nearest[0])
+        if nearest != NIL and charge < FULL:
+            send(view, given, k, nearest, FULL, 0)
+    elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
+        send(view, given, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
+
+
+@kernel
+def charge_when_idle(view, given, site, k, home, idle_below):
+    """Answer k: a robot without orders charges where nobody is, or before it cannot any more.
+
+    It is about to drive home, or is there: from there it must still get to a charger.
+    """
+    battery, energy = site.battery, site.work.energy
+    charge = np.int64(site.fleet.charge[0])
+    nearest = np.int64(battery.nearest[0])
+    if nearest == NIL or battery.policy == NO_CHARGING:
+        return
+    patience = PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0
+    later = charge - energy[0, home] - battery.reach[home]
+    now = charge - battery.reach[0]
+    if charge < FULL and min(later, now) < battery.reserve + patience:
+        send(view, given, k, nearest, FULL, 1)
+    elif charge < idle_below:
+        free = free_charger(view, given, site, k)
+        if free != NIL:
+            send(view, given, k, free, FULL, 1)
+
+
+@kernel
+def free_charger(view, given, site, k):
+    """The nearest charger to which no robot was sent, NIL if there is none."""
+    robots, chargers = view.robots, view.chargers
+    best, least = np.int64(NIL), np.int64(INF)
+    for c in range(chargers.cell.shape[0]):
+        taken = False
+        for j in range(robots.cell.shape[0]):
+            taken = taken or (robots.goal[j] == GOAL_CHARGE and robots.stand[j] == chargers.cell[c])
+        for earlier in range(k):
+            taken = taken or given.stand[earlier] == chargers.cell[c]
+        ticks = np.int64(site.work.ticks[0, site.battery.charger[c]])
+        enough = site.work.energy[0, site.battery.charger[c]] <= view.robots.charge[site.robot[0]]
+        if not taken and enough and ticks < least:
+            best, least = np.int64(c), ticks
+    return best
+
+
+@kernel
+def send(view, given, k, charger, level, yields):
+    """Answer k: charge there up to a level."""
+    given.stand[k] = view.chargers.cell[charger]
+    given.level[k] = level
+    given.yields[k] = yields

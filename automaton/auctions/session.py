@@ -1,0 +1,137 @@
+"""One auction over a running world: which orders are for sale, what robots have, and what they get.
+
+Lists are plans of the world (robots.plan). `given` are allocation's answers, into which new plans go;
+what an earlier session of the same tick has put there counts.
+"""
+
+import numpy as np
+
+from automaton.auctions.quotes import settle_all
+from automaton.auctions.site import count_queues, enter_robot, enter_task, survey
+from automaton.compiled import kernel
+from automaton.world.condition import RUNNING
+from automaton.world.state import KEEP, NEXT_ORDER, NIL, TICK, WAITING
+
+PLANNED = 2  # in given.order_taken: it is in a robot's plan
+
+
+@kernel
+def planned_count(view, given, i):
+    """How many orders robot i has ahead of it."""
+    if given.planned[i] != KEEP:
+        return np.int64(given.planned[i])
+    return np.int64(view.robots.planned[i])
+
+
+@kernel
+def planned_order(view, given, i, k):
+    if given.planned[i] != KEEP:
+        return np.int64(given.plan[i, k])
+    return np.int64(view.robots.plan[i, k])
+
+
+@kernel
+def mark_planned(view, given):
+    """Mark the orders that are in plans."""
+    for i in range(view.robots.cell.shape[0]):
+        for k in range(planned_count(view, given, i)):
+            given.order_taken[planned_order(view, given, i, k)] = PLANNED
+
+
+@kernel
+def is_for_sale(view, given, order):
+    """Whether an order waits, and nobody has it or plans to do it."""
+    orders = view.orders
+    return (
+        orders.state[order] == WAITING and orders.by[order] == NIL and given.order_taken[order] == 0
+    )
+
+
+@kernel
+def find_items(view, given, since, out):
+    """Orders for sale, by their coming, into out; returns (how many, where to begin next time).
+
+    `since`: entries of orders.coming before it are all delivered.
+    """
+    found = np.int64(0)
+    first = np.int64(since)
+    done = True
+    for k in range(since, view.clock[NEXT_ORDER]):
+        order = np.int64(view.orders.coming[k])
+        done = done and view.orders.delivered[order] != NIL
+        first = k + 1 if done else first
+        if is_for_sale(view, given, order):
+            out[found] = order
+            found += 1
+            if found == out.shape[0]:
+                break
+    return found, first
+
+
+@kernel
+def open_session(view, given, space, site, sellable, count):
+    """Fill the market: robots in order, their plans as lists, and sellable[:count] as items.
+
+    Returns how many robots take part.
+    """
+    robots, fleet = view.robots, site.fleet
+    taking_part = np.int64(0)
+    tasks = np.int64(0)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        if robots.status[i] != RUNNING:
+            continue
+        r = taking_part
+        enter_robot(view, space, site, r, i)
+        for k in range(planned_count(view, given, i)):
+            enter_task(view, space, site, tasks, planned_order(view, given, i, k))
+            fleet.order[r, k] = tasks
+            fleet.length[r] = k + 1
+            tasks += 1
+        taking_part += 1
+    for r in range(taking_part, fleet.place.shape[0]):  # out of order: no list, no bids
+        fleet.length[r] = 0
+        fleet.ready[r] = 0
+        fleet.heard[r, :] = 0
+    for k in range(count):
+        enter_task(view, space, site, tasks, np.int64(sellable[k]))
+        site.item[k] = tasks
+        tasks += 1
+    survey(view, space, site, taking_part, tasks)
+    count_queues(view, space, site, NIL)
+    settle_all(site.work, site.battery, fleet, site.scratch)
+    return taking_part
+
+
+@kernel
+def enter_plans(view, given, site, robots, memory, due):
+    """Write the lists of the market into the plans, and when each robot is due for its next order."""
+    fleet = site.fleet
+    for r in range(robots):
+        i = np.int64(site.robot[r])
+        length = np.int64(fleet.length[r])
+        given.planned[i] = length
+        for k in range(length):
+            order = np.int64(site.order[fleet.order[r, k]])
+            given.plan[i, k] = order
+            given.order_taken[order] = PLANNED
+        memory.own[i, due] = view.clock[TICK] + fleet.ready[r]
+
+
+@kernel
+def hear(view, site, robots, count, center, radius):
+    """Who hears of each item: robots within so many cells of its center, NIL: of where it lies.
+
+    radius NIL: everybody. Distances are Chebyshev's, from where robots are.
+    """
+    width = view.grid.width
+    for r in range(robots):
+        i = site.robot[r]
+        cell = np.int64(view.robots.cell[i])
+        cell = np.int64(view.robots.home[i]) if cell == NIL else cell
+        for k in range(count):
+            task = site.item[k]
+            at = center if center != NIL else np.int64(site.cell[site.work.begin[task]])
+            across, down = abs(cell % width - at % width), abs(cell // width - at // width)
+            near = radius == NIL or max(across, down) <= radius
+            site.fleet.heard[r, task] = 1 if near else 0

@@ -1,0 +1,208 @@
+"""Auctions (De Ryck et al.): orders are sold to the robots that do them at the least cost.
+
+A robot bids what its list of orders costs with one more, charging included, as the scenario's
+charging strategy quotes it. Whoever is free takes the first order of its list. There is an auction
+when an order is for sale - it came in, was given back, or its robot failed - and somebody has nothing
+ahead of it, or orders have come since the last one. The loop leaves compiled code for it; all that is
+done for each bid is compiled.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from automaton.auctions.assignment import assign_once
+from automaton.auctions.bids import AVERAGE, AVERAGE_ADDED, MIX
+from automaton.auctions.bundle_space import (
+    assignment_for,
+    bundles_for,
+    generations,
+    population_for,
+)
+from automaton.auctions.bundles import combinatorial
+from automaton.auctions.genetic import genetic
+from automaton.auctions.local_search import improve
+from automaton.auctions.market import BIDS, FULL, MESSAGES, NO_CHARGING
+from automaton.auctions.sequential import by_arrival, parallel, sequential
+from automaton.auctions.session import enter_plans, find_items, hear, mark_planned, open_session
+from automaton.auctions.site import site_for
+from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
+from strategies.allocation.lists import has_empty_list, late_lists, serve
+from strategies.catalogue import Auctions, EpsilonSchedule
+from strategies.charging.quoted import Quoted
+
+RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
+WINNERS: Final = {
+    "lowest": LOWEST,
+    "difference": DIFFERENCE,
+    "fewest": FEWEST,
+    "regret": REGRET,
+}
+MOST_LISTED: Final = 1000  # orders in all lists together: bounds the memory of a market
+MOST_BUNDLED: Final = 10  # items of a combinatorial auction
+MOST_BRED: Final = 12  # and of a genetic one
+BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
+
+# memory.own
+HELD = 0  # auctions, bids and messages stand in the row of the first robot
+BID = 1
+SENT = 2
+DUE = 3  # tick at which a robot was to be free for its next order
+
+# memory.shared
+SINCE = 0  # entries of orders.coming before it are delivered
+LEFT = 1  # orders that the last auction left unsold
+ROLE = 2  # the robot that is the auctioneer
+ROUND = 3  # auctions so far
+
+
+class Auction(Strategy):
+    """Orders go to robots by auctions, with a central auctioneer or without one."""
+
+    layer = "allocation"
+    Parameters = Auctions
+    parameters: Auctions
+    counters: ClassVar = {"auctions": HELD, "bids": BID, "messages": SENT}
+
+    def reset(self, view: World) -> Memory:
+        """Room for a market of all robots, their lists, and the orders of an auction."""
+        robots, most = view.robots.plan.shape
+        given = self.parameters
+        self._limit = min(given.limit, most, max(1, MOST_LISTED // robots))
+        tasks = robots * self._limit + given.horizon
+        charging = self.colleagues.get("charging")
+        policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": FULL}
+        queues = True
+        if view.rules.battery and isinstance(charging, Quoted):
+            policy, queues = charging.policy(), charging.queues
+        self._site = site_for(view, robots, tasks, self._limit + given.horizon, policy, queues)
+        self._sellable = np.zeros(given.horizon, np.int32)
+        self._tools = self._prepared(robots)
+        return memory_of(view, own=4, shared=4)
+
+    def _prepared(self, robots: int) -> Any:
+        """What the kind of auction works in besides the market."""
+        kind, horizon = self.parameters.auction, self.parameters.horizon
+        if kind == "combinatorial":
+            return bundles_for(robots, min(horizon, MOST_BUNDLED))
+        if kind == "genetic":
+            return population_for(robots, min(horizon, MOST_BRED), self._limit + horizon)
+        if kind == "assignment":
+            return assignment_for(max(robots, horizon))
+        return None
+
+    def decide(
+        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+    ) -> None:
+        """Hold an auction if there is reason to, and give out what robots do next."""
+        given = answers.allocation
+        if self.parameters.reauction_after is not None:
+            late_lists(view, asked, given, memory, DUE, self.parameters.reauction_after)
+        mark_planned(view, given)
+        count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
+        memory.shared[SINCE] = since
+        if count and (count != memory.shared[LEFT] or has_empty_list(view, asked, given)):
+            for center, items in self._auctioneers(view, memory, int(count)):
+                self._sell(view, given, memory, space, center, items)
+            memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
+        serve(view, asked, given, memory, DUE)
+
+    def _auctioneers(
+        self, view: World, memory: Memory, count: int
+    ) -> list[tuple[int, np.ndarray[Any, Any]]]:
+        """Who sells which orders: the cell where the auctioneer is, and what it sells."""
+        kind, items = self.parameters.auctioneer, self._sellable[:count].copy()
+        if kind == "central":
+            return [(NIL, items)]
+        robots = len(view.robots.cell)
+        memory.shared[ROUND] += 1
+        if kind == "fixed":
+            seats = [self._cell(view, i) for i in range(min(self.parameters.auctioneers, robots))]
+            nearest = self._nearest(view, seats, items)
+            return [(seat, items[nearest == k]) for k, seat in enumerate(seats)]
+        if kind == "time":
+            memory.shared[ROLE] = view.clock[TICK] // self.parameters.term % robots
+        else:
+            memory.shared[ROLE] = memory.shared[ROUND] % robots
+        return [(self._cell(view, int(memory.shared[ROLE])), items)]
+
+    def _cell(self, view: World, identity: int) -> int:
+        """Where the robot with this number is."""
+        i = view.robots.at_index[identity]
+        cell = int(view.robots.cell[i])
+        return int(view.robots.home[i]) if cell == NIL else cell
+
+    def _nearest(self, view: World, seats: list[int], items: Any) -> Any:
+        """(k,) the seat nearest to where each order lies; ties: the first."""
+        width = view.grid.width
+        at = view.slots.cell[view.orders.place[items]]
+        seat = np.array(seats)[:, None]
+        across, down = abs(at % width - seat % width), abs(at // width - seat // width)
+        return np.maximum(across, down).argmin(0)
+
+    def _sell(
+        self, view: World, given: Any, memory: Memory, space: Workspace, center: int, items: Any
+    ) -> None:
+        """One auctioneer's auction; its region is doubled while orders are left unsold."""
+        parameters, site = self.parameters, self._site
+        most = {"combinatorial": MOST_BUNDLED, "genetic": MOST_BRED}.get(parameters.auction)
+        items = items[:most]
+        radius = NIL if parameters.radius is None else parameters.radius
+        center = NIL if parameters.region == "order" else center
+        if center == NIL and parameters.region == "auctioneer":
+            radius = NIL  # the central auctioneer reaches everybody
+        while len(items):
+            robots = open_session(view, given, space, site, items, len(items))
+            site.fleet.room[:robots], site.fleet.room[robots:] = self._limit, 0
+            hear(view, site, robots, len(items), center, radius)
+            self._hold(view, memory, len(items))
+            enter_plans(view, given, site, robots, memory, DUE)
+            memory.own[0, HELD] += 1
+            memory.own[0, BID] += site.scratch.count[BIDS]
+            memory.own[0, SENT] += site.scratch.count[MESSAGES]
+            items = items[site.scratch.sold[: len(items)] == NIL]
+            if radius == NIL or radius >= view.grid.width + len(view.grid.kind) // view.grid.width:
+                return
+            radius *= 2
+
+    def _hold(self, view: World, memory: Memory, count: int) -> None:
+        """Sell so many items of the market by the rules of the scenario."""
+        given, site, tools = self.parameters, self._site, self._tools
+        market = (site.work, site.battery, site.fleet, site.scratch)
+        rule, epsilon = RULES[given.bid], self._epsilon(view, count)
+        if given.auction == "sequential":
+            winner = WINNERS[given.winner]
+            sequential(*market, site.item, count, rule, epsilon, winner, 0)
+        elif given.auction == "arrival":
+            by_arrival(*market, site.item, count, rule, epsilon)
+        elif given.auction == "parallel":
+            parallel(*market, site.item, count, rule, epsilon)
+        elif given.auction == "combinatorial":
+            combinatorial(*market, tools, site.item, count, epsilon)
+        elif given.auction == "assignment":
+            assign_once(*market, tools, site.item, count, rule, epsilon)
+        else:
+            self._breed(view, market, count, epsilon, memory)
+        if given.improve:
+            improve(*market, epsilon)
+
+    def _breed(self, view: World, market: Any, count: int, epsilon: int, memory: Memory) -> None:
+        site, robots = self._site, len(view.robots.cell)
+        turns = generations(robots, count)
+        seed = np.uint64(int(view.rules.seed) + int(memory.own[0, HELD]))
+        with np.errstate(over="ignore"):
+            genetic(*market, self._tools, site.item, count, epsilon, turns, 0, seed)
+
+    def _epsilon(self, view: World, count: int) -> int:
+        """Thousandths of MiniSum in the bids of this auction."""
+        given = self.parameters.epsilon
+        if isinstance(given, EpsilonSchedule):
+            share = min(1.0, int(view.clock[TICK]) / given.until)
+            return round(1000 * (given.first + share * (given.last - given.first)))
+        if given == "load":
+            return min(1000, 1000 * count // (BUSY * len(view.robots.cell)))
+        return round(1000 * given)

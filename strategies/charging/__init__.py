@@ -1,0 +1,1 @@
+"""Charging: when, where and how long does a robot charge?"""

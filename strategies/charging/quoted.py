@@ -1,0 +1,103 @@
+"""Charging by quotes: the rule that prices a robot's list in an auction also sends it to charge.
+
+A robot is looked at when it is free, has taken an order, or is left without one. Its list - the order
+that it has taken but not begun, then its plan - is quoted by the strategy's policy; if the quote has a
+stop before the first task, the robot goes there now and gives the order back. With any allocation.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from automaton.auctions.charging_choice import choose_charging
+from automaton.auctions.market import FILL_UP, FULL, HIERARCHICAL, JOINT, LOOK, SAFE
+from automaton.auctions.site import site_for
+from automaton.strategy.layer import Strategy
+from automaton.world.state import WAIT, Answers, Asked, Memory, Workspace, World
+from strategies.catalogue import FillUp, Insertion, Opportunity, Threshold
+
+PERCENT = FULL // 100
+IDLE_CHECKS = 50  # ticks between two looks at idle robots, where waiting takes energy
+
+
+class Quoted(Strategy):
+    """A charging strategy with a policy of quotes; allocations read it, too."""
+
+    layer: ClassVar[str] = "charging"
+    parameters: Any
+    every = IDLE_CHECKS
+    idle_below = 0  # idle robots with less go to charge
+
+    def policy(self) -> dict[str, int]:
+        """What a quote depends on: policy, end_reach, threshold and target (automaton.auctions)."""
+        raise NotImplementedError
+
+    @property
+    def queues(self) -> bool:
+        """Whether robots that were sent to a charger before count in a quote."""
+        queues: bool = self.parameters.queues
+        return queues
+
+    def reset(self, view: World) -> Memory:
+        """No memory; room for the list of one robot."""
+        longest = view.robots.plan.shape[1] + 1
+        self._site = site_for(view, 1, longest, longest, self.policy(), self.queues)
+        self._idle_costs = bool(view.rules.drain[WAIT].any())
+        return super().reset(view)
+
+    def decide(
+        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+    ) -> None:
+        """Send robots to chargers."""
+        choose_charging(view, asked, answers.charging, self._site, space, self.idle_below)
+
+
+class InsertCharging(Quoted):
+    """Optimal insertion (De Ryck et al., section 3.3): where and as much as the list needs."""
+
+    Parameters: ClassVar[Any] = Insertion
+
+    def policy(self) -> dict[str, int]:
+        return {
+            "policy": HIERARCHICAL if self.parameters.mode == "hierarchical" else JOINT,
+            "end_reach": int(self.parameters.never_strand),
+            "threshold": 0,
+            "target": FULL,
+        }
+
+
+class FillUpCharging(Quoted):
+    """Charge where it costs the list least, up to a target: what is left at the end is credited."""
+
+    Parameters: ClassVar[Any] = FillUp
+
+    def policy(self) -> dict[str, int]:
+        target = round(self.parameters.target * PERCENT)
+        return {"policy": FILL_UP, "end_reach": 1, "threshold": 0, "target": target}
+
+
+class ThresholdCharging(Quoted):
+    """Threshold-100 (De Ryck et al., section 5.2): below a threshold to the nearest charger, full."""
+
+    Parameters: ClassVar[Any] = Threshold
+
+    def policy(self) -> dict[str, int]:
+        return {
+            "policy": LOOK if self.parameters.mode == "look" else SAFE,
+            "end_reach": 0,
+            "threshold": round(self.parameters.threshold * PERCENT),
+            "target": FULL,
+        }
+
+
+class OpportunityCharging(InsertCharging):
+    """Idle robots charge where nobody is, and leave for any order that they can finish."""
+
+    Parameters: ClassVar[Any] = Opportunity
+
+    def __init__(self, parameters: Any = None) -> None:
+        super().__init__(parameters)
+        self.idle_below = round(self.parameters.below * PERCENT)
+
+    def policy(self) -> dict[str, int]:
+        return {"policy": HIERARCHICAL, "end_reach": 1, "threshold": 0, "target": FULL}

@@ -52,8 +52,8 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
         waited = 300 - int(fleet.since[2])
         x, y = view.plan.xy(int(fleet.cell[2]))
         assert rows_of(robots)[2] == [
-            *("2", "waits", str(waited), "head-on", "7", str(fleet.load[2]), str(fleet.order[2])),
-            *(f"{x},{y}", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
+            *("2", "waits", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
+            *(f"{x},{y}", "7", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
         ]
 
     on_stage(robots, story, ALL, 20)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from staged_runs import Staged
 
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, WorldRules
 from automaton.strategy.layer import Strategy
 from automaton.world.state import GOAL_PICK, NIL, PAUSE, RETREAT, STEP
 from automaton.world.waiting import (
@@ -20,6 +20,7 @@ from automaton.world.waiting import (
     LOST_EVER,
     LOST_LATELY,
     MEMORY_TICKS,
+    NOT_WAITING,
     congestion_of,
 )
 
@@ -178,6 +179,17 @@ def test_no_route() -> None:
 def test_illegal_answer() -> None:
     floor = Staged("A#.", strategies={"right_of_way": Answers(A=(STEP, 0))}).tick()
     assert floor.why("A") == ("illegal answer", "", None)
+
+
+def test_driving_slowly_is_lost_time_but_no_wait() -> None:
+    rules = WorldRules(slowdown="zones")
+    floor = Staged("##.####\nB.A.C.D", {"C": "E"}, rules=rules).tick()
+    watch, i = floor.run.watch, floor.index("C")
+    for _ in range(2):  # its move takes 2 ticks: one more than its duration
+        assert watch.cause[i] == NOT_WAITING
+        told = {CAUSES[cause].name: watch.lost[i, cause] for cause in np.flatnonzero(watch.lost[i])}
+        assert told == {"driving slowly": 1}
+        floor.tick()
 
 
 def test_every_cause_has_a_floor_here() -> None:

@@ -42,7 +42,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "overrides": resolved.overrides,
         "text": resolved.source,
         "sources": source_hash(plugins),
-        "files": file_hashes(resolved),
+        **file_hashes(resolved),
         "versions": versions(),
         "digest_names": digest_names,
         "floor": {
@@ -70,7 +70,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
         "settings": settings,
         "scenario": msgspec.to_builtins(resolved.scenario),
         "picks": _picks(resolved),
-        "files": file_hashes(resolved),
+        **file_hashes(resolved),
         "every": rules.every.copy(),
         "wait": rules.wait.copy(),
     }
@@ -157,10 +157,10 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
     return digest.hexdigest()[:16]
 
 
-def file_hashes(resolved: Resolved) -> dict[str, str]:
-    """16 hex digits of the content of each file that a strategy reads."""
+def file_hashes(resolved: Resolved) -> Content:
+    """{"files": {file: 16 hex digits of its content}} of those that strategies read, if any do."""
     files = [file for pick in resolved.picks.values() for file in files_of(pick.parameters)]
-    return {str(file): content_hash(file) for file in files}
+    return {"files": {str(file): content_hash(file) for file in files}} if files else {}
 
 
 def content_hash(file: Path) -> str:

@@ -75,13 +75,6 @@ COLUMNS: Final = (
     Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
     Column(
-        "slowed",
-        6,
-        lambda v: v.snapshot.robots.lost[:, DRIVING_SLOWLY],
-        lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, DRIVING_SLOWLY]), 0),
-        True,
-    ),
-    Column(
         "load",
         5,
         lambda v: v.snapshot.robots.load,
@@ -96,6 +89,13 @@ COLUMNS: Final = (
         True,
     ),
     Column("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
+    Column(
+        "slowed",
+        6,
+        lambda v: v.snapshot.robots.lost[:, DRIVING_SLOWLY],
+        lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, DRIVING_SLOWLY]), 0),
+        True,
+    ),
     Column(
         "active",
         6,

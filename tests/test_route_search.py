@@ -105,6 +105,17 @@ def test_lane_and_heap_give_the_order_of_one_heap(case: Case, ties: str) -> None
     assert found(case, ties) == path(case.ways, case.start, case.target, ties)
 
 
+@pytest.mark.parametrize("kinematics", ["rail", "differential"])
+def test_turns_of_no_ticks_do_not_mix_the_order_up(kinematics: str) -> None:
+    """After a turn that costs nothing g is the same: what was found first comes first."""
+    plan = draw_floor("+++++\n+###+\n+++++\n+#+#+\n+++++")
+    ways = Ways(plan, kinematics, 1, 0)
+    for start in ways.cells():
+        for target in ways.cells():
+            case = Case(ways, (start, 0), target)
+            assert found(case, "larger_g") == path(ways, (start, 0), target, "larger_g")
+
+
 @settings(max_examples=200)
 @given(cases(), st.sampled_from(PLAIN_RULES), st.data())
 def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:

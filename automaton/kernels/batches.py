@@ -74,7 +74,7 @@ def batch_charging(world, asked):
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0:
+        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0 and robots.withdrawing[i] == 0:
             robots.need[i] &= np.uint8(255 - NEED_CHARGING)
             clock[NEEDING_CHARGING] -= 1
             append(asked, i, robots.charging_reason[i])

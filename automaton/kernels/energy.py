@@ -57,7 +57,6 @@ def charge_up(world, i):
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.times[i, CHARGE, 0] -= 0 if first else 1
     robots.did[i] = np.int64(robots.did[i]) | DID_CHARGE
-    world.chargers.serving[world.chargers.at[robots.stand[i]]] += 1
     more = gain(world, np.int64(robots.charge[i]))
     robots.charge[i] += more
     world.tally.charged[i] += more
@@ -80,12 +79,13 @@ def end_charging(robots, i):
 def hold_back(world):
     """Take back the moves that robots cannot pay, or that would jump a line; idle ticks are paid.
 
-    Call between `drive` and motion. Robots before their charger wait for their turn: while others
-    charge, or came before them, they do not try.
+    Call between `drive` and motion. Robots before their charger wait for their turn: while it is
+    held, or others came before them, they do not try.
     """
     robots, chargers = world.robots, world.chargers
     for charger in range(chargers.cell.shape[0]):
         chargers.first[charger] = 0
+        chargers.way_out[charger] = NIL
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.busy[U(i)] or robots.cell[U(i)] == NIL or robots.status[U(i)] > EXHAUSTED:
@@ -96,14 +96,17 @@ def hold_back(world):
             exhaust(world, i)
         if world.traffic.want[U(i)] == 0:
             pay(world, i, price(world, i, IDLE, 1))
-        elif live and is_at_door(world, i):
-            stand_in_line(world, i)
+        elif live:
+            charger = np.int64(chargers.at[robots.cell[U(i)]])
+            if charger != NIL:
+                direction = np.int64(world.traffic.want[U(i)]) & 3
+                chargers.way_out[charger] = robots.cell[U(i)] + world.grid.offset[direction]
+            elif is_at_door(world, i):
+                stand_in_line(world, i)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.ticket[U(i)] and robots.busy[U(i)] == 0 and world.traffic.want[U(i)] & LIVE:
             wait_for_turn(world, i)
-    for charger in range(chargers.cell.shape[0]):
-        chargers.serving[charger] = 0
 
 
 @kernel
@@ -130,14 +133,19 @@ def stand_in_line(world, i):
 
 @kernel
 def wait_for_turn(world, i):
-    """Robot i does not move into its charger unless it is first and nobody charges in its place."""
+    """Robot i does not move into its charger unless it is first and there is room.
+
+    A holder that wants out through robot i's own cell is met head-on: right of way must decide.
+    """
     robots, chargers = world.robots, world.chargers
     if not is_at_door(world, i):
         return
     charger = chargers.at[robots.stand[i]]
     direction = np.int64(world.traffic.want[i]) & 3
     room = has_room(world.traffic.occupancy, np.int64(robots.stand[i]), direction)
-    if robots.ticket[i] == chargers.first[charger] and (room or chargers.serving[charger] == 0):
+    one = np.int64(world.grid.rule[robots.cell[i]]) >> 5 & 3 == 1
+    head_on = one and chargers.way_out[charger] == robots.cell[i]
+    if robots.ticket[i] == chargers.first[charger] and (room or head_on):
         return
     world.traffic.want[i] = 0
     robots.blocked[i] = 0

@@ -127,7 +127,7 @@ def build_chargers(kind: Array) -> Chargers:
     return Chargers(
         cell=cells.astype(np.int32),
         at=at,
-        serving=np.zeros(len(cells), np.int32),
+        way_out=np.full(len(cells), NIL, np.int32),
         first=np.zeros(len(cells), np.int64),
     )
 

@@ -246,7 +246,7 @@ class Chargers(Struct):
 
     cell: Array  # (k,) int32
     at: Array  # (C,) int32: the charger in a cell, or NIL
-    serving: Array  # (k,) int32: robots that charge there in this tick
+    way_out: Array  # (k,) int32: scratch: the cell into which its holder wants to move, or NIL
     first: Array  # (k,) int64: scratch: the lowest ticket at its door
 
 

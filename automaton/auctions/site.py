@@ -65,7 +65,7 @@ def site_for(
     cell[robots : robots + len(chargers)] = chargers
     begin = robots + len(chargers) + 2 * np.arange(tasks)
     return Site(
-        work=deliveries(nothing, nothing, begin, begin + 1, none, none),
+        work=deliveries(nothing, nothing.copy(), begin, begin + 1, none, none),
         battery=battery,
         fleet=fleet_of(np.arange(robots), tasks, longest=longest),
         scratch=scratch_for(robots, tasks, longest, len(chargers)),

@@ -94,7 +94,8 @@ def charge_when_idle(view, given, site, k, home, idle_below):
     patience = PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0
     later = charge - energy[0, home] - battery.reach[home]
     now = charge - battery.reach[0]
-    if charge < FULL and min(later, now) < battery.reserve + patience:
+    stands_there = site.work.ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
+    if charge < FULL and (stands_there or min(later, now) < battery.reserve + patience):
         send(view, given, k, nearest, FULL, 1)
     elif charge < idle_below:
         free = free_charger(view, given, site, k)

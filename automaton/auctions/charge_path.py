@@ -11,7 +11,7 @@ Ties: fewer ticks from the task before to the charger, then the later position.
 import numpy as np
 
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import FULL, INF
+from automaton.auctions.market import FULL, INF, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -36,6 +36,7 @@ def find_stops(work, battery, scratch, place, charge, order, length):
     for i in range(length):
         before = place_before(work, place, order, i)
         after = np.int64(work.begin[order[i]])
+        scratch.count[STATES] += chargers
         for c in range(chargers):
             reach_charger(work, battery, scratch, before, charge, order, i, c)
         if chargers > 1:

@@ -124,4 +124,5 @@ BIDS: Final = 0  # bids computed
 POSITIONS: Final = 1  # places in lists that were tried
 PLANS: Final = 2  # charging plans made
 MESSAGES: Final = 3  # announcements, bids sent, awards
-COUNTS: Final = 4
+STATES: Final = 4  # what charging plans looked at: chargers before tasks, or legs for a threshold
+COUNTS: Final = 5

@@ -27,6 +27,9 @@ for routing in ("astar", "traffic-avoidance"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.routing={routing}"]))
     simulation.run()
 run_seed(Setting(exact), 1)
+from automaton.reproductions.auctions import REPRODUCTION
+from automaton.reproductions.study import reproduce
+reproduce(REPRODUCTION, 1)
 plans.prepare_avoidance(30, 1)()
 kernels = {
     kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))

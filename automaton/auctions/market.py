@@ -106,6 +106,8 @@ class Scratch(Struct):
     begun_energy: Array  # (L + 2,) int64
     weight: Array  # (L + 1, C) int64: best way to a charger before task i
     back: Array  # (L + 1, C) int32: the stop before that one, as i * C + c, or NIL
+    node: Array  # (S,) int32: stops from which a better path may go on
+    path: Array  # (8,) int64 (automaton.auctions.charge_path)
     bid: Array  # (R, T) int64, by robot and number of the item
     best: Array  # (R,) int32: the item of the robot's lowest bid, or NIL
     left: Array  # (T,) int32: items that are not sold, by arrival

@@ -102,19 +102,17 @@ def timed(size: tuple[int, int], policy: int, auction: Auction, repeat: int) -> 
 def measurements() -> list[Measurement]:
     """Auctions with and without charging, their growth, the optimum and others, charging plans."""
     found = []
-    for robots, tasks in (SMALL, LARGE):
-        size, repeat = (robots, tasks), 20 if tasks < 100 else 1
-        name = f"auction, {robots} robots, {tasks:,} tasks"
+    small, large = (
+        f"auction, {robots} robots, {tasks:,} tasks" for robots, tasks in (SMALL, LARGE)
+    )
+    for name, size, repeat in ((small, SMALL, 20), (large, LARGE, 1)):
         for label, policy in (("", NO_CHARGING), (", charging in the bids", HIERARCHICAL)):
-            prepare = partial(timed, size, policy, sell, repeat)
-            found.append(Measurement(name + label, MS, prepare))
+            found.append(Measurement(name + label, MS, partial(timed, size, policy, sell, repeat)))
     for label, policy in (("joint charging", JOINT), ("fill-up", FILL_UP), ("threshold", SAFE)):
-        prepare = partial(timed, SMALL, policy, sell, 20)
-        found.append(Measurement(f"the small one, {label}", MS, prepare))
-    by_difference: Auction = partial(sell, winner=DIFFERENCE)
-    prepare = partial(timed, LARGE, NO_CHARGING, by_difference, 1)
-    found.append(Measurement("the large one, biggest bid difference", MS, prepare))
-    found.append(Measurement("the small one, then local search", MS, prepare_search))
+        found.append(Measurement(f"{small}, {label}", MS, partial(timed, SMALL, policy, sell, 20)))
+    prepare = partial(timed, LARGE, NO_CHARGING, partial(sell, winner=DIFFERENCE), 1)
+    found.append(Measurement(f"{large}, biggest difference", MS, prepare))
+    found.append(Measurement(f"{small}, then local search", MS, prepare_search))
     return found + growth() + others() + plans()
 
 

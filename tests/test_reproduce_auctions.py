@@ -15,6 +15,7 @@ from automaton.commands import main
 from automaton.reproductions.auction_charging import rolling
 from automaton.reproductions.auction_pictures import drawing, pictures, route
 from automaton.reproductions.auction_tables import (
+    CHARGING,
     EFFORTS,
     EXAMPLE,
     HORIZON,
@@ -83,14 +84,19 @@ def made(table: Table, seeds: int) -> MadeTable:
 
 
 def test_claims_are_judged_by_what_was_run() -> None:
-    """Twenty seeds without the genetic algorithm's columns: the verdicts that they decide."""
-    tables = [made(table, 20) for table in (EXAMPLE, HORIZON)]
+    """Twenty seeds of the tables without the genetic algorithm: the verdicts that they decide."""
+    tables = [made(table, 20) for table in (EXAMPLE, CHARGING, HORIZON)]
     reproduced = Reproduced(REPRODUCTION, 20, tables)
     judged = [judge(claim, reproduced.samples(), {}) for claim in REPRODUCTION.claims]
     verdicts = {one.claim.text: one.verdict for one in judged if one is not None}
     just_enough = [verdicts[text] for text in verdicts if text.startswith("Just enough beats")]
     assert just_enough[:2] == ["does not hold", "does not hold"]
-    assert len(verdicts) == 3 + 6
+    fewer = "With fewer than six tasks no charging is needed (reserve {} %)"
+    assert verdicts[fewer.format(0)] == "holds"
+    assert verdicts[fewer.format(20)] == "does not hold"
+    assert verdicts["... always, in every single tour"] == "does not hold"
+    assert verdicts["... in every tour in which the threshold rule keeps the 20 %"] == "holds"
+    assert len(verdicts) == 3 + 7 + 6
 
 
 def test_batch_after_batch_just_enough_gets_stuck_and_filling_up_is_best() -> None:
@@ -159,7 +165,7 @@ def test_the_report_shows_steps_pictures_and_standard_errors(
         "60 + 30 + 30 = 120 s; 9 s of charging; c2 = 189 s",
         "  bids: MiniSum 119, MiniMax 189, with epsilon 0.5: 154 (charging ignored: 65)",
         "robot 1 wins; with charging ignored it would be robot 2",
-        "Figure 3, the optimum: 10 tasks, 3 robots (seed 1)",
+        "Figure 3, the optimum: 10 tasks, 3 robots (seed 12)",
         "Paper's claims",
     ):
         assert line in text

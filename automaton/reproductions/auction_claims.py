@@ -35,6 +35,11 @@ REMARKS: Final = (
 )
 
 
+def value(metric: str, *key: str | int) -> Callable[[Mean], float]:
+    """The mean of a metric of a case."""
+    return lambda mean: mean(metric, *key)
+
+
 def paired(metric: str, other: str, *key: str | int) -> Callable[[Mean], float]:
     """How much larger the first metric of a case is."""
     return lambda mean: mean(metric, *key) - mean(other, *key)
@@ -124,7 +129,7 @@ def about_quality() -> Iterator[Claim]:
         tuple(
             Figure(
                 f"ratio of {name}",
-                lambda mean, metric=metric: mean(metric, "full", 1),  # type: ignore[misc]
+                value(metric, "full", 1),
                 at_most=1.001,
                 digits=3,
             )
@@ -194,7 +199,7 @@ def about_charging() -> Iterator[Claim]:
             tuple(
                 Figure(
                     f"share of tours of {n} tasks with charging",
-                    lambda mean, n=n: mean(f"charges {reserve}", "2", n),  # type: ignore[misc]  # noqa: B023
+                    value(f"charges {reserve}", "2", n),
                     at_most=0.01,
                     unit="%",
                     digits=1,
@@ -215,13 +220,13 @@ def about_charging() -> Iterator[Claim]:
         (
             Figure(
                 "share of tours of 10 tasks whose charging is dearer than by threshold",
-                lambda mean: mean("gross worse", "2", 10),
+                value("gross worse", "2", 10),
                 at_most=0,
                 unit="%",
             ),
             Figure(
                 "share of tours of 10 tasks that take longer in all",
-                lambda mean: mean("time worse", "2", 10),
+                value("time worse", "2", 10),
                 at_most=0,
                 unit="%",
             ),
@@ -232,7 +237,7 @@ def about_charging() -> Iterator[Claim]:
         (
             Figure(
                 "share of tours of 10 tasks that take longer in all",
-                lambda mean: mean("time worse, floor kept", "2", 10),
+                value("time worse, floor kept", "2", 10),
                 at_most=0,
                 unit="%",
             ),
@@ -243,7 +248,7 @@ def about_charging() -> Iterator[Claim]:
         (
             Figure(
                 "share of tours of 10 tasks that run empty",
-                lambda mean: mean("empty look", "2", 10),
+                value("empty look", "2", 10),
                 at_most=0,
                 unit="%",
             ),

@@ -116,6 +116,7 @@ class Scratch(Struct):
     high: Array  # (T,) int64
     bidders: Array  # (T,) int32: robots with a finite bid
     keenest: Array  # (T,) int32: the robot with the lowest
+    stale: Array  # (T,) uint8: 1 = the five above are to be found anew
     sold: Array  # (T,) int32: who won the item, or NIL
     count: Array  # (COUNTS,) int64
     plan: Plan

@@ -133,6 +133,7 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
         high=numbers(tasks),
         bidders=numbers(tasks, np.int32),
         keenest=numbers(tasks, np.int32),
+        stale=numbers(tasks, np.uint8),
         sold=numbers(tasks, np.int32),
         count=numbers(COUNTS),
         plan=Plan(

@@ -20,8 +20,9 @@ NODES = 0  # chargers to go on from: scratch.node[:NODES]
 LAST = 1  # the last stop of the best path so far
 BEST = 2  # its weight
 NEAREST = 3  # ticks from the task before to that stop
-REST_TICKS = 4  # of the whole list
-REST_ENERGY = 5  # and the way to a charger at its end
+AT = 4  # the position of that stop
+REST_TICKS = 5  # of the whole list
+REST_ENERGY = 6  # and the way to a charger at its end
 
 
 @kernel
@@ -49,8 +50,7 @@ def find_stops(work, battery, scratch, place, charge, order, length):
         if not in_reach and path[NODES] == 0:
             break
         scratch.count[STATES] += chargers
-        for c in range(chargers):
-            reach_charger(work, battery, scratch, place, charge, order, i, c)
+        reach_chargers(work, battery, scratch, place, charge, order, i)
         nodes = path[NODES]
         finish(work, battery, scratch, place, order, i)
         if chargers > 1 and path[NODES] > nodes and hop(work, battery, scratch, i):
@@ -60,17 +60,32 @@ def find_stops(work, battery, scratch, place, charge, order, length):
 
 
 @kernel
-def reach_charger(work, battery, scratch, place, charge, order, i, c):
-    """weight[i, c], back[i, c]: the best way to charger c before task i, from the start or a stop."""
+def reach_chargers(work, battery, scratch, place, charge, order, i):
+    """weight[i], back[i]: the best ways to the chargers before task i, from the start or a stop."""
+    rate = np.int64(battery.curve_rate[0])
+    before = place_before(work, place, order, i)
+    for c in range(battery.charger.shape[0]):
+        at = np.int64(battery.charger[c])
+        into_energy = work.energy[before, at] + scratch.done_energy[i]
+        best = np.int64(INF)
+        if into_energy <= charge - battery.reserve:
+            into_ticks = work.ticks[before, at] + scratch.done_ticks[i] + battery.wait[c]
+            best = rate * into_ticks + into_energy
+        scratch.weight[i, c] = best
+        scratch.back[i, c] = NIL
+        if scratch.path[NODES] > 0:
+            come_from_stops(work, battery, scratch, before, order, i, c)
+
+
+@kernel
+def come_from_stops(work, battery, scratch, before, order, i, c):
+    """Improve weight[i, c], back[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve_rate[0])
     at = np.int64(battery.charger[c])
-    before = place_before(work, place, order, i)
-    into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+    into_ticks = work.ticks[before, at] + scratch.done_ticks[i] + battery.wait[c]
     into_energy = work.energy[before, at] + scratch.done_energy[i]
-    best, back = np.int64(INF), np.int64(NIL)
-    if into_energy <= charge - battery.reserve:
-        best = rate * into_ticks + into_energy
+    best, back = scratch.weight[i, c], np.int64(NIL)
     for node in range(scratch.path[NODES]):
         k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
         if scratch.weight[k, b] >= best:
@@ -84,7 +99,7 @@ def reach_charger(work, battery, scratch, place, charge, order, i, c):
         weight = scratch.weight[k, b] + rate * ticks + energy
         if weight <= best:
             best, back = weight, np.int64(k * chargers + b)
-    scratch.weight[i, c] = INF if best >= INF else best + rate * battery.wait[c]
+    scratch.weight[i, c] = best
     scratch.back[i, c] = back
 
 
@@ -111,9 +126,10 @@ def finish(work, battery, scratch, place, order, i):
             continue
         # The end is in reach: another stop would only make the way longer.
         detour = np.int64(work.ticks[before, at])
-        later = detour == path[NEAREST] and path[LAST] // chargers != i
+        later = detour == path[NEAREST] and path[AT] != i
         if total < path[BEST] or detour < path[NEAREST] or later:
             path[BEST], path[NEAREST], path[LAST] = total, detour, i * chargers + c
+            path[AT] = i
 
 
 @kernel

@@ -20,7 +20,7 @@ from automaton.auctions.charge_plan import (
 )
 from automaton.auctions.charging_curve import charging_ticks, level_after
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS
+from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -78,6 +78,7 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
     for i in range(length):
         before = place_before(work, place, order, i)
         after = np.int64(work.begin[order[i]])
+        scratch.count[STATES] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
             into = np.int64(work.ticks[before, at])

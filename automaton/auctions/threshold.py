@@ -11,7 +11,7 @@ import numpy as np
 
 from automaton.auctions.charge_plan import add_detours, clear, stop_at
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, SAFE
+from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, SAFE, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -27,6 +27,7 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
     plan = scratch.plan
     plan.figures[LOWEST] = charge
     level = np.int64(charge)
+    scratch.count[STATES] += length
     for i in range(length):
         task = np.int64(order[i])
         here = place_before(work, place, order, i)

@@ -23,6 +23,7 @@ NEAREST = 3  # ticks from the task before to that stop
 AT = 4  # the position of that stop
 REST_TICKS = 5  # of the whole list
 REST_ENERGY = 6  # and the way to a charger at its end
+READY = 7  # ticks until the robot sets out: set by the quote
 
 
 @kernel
@@ -31,6 +32,15 @@ def tail_of(battery, place):
     if battery.end_reach == 0:
         return np.int64(0)
     return np.int64(battery.reach[place])
+
+
+@kernel
+def waiting_at(battery, scratch, c, ticks):
+    """Ticks that a robot waits at charger c when it comes there `ticks` after setting out.
+
+    Charging before that, which makes it come later, is not counted: the wait is never too short.
+    """
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path[READY] - ticks)
 
 
 @kernel
@@ -69,7 +79,8 @@ def reach_chargers(work, battery, scratch, place, charge, order, i):
         into_energy = work.energy[before, at] + scratch.done_energy[i]
         best = np.int64(INF)
         if into_energy <= charge - battery.reserve:
-            into_ticks = work.ticks[before, at] + scratch.done_ticks[i] + battery.wait[c]
+            into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+            into_ticks += waiting_at(battery, scratch, c, into_ticks)
             best = rate * into_ticks + into_energy
         scratch.weight[i, c] = best
         scratch.back[i, c] = NIL
@@ -83,7 +94,8 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve_rate[0])
     at = np.int64(battery.charger[c])
-    into_ticks = work.ticks[before, at] + scratch.done_ticks[i] + battery.wait[c]
+    into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+    into_ticks += waiting_at(battery, scratch, c, into_ticks)
     into_energy = work.energy[before, at] + scratch.done_energy[i]
     best, back = scratch.weight[i, c], np.int64(NIL)
     for node in range(scratch.path[NODES]):
@@ -146,7 +158,8 @@ def hop(work, battery, scratch, i):
                 continue
             for c in range(chargers):
                 between = np.int64(work.energy[battery.charger[b], battery.charger[c]])
-                ticks = work.ticks[battery.charger[b], battery.charger[c]] + battery.wait[c]
+                ticks = np.int64(work.ticks[battery.charger[b], battery.charger[c]])
+                ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
                 weight = scratch.weight[i, b] + rate * ticks + between
                 if c != b and between <= FULL - battery.reserve and weight < scratch.weight[i, c]:
                     scratch.weight[i, c] = weight

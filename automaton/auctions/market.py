@@ -45,7 +45,7 @@ class Battery(Struct):
     """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
 
     charger: Array  # (C,) int32: its place
-    wait: Array  # (C,) int32 ticks that a robot waits there before it charges
+    wait: Array  # (C,) int32 ticks until it is free of the robots that come before
     nearest: Array  # (P,) int32: the charger that takes least energy to reach; NIL: none
     reach: Array  # (P,) int64 units to it; INF: none
     curve_from: Array  # (K,) int32 units: the piece holds from this level on; the first is 0
@@ -82,6 +82,7 @@ class Plan(Struct):
     arrival: Array  # (S,) int64 units on arrival
     level: Array  # (S,) int64 units on leaving
     duration: Array  # (S,) int64 ticks of charging
+    waited: Array  # (S,) int64 ticks in line before it
     figures: Array  # (FIGURES,) int64: see below
 
 

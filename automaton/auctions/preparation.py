@@ -143,6 +143,7 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
             arrival=numbers(stops),
             level=numbers(stops),
             duration=numbers(stops),
+            waited=numbers(stops),
             figures=numbers(FIGURES),
         ),
     )

@@ -169,7 +169,7 @@ def threshold_by_hand(case: Situation, threshold: int, safe: bool) -> tuple[int,
             level -= case.between[here][at] * case.drain
             lowest = min(lowest, level)
             used, level = charging_time(case.curve, level, FULL)
-            ticks += case.between[here][at] + used + case.wait[charger]
+            ticks = max(ticks + case.between[here][at], case.wait[charger]) + used
             here = at
             stops.append(i)
         ticks += case.between[here][place]

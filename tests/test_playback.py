@@ -94,8 +94,9 @@ CHARGING = """
 name: charging
 layout:
   picture: |
-    AB..c
-    .ss.d
+    AB..c.
+    .ss.d.
+    ......
 fleet: {robots: 2}
 battery: {start: [40, 100], charge: 10, drain: {move: 0}}
 """

@@ -172,7 +172,7 @@ def demands(draw: Any, stations: int) -> Orders:
 
 
 @st.composite
-def scenarios(draw: Any, robots: int, busy: bool, bays: bool, stations: int) -> Scenario:
+def scenarios(draw: Any, robots: int, busy: bool, bays: bool, stations: int = 0) -> Scenario:
     leaves = not busy and not bays and draw(st.integers(0, 2)) == 2
     ticks = st.just(1) if busy else st.integers(1, 3)
     kinematics = "omni" if busy else draw(st.sampled_from(["rail", "differential", "omni"]))

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from staged_runs import Staged
 
-from automaton.scenario.schema import Durations, WorldRules
+from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
 from automaton.strategy.layer import Strategy
-from automaton.world.state import GOAL_PICK, NIL, PAUSE, RETREAT, STEP
+from automaton.world.condition import FULL
+from automaton.world.state import GOAL_CHARGE, GOAL_PICK, NIL, PAUSE, RETREAT, STEP
 from automaton.world.waiting import (
     CAUSES,
     CYCLE,
@@ -179,6 +180,35 @@ def test_no_route() -> None:
 def test_illegal_answer() -> None:
     floor = Staged("A#.", strategies={"right_of_way": Answers(A=(STEP, 0))}).tick()
     assert floor.why("A") == ("illegal answer", "", None)
+
+
+def test_in_line_before_a_charger() -> None:
+    battery = Battery(drain=Drain(move=1.0), charge=1.0, start=50.0)
+    floor = Staged("A.Bc", {"A": "EEE", "B": "E"}, battery=battery)
+    for name in "AB":
+        i = floor.index(name)
+        floor.world.robots.goal[i] = GOAL_CHARGE
+        floor.world.robots.stand[i] = floor.plan.cell(3, 0)
+        floor.world.robots.level[i] = FULL
+    for _ in range(3):
+        floor.tick()
+    assert floor.cause("B") == "none"
+    assert floor.why("A") == ("charger", "B", (3, 0))
+
+
+def test_an_empty_battery() -> None:
+    battery = Battery(drain=Drain(move=10.0), charge=1.0, start=15.0)
+    floor = Staged("A..", {"A": "EE"}, battery=battery).tick()
+    assert floor.cause("A") == "none"
+    assert floor.tick().why("A") == ("empty battery", "", None)
+
+
+def test_broken_down() -> None:
+    faults = Faults(listed=(Fault(robot=0, at=2),))
+    floor = Staged("A...", {"A": "EEE"}, faults=faults).tick()
+    assert floor.cause("A") == "none"
+    floor.tick()  # the move that it begins in this tick is its last
+    assert floor.tick().why("A") == ("broken down", "", None)
 
 
 def test_driving_slowly_is_lost_time_but_no_wait() -> None:

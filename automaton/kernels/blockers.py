@@ -13,6 +13,7 @@ from automaton.world.state import GOAL_NONE, MOVE, NIL, TICK
 from automaton.world.waiting import (
     AT_WORK,
     BAY_HELD,
+    CHARGER_HELD,
     COUNTED_AT,
     DELAY_COLUMNS,
     HEAD_ON,
@@ -114,7 +115,7 @@ def enter_blocker(world, watch, i):
     holder = np.int64(watch.scratch.holder[U(entry)])
     if holder >= 0:
         watch.blocker[U(i)] = world.robots.identity[U(holder)]
-    elif watch.cause[U(i)] == BAY_HELD:
+    elif watch.cause[U(i)] == BAY_HELD or watch.cause[U(i)] == CHARGER_HELD:
         watch.cause[U(i)] = JUST_FREED
     elif watch.cause[U(i)] == LANE:
         watch.cause[U(i)] = WAIT_DRAWN

@@ -113,6 +113,7 @@ def ticks(
                     keep_decisions(world, record, asked, answers, layer)
                 commit(world, record, asked, answers, layer)
                 end_turn(world, memories[layer], vaults[layer], batch, turn)
+        clock[PHASE] = 0
         motion(world, record)
         if clock[OUT]:
             end_faults(world, record)

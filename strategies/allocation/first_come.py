@@ -25,6 +25,8 @@ LOOKED = 1  # orders looked at in the run so far: what the search has cost
 def giver_back(view, given, memory):
     """The robot whose order below the cursor is open again, that of the lowest one; NIL if none is."""
     robot = NIL
+    if memory.shared[CURSOR] == 0:
+        return robot  # what robots took is forgotten, with the cursor
     lowest = view.orders.state.shape[0]
     for j in range(memory.own.shape[0]):
         order = memory.own[j, TOOK] - 1

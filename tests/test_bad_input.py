@@ -85,6 +85,13 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("generator: full-shelves", "list: []", 5, ["orders.list", "at least one"]),
     ("cooperative", "cooperativ", 7, ["'cooperativ'", "did you mean 'cooperative'?"]),
     ("allocation", "alocation", 7, ["unknown key 'alocation'", "did you mean 'allocation'?"]),
+    ("cooperative", "json:loads", 7, ["'json:loads': loads is no strategy"]),
+    (
+        "cooperative",
+        "strategies.right_of_way.wait:Wait",
+        7,
+        ["a strategy for layer 'right_of_way'"],
+    ),
     ("limit: 3", "limit: 0", 8, ["strategy.right_of_way.limit", "found 0"]),
     ("limit: 3", "limits: 3", 8, ["did you mean 'limit'?"]),
     ("name: withdraw, ", "", 8, ["'name' is missing in strategy.right_of_way"]),
@@ -121,10 +128,13 @@ def test_robots_start_on_free_cells_of_their_own(
 
 
 ORDERS = [
-    ("[{from: [0, 0], to: [5, 0]}]", "an order begins at a shelf or a dock; [0, 0] is a turntable"),
+    (
+        "[{from: [0, 0], to: [5, 0]}]",
+        "an order begins at a shelf, a dock or a station; [0, 0] is a",
+    ),
     (
         "[{from: [1, 1], to: [0, 0]}]",
-        "an order ends at a shelf, a destination or a rack; [0, 0] is",
+        "an order ends at a shelf, a destination, a rack or a station; [0, 0] is",
     ),
     ("[{from: [1, 1], to: [1, 1]}]", "ends where it begins"),
     ("[{from: [1, 1], to: [9, 0]}]", "[9, 0] lies outside the floor"),
@@ -234,7 +244,7 @@ def test_what_is_no_scenario_is_refused(tmp_path: Path, text: str | bytes, words
 def test_a_missing_file_or_name_is_explained(tmp_path: Path) -> None:
     for name, words in [
         ("tabeltop-1", "did you mean 'tabletop-1'?"),
-        ("zzz", "there are crossing, tabletop-1"),
+        ("zzz", "there are crossing, depots, tabletop-1"),
         ("zzz.yaml", "zzz.yaml: no such file"),
         (str(tmp_path), "is a folder"),
         (os.devnull, "not a regular file"),

@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
     orders: int
     delivered: int
     digest: str
-    wall_s: float  # of the run itself, without start-up and compilation
+    wall_s: float | None  # of the run itself, without start-up; None for a replay
     metrics: dict[str, float | int]
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did

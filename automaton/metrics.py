@@ -167,7 +167,7 @@ def may_slow(world: World) -> bool:
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
-    `slowed` is there if moves may take longer.
+    `slowed` is there if moves may take longer, `lost_in_line` if robots run on batteries.
     """
     world = run.world
     elapsed = int(world.clock[TICK])
@@ -177,6 +177,8 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.times[i], ticks[i])
         active = figures.pop("active")
+        if not world.rules.battery:
+            del figures["lost_in_line"]
         actions = {ACTION_NAMES[a] + "s": int(world.tally.times[i, a].sum()) for a in OPERATIONS}
         row: dict[str, Any] = {"robot": identity, "operations": figures.pop("T_Rtotal")}
         row |= actions | {"utilization": _ratio(active, elapsed)} | figures

@@ -86,8 +86,8 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         ", ".join(picks),
         *out_of_orders(outcome),
         *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
-        f"1 tick = {scenario.units.tick}; digest {outcome.digest}; "
-        f"computed in {1000 * outcome.wall_s:,.1f} ms",
+        f"1 tick = {scenario.units.tick}; digest {outcome.digest}"
+        + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import map_checks  # its checks are entered into the table
@@ -16,6 +17,9 @@ from viewing import Watched, compared, mini, viewing
 from automaton.world.state import NIL
 from tui.app import Viewer
 from tui.bindings import ACTIONS, COMPARING
+from tui.render import styles
+from tui.render.glyphs import GLYPH_BITS
+from tui.render.scene import SHADED
 from tui.screens.help import HelpScreen
 
 __all__ = ["map_checks"]
@@ -260,6 +264,12 @@ async def layer_predicted(user: Watched) -> None:
         await press(user, "layer_predicted")
         assert user.app.choice.laid == f"predicted {least}+"
     await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
+    assert user.app.pictures.scene(user.app.shot, user.app.choice, 0).values is not None
+    for layer in (*SHADED, ""):  # the snapshot still brings what the layer before counts
+        chosen = replace(user.app.choice, layer=layer)
+        scene = user.app.pictures.scene(user.app.shot, chosen, 0)
+        assert (scene.values is not None) == (layer == "predicted")
+        user.app.pictures.picture(scene, chosen, 20, 60)
 
 
 @check
@@ -291,6 +301,9 @@ async def compare_side(user: Watched) -> None:
 async def next_difference(user: Watched) -> None:
     await user.until(lambda: user.app.divergence is not None)
     assert user.app.divergence.tick > 1
+    await user.until(lambda: "the runs differ first" in said(user.app.info))
+    inks = user.app.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
+    assert set(inks.tolist()) == {styles.TEXT}  # blue, as found robots are, is not legible
     await press(user, "next_difference")
     await user.until(lambda: user.tick == user.app.divergence.tick)
 

@@ -85,6 +85,13 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("generator: full-shelves", "list: []", 5, ["orders.list", "at least one"]),
     ("cooperative", "cooperativ", 7, ["'cooperativ'", "did you mean 'cooperative'?"]),
     ("allocation", "alocation", 7, ["unknown key 'alocation'", "did you mean 'allocation'?"]),
+    ("cooperative", "json:loads", 7, ["'json:loads': loads is no strategy"]),
+    (
+        "cooperative",
+        "strategies.right_of_way.wait:Wait",
+        7,
+        ["a strategy for layer 'right_of_way'"],
+    ),
     ("limit: 3", "limit: 0", 8, ["strategy.right_of_way.limit", "found 0"]),
     ("limit: 3", "limits: 3", 8, ["did you mean 'limit'?"]),
     ("name: withdraw, ", "", 8, ["'name' is missing in strategy.right_of_way"]),

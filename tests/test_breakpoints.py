@@ -13,6 +13,7 @@ from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.resolve import resolve
+from automaton.world.condition import PERCENT
 from automaton.world.state import ACTION_NAMES, NIL
 from automaton.world.waiting import (
     CAUSES,
@@ -53,6 +54,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "loaded": int(fleet.load[robot] != NIL),
         "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
         "slowed": int(fleet.lost[robot, DRIVING_SLOWLY]),
+        "charge": int(fleet.charge[robot]) // PERCENT,
         "steps": int(fleet.route_length[robot]),
     }
     return values[field] if field in values else int(getattr(fleet, field)[robot])
@@ -70,7 +72,18 @@ def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
             same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
             assert holding(run, f"{field} == {value}") == same
             assert robots_where(f"{field} == {value}", snapshot, run.plan).tolist() == same
-    assert len(seen) > 1 or field in ("zone", "parked", "priority", "slowed")
+    assert len(seen) > 1 or field in ("zone", "parked", "priority", "slowed", "charge")
+
+
+def test_robots_are_found_by_the_charge_of_their_batteries() -> None:
+    run = LiveRun(resolve("depots"), 1)
+    run.show(600, 99)
+    snapshot = take_snapshot(run.shown)
+    charges = (snapshot.robots.charge / PERCENT).tolist()
+    low = [robot for robot, charge in enumerate(charges) if charge < 50]
+    assert 0 < len(low) < len(charges)
+    assert holding(run, "charge < 50") == low
+    assert robots_where("charge < 50", snapshot, run.plan).tolist() == low
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import msgspec
 import pytest
 
 from automaton.commands import COMMANDS, main
@@ -86,6 +87,16 @@ def test_check_goes_on_after_a_bad_file(capsys: pytest.CaptureFixture[str]) -> N
     out, err = capsys.readouterr()
     assert out == "tabletop-2: 50 shelves, 6 destinations, 4 robots, ok\n"
     assert len(err.splitlines()) == 2
+
+
+def test_a_default_is_recorded_as_it_is_read_again(tmp_path: Path) -> None:
+    """0 beside 0.0 would stand as a difference over two runs that are compared."""
+    file = tmp_path / "plain.yaml"
+    layout = "{generator: tabletop, tables: 2, positions: 3}"
+    file.write_text(f"name: plain\nlayout: {layout}\nfleet: {{robots: 1}}\n")
+    recorded = msgspec.to_builtins(resolve(file).scenario)
+    again = msgspec.to_builtins(msgspec.convert(recorded, Scenario))
+    assert str(recorded) == str(again)
 
 
 def test_schema_prints_the_json_schema(capsys: pytest.CaptureFixture[str]) -> None:

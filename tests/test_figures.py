@@ -21,8 +21,10 @@ from textual.pilot import Pilot
 
 from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
+from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
 from tui.widgets import curve
 from tui.widgets.figures import Figures
+from tui.widgets.lost import LETTERS
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
@@ -42,6 +44,16 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         assert words in said_then
     for name in metrics:
         assert name in said_then
+
+
+def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:
+    view = moment(20, "tabletop-mini")  # of its own: it is changed here
+    lost = view.snapshot.robots.lost
+    for code, cause in enumerate(CAUSES):
+        if code not in (NOT_WAITING, NO_ORDER):
+            lost[:] = 0
+            lost[0, code] = 1
+            assert f" {LETTERS[code]} {cause.name} " in shown(Figures(), view, WIDE, 80)
 
 
 def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:

@@ -124,9 +124,14 @@ def test_set_on_a_shipped_scenario_finds_a_network_from_where_one_is(own_file, m
 
 def test_check_names_a_network_that_is_not_there(own_scenario, own_file, capsys):
     own_file.unlink()
+    text = own_scenario.read_text()
+    line = 1 + text[: text.index("routing:")].count("\n")
     assert main(["check", str(own_scenario)]) == 2
-    said = f"automaton: strategy.routing: there is no file {own_file}\n"
-    assert capsys.readouterr().err == said
+    said = f"strategy.routing: there is no file {own_file}\n"
+    assert capsys.readouterr().err == f"automaton: {own_scenario}:{line}: {said}"
+    setting = "strategy.routing={name: traffic-avoidance, predictor: {network: own.npz}}"
+    assert main(["check", str(own_scenario), "--set", setting]) == 2
+    assert capsys.readouterr().err == f"automaton: --set {setting}: {said}"
 
 
 def test_verify_names_a_network_that_changed(own_scenario, own_file, capsys):

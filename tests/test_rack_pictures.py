@@ -69,6 +69,17 @@ def test_the_legend_names_racks_and_docks(zoom):
     assert len({entry.signs for entry in entries if entry.meaning in ("rack", "dock")}) == 2
 
 
+def test_stations_are_seen_near_and_far_and_named():
+    scene = stage(drawn("t.." + "." * 37 + "t"))
+    for zoom, sign in (("3x1", "⌂"), ("1x1", "⌂"), ("half", "⠛"), ("braille 1", "⠁")):
+        codes, camera = composed(scene, zoom)
+        assert (text(codes)[0], ink(codes[0, 0])) == (sign, styles.DOCK), zoom
+        entries = {entry.meaning: entry for entry in legend(scene, camera.zoom, UNICODE)}
+        assert signs(np.array(entries["station"].signs)).tolist()[0] in (sign, "⣿")
+    codes, camera = composed(scene, "1x1")
+    assert text(compose(scene, camera, ASCII), ASCII)[:3] == "t.."
+
+
 def places(view):
     """A dock at which loads wait, a rack that holds loads, as (x, y) with their numbers."""
     orders, slots = view.snapshot.orders, view.snapshot.slots

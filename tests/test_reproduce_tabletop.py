@@ -239,7 +239,9 @@ def test_the_report_fits_the_terminal(
         (["tabeltop"], "nothing called 'tabeltop' to reproduce (did you mean 'tabletop'?)"),
         (["tabletop", "--seeds", "0"], "--seeds must be at least 1, not 0"),
         (["tabletop", "--workers", "0"], "--workers must be at least 1, not 0"),
+        (["tabletop", "--seeds", "1e9"], "argument --seeds: '1e9' is not a whole number"),
         (["tabletop", "--strategies", "adaptiv"], "did you mean 'adaptive'?"),
+        (["tabletop", "--strategies", "x"], "automaton: --strategies: allocation strategy 'x' is"),
     ],
 )
 def test_bad_input_is_one_sentence(

@@ -201,7 +201,7 @@ def test_robots_are_told_by_shape_in_every_direction(glyphs: GlyphSet) -> None:
     robots = (*glyphs.robot, *glyphs.loaded, glyphs.parked, glyphs.fault)
     cells = (
         *(glyphs.floor, glyphs.wall, glyphs.turntable, glyphs.shelf, glyphs.load),
-        *(glyphs.rack, glyphs.dock),
+        *(glyphs.rack, glyphs.dock, glyphs.station),
         *(glyphs.destination, glyphs.charger, glyphs.bay, glyphs.passing, glyphs.unlimited),
         *(*glyphs.track, glyphs.crossing, *glyphs.one_way, glyphs.route, glyphs.stand),
     )

@@ -102,13 +102,14 @@ class Pictures:
         snapshot = shot.snapshots[side]
         robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
         found = choice.found[choice.found < len(snapshot.robots)]  # the other fleet may be larger
+        late = snapshot.heat is not None and snapshot.layer != choice.layer
         return Scene(
             self.floors[side],
             snapshot,
             selected=robot,
             route=snapshot.route if choice.route and snapshot.selected == robot else NOTHING,
             cursor=_cursor(choice),
-            layer=choice.layer,
+            layer="" if late else choice.layer,  # not the numbers of the layer before
             zone=choice.zone,
             least=choice.least,
             marked=found if len(found) else differing(shot),

@@ -101,7 +101,7 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         orders=len(state),
         delivered=int((state == DELIVERED).sum()),
         digest=front.digest,
-        wall_s=0.0,
+        wall_s=None,
         metrics=metrics_of(front),
         robots=metrics_by_robot(front),
         trouble="" if finished else trouble(front, still),

@@ -352,7 +352,7 @@ class Stage(App[None]):
         if self.choice.cell != NIL:
             return [self._described(self.choice.cell, self.choice.side)]
         if self.divergence is not None:
-            return [word(self.divergence.text, styles.MARKED, "next_difference")]
+            return [word(self.divergence.text, styles.TEXT, "next_difference")]
         return [word(text, styles.DIM, action, rank) for text, action, rank in HINTS]
 
     def _described(self, cell: int, side: int) -> Word:

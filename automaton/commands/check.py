@@ -10,8 +10,9 @@ import numpy as np
 
 from automaton.commands.arguments import add_settings_argument, tell_doubts
 from automaton.errors import InputError
+from automaton.scenario.document import Document
 from automaton.scenario.matrices import write_matrix
-from automaton.scenario.resolve import Resolved, resolve
+from automaton.scenario.resolve import Resolved, document_of, resolve
 from automaton.strategy.entry import files_of
 from automaton.units import count
 from automaton.whole_file import refusal, written
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
             resolved = resolve(file, args.settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
-            check_files(resolved)
+            check_files(resolved, document_of(file, args.settings))
             print(described(resolved))
             tell_doubts(resolved)
         except InputError as error:
@@ -56,12 +57,13 @@ def run(args: argparse.Namespace) -> int:
     return 2 if bad else 0
 
 
-def check_files(resolved: Resolved) -> None:
+def check_files(resolved: Resolved, document: Document) -> None:
     """Raises InputError for a file that a strategy reads and that is not there."""
     for layer, pick in resolved.picks.items():
         for file in files_of(pick.parameters):
             if not file.is_file():
-                raise InputError(f"strategy.{layer}: there is no file {file}")
+                said = f"strategy.{layer}: there is no file {file}"
+                raise document.error(("strategy", layer), said)
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

@@ -123,7 +123,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "circles": [list(circle) for circle in outcome.circles],
         "ran_out": None if outcome.ran_out is None else outcome.ran_out._asdict(),
         "digest": outcome.digest,
-        "wall_s": round(outcome.wall_s, 6),
+        "wall_s": None if outcome.wall_s is None else round(outcome.wall_s, 6),
         "metrics": outcome.metrics,
         "robots": outcome.robots,
         **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),

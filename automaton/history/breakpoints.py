@@ -19,6 +19,7 @@ import numpy as np
 from automaton.errors import InputError, nearest
 from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
+from automaton.world.condition import PERCENT
 from automaton.world.plan import FloorPlan
 from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
 from automaton.world.waiting import (
@@ -44,6 +45,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
     "zone": "the zone it serves, or -1",
+    "charge": "whole percent in its battery; 100 without one",
     "priority": "its priority",
     "steps": "cells of its route that are left",
 }
@@ -223,6 +225,7 @@ def _fields(
         "busy": robots.busy.astype(np.int64),
         "parked": robots.parked.astype(np.int64),
         "zone": robots.zone,
+        "charge": robots.charge // PERCENT,
         "priority": robots.priority,
         "steps": steps,
     }

@@ -103,7 +103,8 @@ class Snapshot:
     slots: SlotStates
     selected: int  # the robot whose route is given, or NIL
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
-    heat: Array | None  # (C,) int32 of the layer that was asked for, or None
+    layer: str  # the one that was asked for, whose numbers follow
+    heat: Array | None  # (C,) int32, or None
     flow: Array | None  # (C, 4) int32
     lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
 
@@ -130,6 +131,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         ),
         selected=selected,
         route=_route(simulation, selected),
+        layer=layer,
         heat=_heat(simulation, layer),
         flow=watch.flow.copy() if layer == "flow" else None,
         lost_in_zone=watch.lost_in_zone.copy(),

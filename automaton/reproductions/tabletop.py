@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from automaton.errors import InputError
 from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
 from automaton.reproductions.tabletop_claims import CLAIMS
+from automaton.strategy import lookup
 
 CONFIGURATIONS: Final = (1, 2)
 STRATEGIES: Final = ("independent", "cooperative")
@@ -62,7 +64,12 @@ REMARKS: Final = (
 
 
 def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
-    """The cells of the table for these allocation strategies."""
+    """The cells of the table for these allocation strategies. Raises InputError."""
+    for strategy in strategies:
+        try:
+            lookup.load("allocation", strategy)
+        except InputError as error:
+            raise InputError(f"--strategies: {error}") from error
     return [
         ScenarioCase(
             labels={"configuration": configuration, "strategy": strategy, "robots": robots},

@@ -55,7 +55,7 @@ def resolve(
     `overrides` are KEY=VALUE texts, `seed` replaces the scenario's own. Raises InputError.
     """
     settings = tuple(overrides)
-    document = override(_document(scenario), settings)
+    document = document_of(scenario, settings)
     if seed is not None:
         seeded = Override(f"--seed {seed}", ("seed",), seed)
         data = {**document.data, "seed": seed}
@@ -108,10 +108,11 @@ def naming_files(scenario: Scenario, picks: dict[str, Pick]) -> Scenario:
     )
 
 
-def _document(scenario: str | Path | Scenario) -> Document:
+def document_of(scenario: str | Path | Scenario, settings: Iterable[str] = ()) -> Document:
+    """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
     if not isinstance(scenario, Scenario):
-        return read(scenario)
-    return Document(data=copy.deepcopy(msgspec.to_builtins(scenario)))
+        return override(read(scenario), settings)
+    return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
 
 
 def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:

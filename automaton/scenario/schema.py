@@ -137,7 +137,7 @@ class Orders(Part, frozen=True, kw_only=True):
             description="Mean ticks between two orders: from the second tick on, one comes in a "
             "tick with probability 1/interval. 0: all are known from the start.",
         ),
-    ] = 0
+    ] = 0.0
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         msgspec.field(name="list", default=None)
     )

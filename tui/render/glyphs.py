@@ -4,9 +4,9 @@ A glyph is an index into the characters of either set, so that a picture can be 
 or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
 
     unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◍ turntable  ↯ charger
-              ◫ rack  ⊏ dock
+              ◫ rack  ⊏ dock  ⌂ station
     ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
-              H rack  [ dock
+              H rack  [ dock  t station
 
 Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
 East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
@@ -79,6 +79,7 @@ class GlyphSet:
     bay: Final = _shape("▢", "b")
     rack: Final = _shape("◫", "H")
     dock: Final = _shape("⊏", "[")
+    station: Final = _shape("⌂", "t")
     # What is laid over them.
     route: Final = _shape("∙", "o")
     stand: Final = _shape("⊗", "O")  # where the route ends

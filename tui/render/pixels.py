@@ -21,6 +21,7 @@ from automaton.world.cells import (
     FLOOR,
     RACK,
     SHELF,
+    STATION,
     TRACK,
     TURNTABLE,
     WALL,
@@ -40,7 +41,13 @@ from tui.render.shelves import full_shelves
 from tui.render.styles import style
 
 Colours = NDArray[np.uint8]
-STATIONS = (BAY, CHARGER, DESTINATION, DOCK)  # show in a pixel of many cells, the last one first
+STATIONS = (
+    BAY,
+    CHARGER,
+    DESTINATION,
+    DOCK,
+    STATION,
+)  # show in a pixel of many cells, the last one first
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 

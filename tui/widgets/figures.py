@@ -114,7 +114,7 @@ class Figures(TextPanel):
         for cause in causes:
             drawn = lost_time.drawn(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME + 1))
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME + 2))
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
         return [*lines, lost_time.key(causes, self.signs)]

@@ -10,6 +10,7 @@ from automaton.history.chronicle import Event
 from automaton.history.explanation import doing
 from automaton.units import count, percent
 from automaton.world.cells import DIRECTIONS, KINDS
+from automaton.world.condition import FULL
 from automaton.world.state import (
     GOAL_CHARGE,
     GOAL_DROP,
@@ -55,6 +56,7 @@ def robot_lines(view: View, robot: int, width: int) -> list[Line]:
         ("order", _order(view, robot)),
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),
+        ("battery", _battery(view, robot)),
         ("priority", [str(int(fleet.priority[robot]))]),
         ("zone", [] if fleet.zone[robot] == NIL else [str(int(fleet.zone[robot]))]),
         ("home", [cell_link(plan, int(fleet.home[robot]))]),
@@ -157,6 +159,12 @@ def _route(view: View, robot: int) -> list[str | Span]:
     if fleet.withdrawing[robot] > 0:
         parts.append(f", withdrawing {count(int(fleet.withdrawing[robot]), 'step')}")
     return parts
+
+
+def _battery(view: View, robot: int) -> list[str | Span]:
+    """Its charge, where robots run on batteries."""
+    charge = int(view.snapshot.robots.charge[robot])
+    return [] if view.run.header["scenario"]["battery"] is None else [percent(charge / FULL, 0)]
 
 
 def _so_far(view: View, robot: int) -> list[str | Span]:

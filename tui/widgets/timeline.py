@@ -212,7 +212,7 @@ def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np
         "deadlock": (glyphs.fault, styles.FAULT),
         "stop": (glyphs.stand, styles.CURSOR),
         "branch": (ord("Y"), styles.LOADED),
-        "difference": (ord("x"), styles.MARKED),
+        "difference": (ord("x"), styles.ROUTE),
     }
     there: dict[int, list[str]] = {}
     for mark in dict.fromkeys(past.marks):

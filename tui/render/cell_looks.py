@@ -18,6 +18,7 @@ from automaton.world.cells import (
     FLOOR,
     RACK,
     SHELF,
+    STATION,
     TRACK,
     TURNTABLE,
     WALL,
@@ -38,6 +39,7 @@ INKS = {  # of a kind of cell
     BAY: styles.BAY,
     RACK: styles.RACK,
     DOCK: styles.DOCK,
+    STATION: styles.STATION,
 }
 
 
@@ -100,5 +102,6 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
         BAY: glyphs.bay,
         RACK: glyphs.rack,
         DOCK: glyphs.dock,
+        STATION: glyphs.station,
     }
     return signs[kind], blank

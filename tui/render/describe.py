@@ -17,6 +17,7 @@ from automaton.world.cells import (
     SHELF,
     TRACK,
 )
+from automaton.world.condition import PERCENT, TOWED
 from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL, WAITING
 from automaton.world.waiting import CAUSES
 from tui.render.overlays import value_words, zone_words
@@ -57,14 +58,20 @@ def ground(scene: Scene, cell: int) -> str:
 def _content(scene: Scene, cell: int) -> str:
     """What a slot holds."""
     slot, snapshot = int(scene.floor.slot_in[cell]), scene.snapshot
-    if slot == NIL or snapshot is None:
+    if snapshot is None:
         return ""
+    if slot == NIL:
+        left = np.flatnonzero(snapshot.slots.cell == cell) if cell in scene.left_loads else ()
+        return "".join(f" with load {snapshot.slots.content[one]} left there" for one in left)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
     kind = KINDS[scene.floor.plan.kind.reshape(-1)[cell]]
-    if kind.supplies:
-        waiting = (orders.state == WAITING) & (orders.place == slot)
-        text = f" with {np.count_nonzero(waiting)} loads"
+    waiting = np.count_nonzero((orders.state == WAITING) & (orders.place == slot))
+    if kind.supplies and kind.swallows:
+        arrived = np.count_nonzero((orders.state == DELIVERED) & (orders.target == slot))
+        text = f" with {waiting} loads to fetch, {arrived} brought"
+    elif kind.supplies:
+        text = f" with {waiting} loads"
     elif kind.swallows:
         arrived = (orders.state == DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
@@ -98,6 +105,10 @@ def _robot(scene: Scene, robot: int) -> str:
     words = [f"robot {robot}"]
     if robots.load[robot] != NIL:
         words.append(f"with load {robots.load[robot]}")
+    if scene.floor.battery:
+        words.append(f"at {robots.charge[robot] / PERCENT:.0f} %")
+    if robots.status[robot] >= TOWED:
+        return " ".join([*words, "towed"])
     if robots.parked[robot]:
         return " ".join([*words, "parked"])
     if robots.cause[robot]:

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, WALL
+from automaton.world.cells import BAY, CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION, WALL
 from automaton.world.state import NIL
 from tui.render import robots as fleet
 from tui.render import styles
@@ -31,6 +31,7 @@ STATIONS = (
     (CHARGER, styles.CHARGER),
     (DESTINATION, styles.DESTINATION),
     (DOCK, styles.DOCK),
+    (STATION, styles.STATION),
 )
 
 

@@ -152,8 +152,8 @@ def test_a_robot_in_line_tells_its_battery_its_place_and_its_plan(width: int) ->
     level = view.snapshot.robots.level[second] / 10_000
     said_then = shown(Inspector(), selected(view, second), width)
     for words in (
-        f"battery ⣿⣿⣿⣿ {view.snapshot.robots.charge[second] / 10_000:.1f} %",
-        f"charging at (4, 0) up to {level:.0f} %, place 2 of 2 in line",
+        f"battery ⣿⣿⣿⣿⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅ {view.snapshot.robots.charge[second] / 10_000:.1f} %",
+        f"charging up to {level:.0f} %, place 2 of 2 in line",
         "condition in order",
         "goal to charge at (4, 0)",
         "ahead order 7, order 3, order 11",
@@ -172,7 +172,7 @@ def test_a_plan_of_a_robot_that_is_just_selected_is_a_number() -> None:
 def test_a_robot_that_charges_says_how_long() -> None:
     said_then = shown(Inspector(), of_robot(living(100), 3), WIDE)
     assert "robot 3 charges up to 96 %, 21 ticks to go" in said_then
-    assert "charging up to 96 %, 21 ticks to go at (4, 0)" in said_then
+    assert "charging up to 96 %, 21 ticks to go condition" in said_then
 
 
 def test_out_of_order_since_when_and_until_when() -> None:
@@ -269,8 +269,9 @@ def test_figures_tell_of_batteries_and_robots_out_of_order() -> None:
     charge = view.snapshot.robots.charge / 10_000
     for width in (NARROW, WIDE):
         said_then = shown(Figures(), view, width, 100)
-        assert f"battery {charge.min():.0f} % least, {charge.mean():.0f} % mean" in said_then
-        assert "1 at chargers, 0 in line" in said_then and "batteries" in said_then
+        assert f"mean battery {charge.mean():.0f} %, least {charge.min():.0f} %" in said_then
+        assert "at chargers 1, 0 in line" in said_then and "batteries" in said_then
+        assert "robots 2 work, 0 wait" in said_then and "0 parked, 1 charge" in said_then
         assert "out of order 1 robot, 0 towed" in said_then
     plain = shown(Figures(), moment(600), WIDE, 100)
     assert "battery" not in plain and "out of order" not in plain

@@ -13,7 +13,7 @@ from automaton.world.condition import EMPTY, FAILING, FULL
 from automaton.world.state import GOAL_CHARGE, NIL
 from tui.render.robots import LOW_CHARGE
 from tui.view import View
-from tui.widgets.lines import Line, Span, cell_link, fact, line, linked, robot_link
+from tui.widgets.lines import Line, Span, fact, line, linked, robot_link
 from tui.widgets.signs import Signs, bar
 
 Parts = list[str | Span]
@@ -38,26 +38,25 @@ def battery(view: View, robot: int, signs: Signs) -> Parts:
         return []
     charge = int(view.snapshot.robots.charge[robot])
     look = "warn" if charge < LOW_CHARGE else "plain"
-    drawn = Span(f"{bar(charge / FULL, BAR, signs)} {percent(charge / FULL)}", look)
-    return [drawn]
+    drawn = bar(charge / FULL, BAR, signs).replace(" ", signs.off)
+    return [Span(drawn, look), f" {percent(charge / FULL)}"]
 
 
 def charging_plan(view: View, robot: int) -> Parts:
-    """Where it charges or is going to, up to which level, and its place in the line."""
+    """Up to which level it charges or is going to, how long that takes, and its place in line."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     if fleet.goal[robot] != GOAL_CHARGE:
         return []
     cell = int(fleet.stand[robot])
     if charging(fleet)[robot]:
-        return [f"{up_to(snapshot, robot)} at ", cell_link(view.plan, cell)]
-    parts: Parts = ["at ", cell_link(view.plan, cell)]
-    parts.append(f" up to {percent(int(fleet.level[robot]) / FULL, 0)}")
+        return [up_to(snapshot, robot)]
+    told = f"up to {percent(int(fleet.level[robot]) / FULL, 0)}"
     in_line = line_before(snapshot, cell)
     if robot in in_line:
-        parts.append(f", place {in_line.index(robot) + 1} of {len(in_line)} in line")
+        told += f", place {in_line.index(robot) + 1} of {len(in_line)} in line"
     elif ahead := len(in_line) + len(charging_at(snapshot, cell)):
-        parts.append(f", where {count(ahead, 'robot')} {'is' if ahead == 1 else 'are'} now")
-    return parts
+        told += f"; {count(ahead, 'robot')} {'is' if ahead == 1 else 'are'} there now"
+    return [told]
 
 
 def condition(view: View, robot: int) -> list[str | Span]:

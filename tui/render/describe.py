@@ -61,8 +61,7 @@ def _content(scene: Scene, cell: int) -> str:
     if snapshot is None:
         return ""
     if slot == NIL:
-        left = np.flatnonzero(snapshot.slots.cell == cell) if cell in scene.left_loads else ()
-        return "".join(f" with load {snapshot.slots.content[one]} left there" for one in left)
+        return _left(scene, cell)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
     kind = KINDS[scene.floor.plan.kind.reshape(-1)[cell]]
@@ -83,7 +82,17 @@ def _content(scene: Scene, cell: int) -> str:
             text += f", to be fetched by robot {orders.by[order]}"
     elif kind.code == SHELF:
         text = ", empty"
+    text += _left(scene, cell)
     return text + (f", reserved by robot {slots.by[slot]}" if slots.by[slot] != NIL else "")
+
+
+def _left(scene: Scene, cell: int) -> str:
+    """Loads that robots had to leave in a cell."""
+    if scene.snapshot is None or cell not in scene.left_loads:
+        return ""
+    slots, first = scene.snapshot.slots, len(scene.floor.slots_cell)
+    loads = slots.content[first:][slots.cell[first:] == cell].tolist()
+    return "".join(f", load {load} was left there" for load in loads if load != NIL)
 
 
 def _robots(scene: Scene, cell: int) -> list[str]:

@@ -19,7 +19,7 @@ from tui.render.robots import LOW_CHARGE
 from tui.view import TickChosen, View
 from tui.widgets import curve
 from tui.widgets import lost as lost_time
-from tui.widgets.charge_facts import battery_figures, has_batteries, may_fail
+from tui.widgets.charge_facts import battery_figures, may_fail
 from tui.widgets.compared import compared_lines
 from tui.widgets.lines import Line, Link, Span, dim, fact, length, line, term, title
 from tui.widgets.signs import bar
@@ -94,9 +94,9 @@ class Figures(TextPanel):
         link = ("share", list(GLOSSARY).index("energy"))
         used = f"{_short(float(metrics['energy']))} batteries"
         return [
-            (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
-            *self._share("charging", view, width),
             _figure("at chargers", chargers),
+            *self._share("charging", view, width),
+            (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
             line(*term("energy", link, NAME), used),
             *self.explanation(link, GLOSSARY["energy"][1], width),
         ]
@@ -213,15 +213,11 @@ def _short(value: float) -> str:
 def _robots(view: View, width: int) -> list[Line]:
     """How many robots work, wait and are parked or idle; two in a line where not all fit in one."""
     fleet = view.snapshot.robots
-    running = fleet.status < EMPTY  # the others have a line of their own
-    waiting = int(np.count_nonzero(waits(fleet.cause) & running))
-    parked = int(np.count_nonzero((fleet.parked != 0) & running))
-    plugged = int(np.count_nonzero(charging(fleet)))
+    waiting, parked = int(np.count_nonzero(waits(fleet.cause))), int(np.count_nonzero(fleet.parked))
     idle = int(np.count_nonzero((fleet.cause == NO_ORDER) & (fleet.parked == 0)))
-    work = int(np.count_nonzero(running)) - waiting - parked - idle - plugged
+    work = len(fleet) - waiting - parked - idle
     look = "fault" if fleet.ring.any() else "warn" if waiting else "plain"
     said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
-    said += [Span(f"{plugged:,} charge")] if has_batteries(view) else []
     said += [Span(f"{idle:,} idle")] if idle else []
     fits = length(said) + 2 * (len(said) - 1) <= width - NAME
     step = len(said) if fits else 2

@@ -177,14 +177,14 @@ def test_a_robot_that_charges_says_how_long() -> None:
 
 def test_out_of_order_since_when_and_until_when() -> None:
     broken = shown(Inspector(), of_robot(living(650), 0), WIDE)
-    assert "robot 0 has broken down; it is towed in 27 ticks, since tick 61" in broken
+    assert "since tick 617: robot 0 has broken down; it is towed in 27 ticks" in broken
     assert living(676).snapshot.robots.status[0] == 4
     assert living(677).snapshot.robots.status[0] == 5, "as it said"
     towed = shown(Inspector(), of_robot(living(700), 0), WIDE)
     assert "robot 0 was towed; it is back in 77 ticks" in towed and "off the floor" in towed
     empty = shown(Inspector(), of_robot(drained(100), 0), WIDE)
-    assert "battery of robot 0 holds 2.0 %, less than its next operation takes" in empty
-    assert "nobody tows it, since tick 60" in empty
+    assert "since tick 61: the battery of robot 0 holds 2.0 %, less than its next" in empty
+    assert "operation takes; nobody tows it" in empty
 
 
 def test_a_robot_without_battery_and_faults_says_nothing_of_them() -> None:

@@ -69,10 +69,11 @@ def condition(view: View, robot: int) -> list[str | Span]:
         return [Span("fails when what it does is over", "warn")]
     if status < EMPTY:
         return ["in order"]
-    told = list(linked(out_of_order(snapshot, robot), view.plan, "warn"))
-    if fleet.cell[robot] != NIL and (since := int(fleet.since[robot])) <= snapshot.tick:
-        told += line(", since ", Span(f"tick {since:,}", "link", ("tick", since)))
-    return list(told)
+    told = linked(out_of_order(snapshot, robot), view.plan, "warn")
+    if fleet.cell[robot] == NIL:
+        return list(told)
+    since = int(fleet.since[robot]) + 1  # the first tick lost, that of the event
+    return [*line("since ", Span(f"tick {since:,}", "link", ("tick", since)), ": "), *told]
 
 
 def charger_lines(view: View, cell: int, width: int) -> list[Line]:

@@ -146,14 +146,14 @@ def _widened(kind: Any) -> Any:
     return kind
 
 
-def announce_first_compilation() -> Callable[[], None]:
+def announce_first_compilation(what: str = "the world", seconds: int = 20) -> Callable[[], None]:
     """Say on stderr why the first run waits; returns what to call when everything is compiled."""
-    marker = cache_folder() / "complete"
+    marker = cache_folder() / ("complete" if what == "the world" else f"{what} complete")
     if not jit_is_on() or marker.exists():
         return lambda: None
     print(
-        "automaton: first run of this version on this machine: "
-        "compiling the world, once (about 20 s) ...",
+        f"automaton: first run of this version on this machine: "
+        f"compiling {what}, once (about {seconds} s) ...",
         file=sys.stderr,
         flush=True,
     )

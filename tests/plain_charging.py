@@ -17,7 +17,7 @@ class Situation:
     drain: int  # units per tick of driving
     curve: tuple[tuple[int, int], ...]  # (from level, units per tick)
     chargers: tuple[int, ...]
-    wait: tuple[int, ...]
+    wait: tuple[int, ...]  # ticks until each charger is free of others
     reserve: int
     end_reach: bool
     start: int
@@ -83,7 +83,7 @@ def ticks_of(case: Situation, plan: Stops, target: int | None = None) -> tuple[i
             if ahead + case.reserve > FULL:
                 return None
             used, level = charging_time(case.curve, level, goal)
-            ticks += used + case.wait[charger]
+            ticks = max(ticks, case.wait[charger]) + used
     return (ticks, level) if level >= case.reserve + spare else None
 
 

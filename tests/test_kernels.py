@@ -27,6 +27,16 @@ for routing in ("astar", "traffic-avoidance"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.routing={routing}"]))
     simulation.run()
 run_seed(Setting(exact), 1)
+from automaton.reproductions.auctions import REPRODUCTION
+from automaton.reproductions.study import reproduce
+reproduce(REPRODUCTION, 1)
+import random
+from automaton.auctions import assignment, bids, bundle_space, sequential
+from tests.auction_scenes import random_auction
+for robots, rule in ((2, bids.AVERAGE), (5, bids.AVERAGE_ADDED)):
+    *market, items = random_auction(random.Random(robots), robots, 4, policy=1)
+    sequential.parallel(*market, items, 4, rule, 500)
+    assignment.assign_once(*market, bundle_space.assignment_for(5), items, 4, rule, 500)
 plans.prepare_avoidance(30, 1)()
 kernels = {
     kernel for name, module in sys.modules.items() if name.startswith(("automaton.", "strategies."))

@@ -6,7 +6,7 @@ Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x 
 import numpy as np
 
 from automaton.auctions.bids import award, bid
-from automaton.auctions.market import INF
+from automaton.auctions.market import BIDS, INF, MESSAGES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -96,4 +96,8 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
         award(work, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
+    for k in range(count):
+        for r in range(robots):
+            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
+    scratch.count[MESSAGES] += scratch.count[BIDS] + given
     return given

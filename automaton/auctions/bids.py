@@ -56,7 +56,7 @@ def sum_of_arrivals(work, battery, fleet, scratch, r, order, length):
         task = np.int64(order[i])
         while k < plan.stops[0] and plan.position[k] == i:
             at = np.int64(battery.charger[plan.charger[k]])
-            now += work.ticks[here, at] + plan.duration[k] + battery.wait[plan.charger[k]]
+            now += work.ticks[here, at] + plan.duration[k] + plan.waited[k]
             here = at
             k += 1
         now += work.ticks[here, work.begin[task]] + work.inside[task]

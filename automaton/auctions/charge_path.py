@@ -11,9 +11,19 @@ Ties: fewer ticks from the task before to the charger, then the later position.
 import numpy as np
 
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import FULL, INF
+from automaton.auctions.market import FULL, INF, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
+
+# Places of Scratch.path, while a path is searched.
+NODES = 0  # chargers to go on from: scratch.node[:NODES]
+LAST = 1  # the last stop of the best path so far
+BEST = 2  # its weight
+NEAREST = 3  # ticks from the task before to that stop
+AT = 4  # the position of that stop
+REST_TICKS = 5  # of the whole list
+REST_ENERGY = 6  # and the way to a charger at its end
+READY = 7  # ticks until the robot sets out: set by the quote
 
 
 @kernel
@@ -25,76 +35,121 @@ def tail_of(battery, place):
 
 
 @kernel
-def find_stops(work, battery, scratch, place, charge, order, length):
-    """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
-    chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve_rate[0])
-    span = np.int64(FULL) - battery.reserve
-    end_ticks, end_energy = scratch.done_ticks[length], scratch.done_energy[length]
-    end_energy += tail_of(battery, work.end[order[length - 1]])
-    best, nearest, last = np.int64(INF), np.int64(INF), np.int64(NIL)
-    for i in range(length):
-        before = place_before(work, place, order, i)
-        after = np.int64(work.begin[order[i]])
-        for c in range(chargers):
-            reach_charger(work, battery, scratch, before, charge, order, i, c)
-        if chargers > 1:
-            hop(work, battery, scratch, i)
-        rest_ticks = end_ticks - scratch.begun_ticks[i]
-        rest_energy = end_energy - scratch.begun_energy[i]
-        for c in range(chargers):
-            so_far = scratch.weight[i, c]
-            if so_far >= best:
-                scratch.weight[i, c] = INF  # nothing that goes on from here is better
-                continue
-            at = np.int64(battery.charger[c])
-            energy = work.energy[at, after] + rest_energy
-            total = so_far + rate * (work.ticks[at, after] + rest_ticks) + energy
-            if energy > span:
-                continue
-            # From here the end is in reach: another stop only makes the way longer.
-            scratch.weight[i, c] = INF
-            detour = np.int64(work.ticks[before, at])
-            if total < best or (total == best and detour <= nearest):
-                if total == best and detour == nearest and last // chargers == i:
-                    continue
-                best, nearest, last = total, detour, np.int64(i * chargers + c)
-    return last
+def waiting_at(battery, scratch, c, ticks):
+    """Ticks that a robot waits at charger c when it comes there `ticks` after setting out.
+
+    Charging before that, which makes it come later, is not counted: the wait is never too short.
+    """
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path[READY] - ticks)
 
 
 @kernel
-def reach_charger(work, battery, scratch, before, charge, order, i, c):
-    """weight[i, c], back[i, c]: the best way to charger c before task i, from the start or a stop."""
+def find_stops(work, battery, scratch, place, charge, order, length):
+    """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
+    chargers = battery.charger.shape[0]
+    path = scratch.path
+    path[NODES] = 0
+    path[LAST] = NIL
+    path[BEST] = INF
+    path[NEAREST] = INF
+    path[REST_TICKS] = scratch.done_ticks[length]
+    path[REST_ENERGY] = scratch.done_energy[length]
+    path[REST_ENERGY] += tail_of(battery, work.end[order[length - 1]])
+    for i in range(length):
+        in_reach = scratch.done_energy[i] <= charge - battery.reserve
+        if not in_reach and path[NODES] == 0:
+            break
+        scratch.count[STATES] += chargers
+        reach_chargers(work, battery, scratch, place, charge, order, i)
+        nodes = path[NODES]
+        finish(work, battery, scratch, place, order, i)
+        if chargers > 1 and path[NODES] > nodes and hop(work, battery, scratch, i):
+            path[NODES] = nodes
+            finish(work, battery, scratch, place, order, i)
+    return path[LAST]
+
+
+@kernel
+def reach_chargers(work, battery, scratch, place, charge, order, i):
+    """weight[i], back[i]: the best ways to the chargers before task i, from the start or a stop."""
+    rate = np.int64(battery.curve_rate[0])
+    before = place_before(work, place, order, i)
+    for c in range(battery.charger.shape[0]):
+        at = np.int64(battery.charger[c])
+        into_energy = work.energy[before, at] + scratch.done_energy[i]
+        best = np.int64(INF)
+        if into_energy <= charge - battery.reserve:
+            into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+            into_ticks += waiting_at(battery, scratch, c, into_ticks)
+            best = rate * into_ticks + into_energy
+        scratch.weight[i, c] = best
+        scratch.back[i, c] = NIL
+        if scratch.path[NODES] > 0:
+            come_from_stops(work, battery, scratch, before, order, i, c)
+
+
+@kernel
+def come_from_stops(work, battery, scratch, before, order, i, c):
+    """Improve weight[i, c], back[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve_rate[0])
     at = np.int64(battery.charger[c])
     into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+    into_ticks += waiting_at(battery, scratch, c, into_ticks)
     into_energy = work.energy[before, at] + scratch.done_energy[i]
-    best, back = np.int64(INF), np.int64(NIL)
-    if into_energy <= charge - battery.reserve:
-        best = rate * into_ticks + into_energy
-    for k in range(i):
+    best, back = scratch.weight[i, c], np.int64(NIL)
+    for node in range(scratch.path[NODES]):
+        k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
+        if scratch.weight[k, b] >= best:
+            continue
+        stop = np.int64(battery.charger[b])
         after = np.int64(work.begin[order[k]])
-        for b in range(chargers):
-            if scratch.weight[k, b] >= best:
-                continue
-            stop = np.int64(battery.charger[b])
-            energy = work.energy[stop, after] + into_energy - scratch.begun_energy[k]
-            if energy > FULL - battery.reserve:
-                continue
-            ticks = work.ticks[stop, after] + into_ticks - scratch.begun_ticks[k]
-            weight = scratch.weight[k, b] + rate * ticks + energy
-            if weight <= best:
-                best, back = weight, np.int64(k * chargers + b)
-    scratch.weight[i, c] = INF if best >= INF else best + rate * battery.wait[c]
+        energy = work.energy[stop, after] + into_energy - scratch.begun_energy[k]
+        if energy > FULL - battery.reserve:
+            continue
+        ticks = work.ticks[stop, after] + into_ticks - scratch.begun_ticks[k]
+        weight = scratch.weight[k, b] + rate * ticks + energy
+        if weight <= best:
+            best, back = weight, np.int64(k * chargers + b)
+    scratch.weight[i, c] = best
     scratch.back[i, c] = back
 
 
 @kernel
-def hop(work, battery, scratch, i):
-    """Ways from one charger straight to another, where the way between tasks is long."""
+def finish(work, battery, scratch, place, order, i):
+    """Drive on to the end from each charger before task i, or note it as one to go on from."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve_rate[0])
+    path = scratch.path
+    before = place_before(work, place, order, i)
+    after = np.int64(work.begin[order[i]])
+    rest_ticks = path[REST_TICKS] - scratch.begun_ticks[i]
+    rest_energy = path[REST_ENERGY] - scratch.begun_energy[i]
+    for c in range(chargers):
+        so_far = scratch.weight[i, c]
+        at = np.int64(battery.charger[c])
+        energy = work.energy[at, after] + rest_energy
+        total = so_far + rate * (work.ticks[at, after] + rest_ticks) + energy
+        if so_far >= INF or total > path[BEST]:
+            continue  # what goes on from here is no better than the best that is known
+        if energy > FULL - battery.reserve:
+            scratch.node[path[NODES]] = i * chargers + c
+            path[NODES] += 1
+            continue
+        # The end is in reach: another stop would only make the way longer.
+        detour = np.int64(work.ticks[before, at])
+        later = detour == path[NEAREST] and path[AT] != i
+        if total < path[BEST] or detour < path[NEAREST] or later:
+            path[BEST], path[NEAREST], path[LAST] = total, detour, i * chargers + c
+            path[AT] = i
+
+
+@kernel
+def hop(work, battery, scratch, i):
+    """Ways from one charger straight to another, where the way between tasks is long; found any?"""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve_rate[0])
+    found = False
     changed = True
     while changed:
         changed = False
@@ -103,12 +158,15 @@ def hop(work, battery, scratch, i):
                 continue
             for c in range(chargers):
                 between = np.int64(work.energy[battery.charger[b], battery.charger[c]])
-                ticks = work.ticks[battery.charger[b], battery.charger[c]] + battery.wait[c]
+                ticks = np.int64(work.ticks[battery.charger[b], battery.charger[c]])
+                ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
                 weight = scratch.weight[i, b] + rate * ticks + between
                 if c != b and between <= FULL - battery.reserve and weight < scratch.weight[i, c]:
                     scratch.weight[i, c] = weight
                     scratch.back[i, c] = i * chargers + b
                     changed = True
+                    found = True
+    return found
 
 
 @kernel

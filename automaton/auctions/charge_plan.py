@@ -6,7 +6,7 @@ the best path charges as much as the stretch to the next one needs, in whole tic
 
 import numpy as np
 
-from automaton.auctions.charge_path import find_stops, note_stops, tail_of
+from automaton.auctions.charge_path import find_stops, note_stops, tail_of, waiting_at
 from automaton.auctions.charging_curve import charging_ticks, level_after
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import (
@@ -101,7 +101,8 @@ def charge_just_enough(work, battery, scratch, place, charge, order, length):
         ticks, energy = stretch(work, battery, scratch, place, order, length, k + 1)
         spare = tail if k + 1 == plan.stops[0] else np.int64(0)
         goal = max(level, energy + spare + battery.reserve)
-        level = stop_at(battery, plan, k, level, goal)
+        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.figures[COST])
+        level = stop_at(battery, plan, k, level, goal, wait)
         plan.figures[COST] += ticks
     plan.figures[END] = level - energy
     plan.figures[LOWEST] = min(plan.figures[LOWEST], plan.figures[END])
@@ -110,10 +111,10 @@ def charge_just_enough(work, battery, scratch, place, charge, order, length):
 
 
 @kernel
-def stop_at(battery, plan, k, level, goal):
-    """Charge from `level` to `goal` at stop k of the plan; returns the level on leaving."""
+def stop_at(battery, plan, k, level, goal, wait):
+    """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
     duration = charging_ticks(battery, level, goal)
-    wait = np.int64(battery.wait[plan.charger[k]])
+    plan.waited[k] = wait
     plan.arrival[k] = level
     plan.duration[k] = duration
     plan.level[k] = level_after(battery, level, duration, FULL)
@@ -137,7 +138,7 @@ def add_detours(work, battery, scratch, place, order):
             before = np.int64(battery.charger[plan.charger[k - 1]])
         else:
             plan.figures[NET] -= work.ticks[before, after]
-        gross = plan.duration[k] + battery.wait[plan.charger[k]] + work.ticks[before, at]
+        gross = plan.duration[k] + plan.waited[k] + work.ticks[before, at]
         if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
             gross += work.ticks[at, after]
         plan.figures[GROSS] += gross

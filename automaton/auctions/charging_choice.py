@@ -34,10 +34,27 @@ def choose_charging(view, asked, given, site, space, idle_below):
             site.cell[home + 1] = robots.home[i]
         survey(view, space, site, 1, max(tasks, 1))
         count_queues(view, space, site, i)
+        compare_queues(site.battery.wait)
         if tasks:
             charge_for_list(view, given, site, k, tasks)
         elif asked.reason[k] != FREE or idle_below > 0:
             charge_when_idle(view, given, site, k, np.int64(home), idle_below)
+
+
+@kernel
+def compare_queues(wait):
+    """Leave of the waits what they are longer than the shortest.
+
+    A robot that must charge looks for the shorter line; it does not put charging off because there is
+    a line everywhere (that made orders wait a tenth longer).
+    """
+    if wait.shape[0] == 0:
+        return
+    shortest = np.int64(wait[0])
+    for c in range(wait.shape[0]):
+        shortest = min(shortest, np.int64(wait[c]))
+    for c in range(wait.shape[0]):
+        wait[c] -= shortest
 
 
 @kernel
@@ -94,7 +111,8 @@ def charge_when_idle(view, given, site, k, home, idle_below):
     patience = PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0
     later = charge - energy[0, home] - battery.reach[home]
     now = charge - battery.reach[0]
-    if charge < FULL and min(later, now) < battery.reserve + patience:
+    stands_there = site.work.ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
+    if charge < FULL and (stands_there or min(later, now) < battery.reserve + patience):
         send(view, given, k, nearest, FULL, 1)
     elif charge < idle_below:
         free = free_charger(view, given, site, k)

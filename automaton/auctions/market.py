@@ -45,7 +45,7 @@ class Battery(Struct):
     """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
 
     charger: Array  # (C,) int32: its place
-    wait: Array  # (C,) int32 ticks that a robot waits there before it charges
+    wait: Array  # (C,) int32 ticks until it is free of the robots that come before
     nearest: Array  # (P,) int32: the charger that takes least energy to reach; NIL: none
     reach: Array  # (P,) int64 units to it; INF: none
     curve_from: Array  # (K,) int32 units: the piece holds from this level on; the first is 0
@@ -82,6 +82,7 @@ class Plan(Struct):
     arrival: Array  # (S,) int64 units on arrival
     level: Array  # (S,) int64 units on leaving
     duration: Array  # (S,) int64 ticks of charging
+    waited: Array  # (S,) int64 ticks in line before it
     figures: Array  # (FIGURES,) int64: see below
 
 
@@ -106,6 +107,8 @@ class Scratch(Struct):
     begun_energy: Array  # (L + 2,) int64
     weight: Array  # (L + 1, C) int64: best way to a charger before task i
     back: Array  # (L + 1, C) int32: the stop before that one, as i * C + c, or NIL
+    node: Array  # (S,) int32: stops from which a better path may go on
+    path: Array  # (8,) int64 (automaton.auctions.charge_path)
     bid: Array  # (R, T) int64, by robot and number of the item
     best: Array  # (R,) int32: the item of the robot's lowest bid, or NIL
     left: Array  # (T,) int32: items that are not sold, by arrival
@@ -114,6 +117,7 @@ class Scratch(Struct):
     high: Array  # (T,) int64
     bidders: Array  # (T,) int32: robots with a finite bid
     keenest: Array  # (T,) int32: the robot with the lowest
+    stale: Array  # (T,) uint8: 1 = the five above are to be found anew
     sold: Array  # (T,) int32: who won the item, or NIL
     count: Array  # (COUNTS,) int64
     plan: Plan
@@ -124,4 +128,5 @@ BIDS: Final = 0  # bids computed
 POSITIONS: Final = 1  # places in lists that were tried
 PLANS: Final = 2  # charging plans made
 MESSAGES: Final = 3  # announcements, bids sent, awards
-COUNTS: Final = 4
+STATES: Final = 4  # what charging plans looked at: chargers before tasks, or legs for a threshold
+COUNTS: Final = 5

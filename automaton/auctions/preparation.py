@@ -123,6 +123,8 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
         begun_energy=numbers(longest + 2),
         weight=np.zeros((longest + 1, chargers), np.int64),
         back=np.zeros((longest + 1, chargers), np.int32),
+        node=numbers(stops, np.int32),
+        path=numbers(8),
         bid=np.zeros((robots, tasks), np.int64),
         best=numbers(robots, np.int32),
         left=numbers(tasks, np.int32),
@@ -131,6 +133,7 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
         high=numbers(tasks),
         bidders=numbers(tasks, np.int32),
         keenest=numbers(tasks, np.int32),
+        stale=numbers(tasks, np.uint8),
         sold=numbers(tasks, np.int32),
         count=numbers(COUNTS),
         plan=Plan(
@@ -140,6 +143,7 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
             arrival=numbers(stops),
             level=numbers(stops),
             duration=numbers(stops),
+            waited=numbers(stops),
             figures=numbers(FIGURES),
         ),
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from automaton.auctions.charge_path import READY
 from automaton.auctions.charge_plan import clear, fits, plan_charging
 from automaton.auctions.insertion import (
     cheapest_insertion,
@@ -32,6 +33,7 @@ def quote(work, battery, scratch, place, ready, charge, order, length):
     A robot that is at `place` in `ready` ticks, then with `charge` units.
     """
     measure(work, scratch, place, order, length)
+    scratch.path[READY] = ready
     policy = battery.policy
     if policy == NO_CHARGING:
         clear(scratch, charge, length)

@@ -11,7 +11,7 @@ import numpy as np
 
 from automaton.auctions.bids import award, bid
 from automaton.auctions.market import BIDS, INF, MESSAGES
-from automaton.auctions.winners import LOWEST, lowest, most_urgent, note_best
+from automaton.auctions.winners import LOWEST, lowest, most_urgent, note_best, note_bid
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -23,6 +23,7 @@ def begin(fleet, scratch, items, count):
     for k in range(count):
         scratch.left[k] = k
         scratch.sold[k] = NIL
+        scratch.stale[k] = 1
         for r in range(fleet.place.shape[0]):
             scratch.count[MESSAGES] += fleet.heard[r, items[k]]
 
@@ -33,7 +34,8 @@ def bid_for_all(work, battery, fleet, scratch, items, open_items, r, rule, epsil
     for i in range(open_items):
         k = scratch.left[i]
         task = np.int64(items[k])
-        scratch.bid[r, k] = bid(work, battery, fleet, scratch, r, task, rule, epsilon)
+        offer = bid(work, battery, fleet, scratch, r, task, rule, epsilon)
+        note_bid(scratch, r, np.int64(k), offer)
     note_best(scratch, r, open_items)
 
 

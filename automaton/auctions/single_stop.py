@@ -10,7 +10,7 @@ Ties: fewer ticks from the task before to the charger, then the later position.
 
 import numpy as np
 
-from automaton.auctions.charge_path import tail_of
+from automaton.auctions.charge_path import tail_of, waiting_at
 from automaton.auctions.charge_plan import (
     add_detours,
     clear,
@@ -20,7 +20,7 @@ from automaton.auctions.charge_plan import (
 )
 from automaton.auctions.charging_curve import charging_ticks, level_after
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS
+from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -52,7 +52,11 @@ def plan_single_stop(work, battery, scratch, place, charge, order, length, fill)
     tail = tail_of(battery, work.end[order[length - 1]])
     plan.figures[COST] += work.ticks[before, at] + work.ticks[at, after]
     plan.figures[COST] -= work.ticks[before, after]
-    level = stop_at(battery, plan, 0, arrival, goal_of(battery, arrival, rest + tail, fill))
+    wait = waiting_at(
+        battery, scratch, charger, scratch.done_ticks[position] + work.ticks[before, at]
+    )
+    goal = goal_of(battery, arrival, rest + tail, fill)
+    level = stop_at(battery, plan, 0, arrival, goal, wait)
     plan.figures[END] = level - rest
     plan.figures[LOWEST] = min(arrival, level - rest)
     add_detours(work, battery, scratch, place, order)
@@ -78,6 +82,7 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
     for i in range(length):
         before = place_before(work, place, order, i)
         after = np.int64(work.begin[order[i]])
+        scratch.count[STATES] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
             into = np.int64(work.ticks[before, at])
@@ -88,7 +93,8 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
             goal = goal_of(battery, arrival, rest + tail, fill)
             duration = charging_ticks(battery, arrival, goal)
             ticks = scratch.done_ticks[length] + into + work.ticks[at, after]
-            ticks += duration + battery.wait[c] - work.ticks[before, after]
+            ticks += duration - work.ticks[before, after]
+            ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:
                 score -= level_after(battery, arrival, duration, FULL) - rest - battery.reserve

@@ -134,8 +134,11 @@ def enter_robot(view, space, site, r, i):
     order = np.int64(robots.order[i])
     if robots.goal[i] == GOAL_CHARGE and robots.yields[i] == 0:
         place = np.int64(robots.stand[i])
-        charge -= way_from(view, space, i, place) * empty
-        ready += way_from(view, space, i, place) + charging_time(view, charge, robots.level[i])
+        drive = way_from(view, space, i, place)
+        charge -= drive * empty
+        ready += drive + charging_time(view, charge, np.int64(robots.level[i]))
+        if site.queues:
+            ready += max(np.int64(0), line_ahead(view, i) - drive)
         charge = max(charge, np.int64(robots.level[i]))
     elif robots.load[i] != NIL:
         place = drop_stand(view, np.int64(view.orders.target[robots.load[i]]))
@@ -167,6 +170,23 @@ def charging_time(view, charge, level):
     while charge < level:
         charge += gain(view, charge)
         ticks += 1
+    return ticks
+
+
+@kernel
+def line_ahead(view, i):
+    """Ticks of charging of those that charge at the charger of robot i, or stand in line before it."""
+    robots = view.robots
+    ticks = np.int64(0)
+    for j in range(robots.cell.shape[0]):
+        if j == i or robots.goal[j] != GOAL_CHARGE or robots.stand[j] != robots.stand[i]:
+            continue
+        there = robots.cell[j] == robots.stand[j]
+        before = robots.ticket[j] != 0 and (
+            robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
+        )
+        if robots.yields[j] == 0 and (there or before):
+            ticks += charging_time(view, np.int64(robots.charge[j]), np.int64(robots.level[j]))
     return ticks
 
 

@@ -9,9 +9,10 @@ charger; the plan then says so in its lowest level.
 
 import numpy as np
 
+from automaton.auctions.charge_path import waiting_at
 from automaton.auctions.charge_plan import add_detours, clear, stop_at
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, SAFE
+from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, SAFE, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -27,6 +28,7 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
     plan = scratch.plan
     plan.figures[LOWEST] = charge
     level = np.int64(charge)
+    scratch.count[STATES] += length
     for i in range(length):
         task = np.int64(order[i])
         here = place_before(work, place, order, i)
@@ -41,7 +43,10 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
             plan.stops[0] = k + 1
             plan.position[k] = i
             plan.charger[k] = charger
-            level = stop_at(battery, plan, k, level - work.energy[here, at], np.int64(FULL))
+            done = plan.figures[COST] - scratch.done_ticks[length] + scratch.done_ticks[i]
+            wait = waiting_at(battery, scratch, charger, done + work.ticks[here, at])
+            arrival = level - work.energy[here, at]
+            level = stop_at(battery, plan, k, arrival, np.int64(FULL), wait)
             plan.figures[COST] += work.ticks[here, at] + work.ticks[at, work.begin[task]]
             plan.figures[COST] -= work.ticks[here, work.begin[task]]
             here = at

@@ -46,29 +46,35 @@ def lowest(scratch, robots):
 
 
 @kernel
-def survey(scratch, robots, open_items):
-    """Lowest, second and highest finite bid, bidders and the keenest robot, of each open item."""
-    for i in range(open_items):
-        k = scratch.left[i]
-        scratch.low[k] = INF
-        scratch.second[k] = INF
-        scratch.high[k] = -INF
-        scratch.bidders[k] = 0
-        scratch.keenest[k] = NIL
+def note_bid(scratch, r, k, bid):
+    """Enter robot r's bid for item k; the item is surveyed anew only if that can matter."""
+    old = scratch.bid[r, k]
+    scratch.bid[r, k] = bid
+    among = min(old, bid) <= scratch.second[k] or scratch.keenest[k] == r
+    beyond = max(old, bid) >= scratch.high[k]
+    if among or beyond:
+        scratch.stale[k] = 1
+
+
+@kernel
+def survey(scratch, robots, k):
+    """Lowest, second and highest finite bid, bidders and the keenest robot, of an item."""
+    low, second, high = np.int64(INF), np.int64(INF), np.int64(-INF)
+    bidders, keenest = 0, np.int64(NIL)
     for r in range(robots):
-        for i in range(open_items):
-            k = scratch.left[i]
-            bid = scratch.bid[r, k]
-            if bid >= INF:
-                continue
-            scratch.bidders[k] += 1
-            scratch.high[k] = max(scratch.high[k], bid)
-            if bid < scratch.low[k]:
-                scratch.second[k] = scratch.low[k]
-                scratch.low[k] = bid
-                scratch.keenest[k] = r
-            elif bid < scratch.second[k]:
-                scratch.second[k] = bid
+        bid = scratch.bid[r, k]
+        if bid >= INF:
+            continue
+        bidders += 1
+        high = max(high, bid)
+        if bid < low:
+            low, second, keenest = bid, low, np.int64(r)
+        elif bid < second:
+            second = bid
+    scratch.low[k], scratch.second[k], scratch.high[k] = low, second, high
+    scratch.bidders[k] = bidders
+    scratch.keenest[k] = keenest
+    scratch.stale[k] = 0
 
 
 @kernel
@@ -86,10 +92,11 @@ def urgency(scratch, robots, k, winner):
 @kernel
 def most_urgent(scratch, robots, open_items, winner):
     """(item, robot) by DIFFERENCE, FEWEST or REGRET; (NIL, NIL) if nobody bids."""
-    survey(scratch, robots, open_items)
     item, most = np.int64(NIL), np.int64(-INF)
     for i in range(open_items):
         k = np.int64(scratch.left[i])
+        if scratch.stale[k] == 1:
+            survey(scratch, robots, k)
         if scratch.bidders[k] == 0:
             continue
         value = urgency(scratch, robots, k, winner)

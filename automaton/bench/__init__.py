@@ -26,6 +26,9 @@ PARTS: Final[dict[str, Part]] = {
         "automaton.bench.congestion", True, "routes searched in time, three warehouses"
     ),
     "zones": Part("automaton.bench.slow_zones", True, "slow zones, and the network that foresees"),
+    "auctions": Part(
+        "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
+    ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
     "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),

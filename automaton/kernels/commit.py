@@ -130,9 +130,13 @@ def commit_plans(world, given):
         if not legal:
             world.tally.illegal[ALLOCATION] += 1
             continue
+        changed = count != robots.planned[i]
         robots.planned[i] = count
         for k in range(count):
+            changed = changed or robots.plan[i, k] != given.plan[i, k]
             robots.plan[i, k] = given.plan[i, k]
+        if changed:
+            world.clock[CHANGES] += 1  # who was left idle is asked again
 
 
 @kernel

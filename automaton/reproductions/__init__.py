@@ -20,6 +20,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.reproductions.traffic_fleet",
         "the same warehouse, up to 100 robots, all by one policy: beyond the paper",
     ),
+    "auctions": (
+        "automaton.reproductions.auctions",
+        "sequential auctions with charging in the bids (De Ryck et al., sections 4 and 5)",
+    ),
 }
 
 

@@ -33,6 +33,7 @@ def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> N
     print_errors(out, reproduced)
     print_claims(out, reproduction.claims_title, judged)
     print_remarks(out, reproduction.remarks_title, reproduction.remarks)
+    print_texts(out, reproduction.texts() if reproduction.texts is not None else ())
 
 
 def print_made(out: Console, made: MadeTable, seeds: int) -> None:
@@ -53,11 +54,11 @@ def effort(made: MadeTable, seeds: int) -> str:
     """How much was run, and what means and spreads are taken over."""
     if made.table.stored is not None:
         return made.table.stored()
-    what, each = made.table.repetition, made.table.per_seed
+    what, each, spread = made.table.repetition, made.table.per_seed, made.table.spread
     repeated = f" of {count(each, what)}" if each > 1 else ""
     return (
         f"{count(made.repetitions, what)}, {made.unfinished} unfinished; {count(seeds, 'seed')}"
-        f"{repeated} for each case; mean and sd over the {what + 's' if each > 1 else 'seeds'}"
+        f"{repeated} for each case; mean and {spread} over the {what + 's' if each > 1 else 'seeds'}"
     )
 
 
@@ -110,7 +111,8 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
 
 def heads_of(table: PublishedTable, printed: bool) -> list[str]:
     """The columns of a metric; a stored figure has no spread."""
-    heads = ["paper", "ours", "sd", "error"] if printed else ["ours", "sd"]
+    spread = table.spread
+    heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]
     return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
 
 
@@ -128,7 +130,7 @@ def figures(row: Row | None, metric: str, printed: bool, table: PublishedTable) 
     if row is None:
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
-    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd}
+    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se}
     shown = {
         head: "-" if value is None else in_table(value, metric, table)
         for head, value in cells.items()
@@ -212,7 +214,7 @@ def bounds(figure: Judged) -> str:
         return f"{shown(figure, low)} to {shown(figure, high)}"
     if low > float("-inf"):
         return "above 0" if low == 0 else f"at least {shown(figure, low)}"
-    return "below 0" if high == 0 else f"at most {shown(figure, high)}"
+    return "below 0" if high == 0 and not figure.figure.unit else f"at most {shown(figure, high)}"
 
 
 def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:
@@ -225,3 +227,12 @@ def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:
         lines = textwrap.wrap(remark, text_width(out) - 2)
         for bullet, line in zip(["- ", *["  "] * len(lines)], lines, strict=False):
             out.print(bullet + line, soft_wrap=True)
+
+
+def print_texts(out: Console, texts: Sequence[tuple[str, str]]) -> None:
+    """Drawings and worked steps, each under its title, as they are."""
+    for title, text in texts:
+        out.print()
+        out.print(Text(title, "bold"), soft_wrap=True)
+        for line in text.splitlines():
+            out.print(line, soft_wrap=True, markup=False, highlight=False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from automaton.errors import InputError
 from automaton.parallel import OnDone, Result, run_all
@@ -80,6 +80,7 @@ class Table:
     shares: tuple[str, ...] = ()  # metrics that are shown in per cent
     digits: int = 0  # of the other metrics, after the decimal point
     grouped: int = -1  # lines with the same labels[:grouped] stand together
+    spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
     stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
 
     @property
@@ -100,6 +101,7 @@ class Reproduction:
     claims: tuple[Claim, ...]
     remarks: tuple[str, ...]
     seeds: int = 60  # unless another number is asked for
+    texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
     claims_title: str = "The publication's claims"
     remarks_title: str = "Where the publication contradicts itself or leaves things open"
 
@@ -113,6 +115,12 @@ class Row:
     paper: float | None
     mean: float
     sd: float | None  # of single repetitions, n - 1 in the denominator; None for a single one
+    repetitions: int
+
+    @property
+    def se(self) -> float | None:
+        """The standard error of the mean."""
+        return None if self.sd is None else self.sd / math.sqrt(self.repetitions)
 
     @property
     def error(self) -> float | None:
@@ -151,7 +159,7 @@ class MadeTable:
         mean = math.fsum(values) / len(values)
         spread = math.fsum((value - mean) ** 2 for value in values)
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
-        return Row(case.labels, metric, paper, mean, sd)
+        return Row(case.labels, metric, paper, mean, sd, len(values))
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
         """(metric, key of a case) and its values, of the metrics that every repetition has."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from automaton.compiled import kernel
+from automaton.compiled import announce_first_compilation, kernel
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
@@ -56,6 +56,7 @@ __all__ = [
     "WITHDRAWALS",
     "add_predicted",
     "add_zones",
+    "announce_first_compilation",
     "astar",
     "begin_search",
     "blur",

@@ -29,11 +29,11 @@ from automaton.auctions.sequential import by_arrival, parallel, sequential
 from automaton.auctions.session import enter_plans, find_items, hear, mark_planned, open_session
 from automaton.auctions.site import site_for
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
+from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
 from strategies.allocation.lists import has_empty_list, late_lists, serve
 from strategies.catalogue import Auctions, EpsilonSchedule
-from strategies.charging.quoted import Quoted
 
 RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
 WINNERS: Final = {
@@ -48,7 +48,7 @@ MOST_BRED: Final = 12  # and of a genetic one
 BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
 
 # memory.own
-HELD = 0  # auctions, bids and messages stand in the row of the first robot
+HELD = 0  # auctions, bids and messages, in the row of a robot that was asked when they were held
 BID = 1
 SENT = 2
 DUE = 3  # tick at which a robot was to be free for its next order
@@ -77,8 +77,9 @@ class Auction(Strategy):
         charging = self.colleagues.get("charging")
         policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": FULL}
         queues = True
-        if view.rules.battery and isinstance(charging, Quoted):
-            policy, queues = charging.policy(), charging.queues
+        quoted: Any = getattr(charging, "policy", None)
+        if view.rules.battery and quoted is not None:
+            policy, queues = quoted(), bool(getattr(charging, "queues", True))
         self._site = site_for(view, robots, tasks, self._limit + given.horizon, policy, queues)
         self._sellable = np.zeros(given.horizon, np.int32)
         self._tools = self._prepared(robots)
@@ -100,14 +101,17 @@ class Auction(Strategy):
     ) -> None:
         """Hold an auction if there is reason to, and give out what robots do next."""
         given = answers.allocation
+        self._counted = int(asked.robot[0])
         if self.parameters.reauction_after is not None:
             late_lists(view, asked, given, memory, DUE, self.parameters.reauction_after)
         mark_planned(view, given)
         count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since
         if count and (count != memory.shared[LEFT] or has_empty_list(view, asked, given)):
+            done = announce_first_compilation("auctions", 25)
             for center, items in self._auctioneers(view, memory, int(count)):
                 self._sell(view, given, memory, space, center, items)
+            done()
             memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
         serve(view, asked, given, memory, DUE)
 
@@ -161,9 +165,10 @@ class Auction(Strategy):
             hear(view, site, robots, len(items), center, radius)
             self._hold(view, memory, len(items))
             enter_plans(view, given, site, robots, memory, DUE)
-            memory.own[0, HELD] += 1
-            memory.own[0, BID] += site.scratch.count[BIDS]
-            memory.own[0, SENT] += site.scratch.count[MESSAGES]
+            counts = memory.own[self._counted]
+            counts[HELD] += 1
+            counts[BID] += site.scratch.count[BIDS]
+            counts[SENT] += site.scratch.count[MESSAGES]
             items = items[site.scratch.sold[: len(items)] == NIL]
             if radius == NIL or radius >= view.grid.width + len(view.grid.kind) // view.grid.width:
                 return
@@ -193,7 +198,7 @@ class Auction(Strategy):
     def _breed(self, view: World, market: Any, count: int, epsilon: int, memory: Memory) -> None:
         site, robots = self._site, len(view.robots.cell)
         turns = generations(robots, count)
-        seed = np.uint64(int(view.rules.seed) + int(memory.own[0, HELD]))
+        seed = np.uint64(int(view.rules.seed) + int(memory.own[:, HELD].sum()))
         with np.errstate(over="ignore"):
             genetic(*market, self._tools, site.item, count, epsilon, turns, 0, seed)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,9 +26,13 @@ from staged_scenes import composed, drawn, shipped, signs, stage
 from staged_scenes import text as picture
 from textual.pilot import Pilot
 
-from automaton.history.charging import ticks_to_charge
+from automaton.history.charging import charging_at, line_before, sent_to, ticks_to_charge
 from automaton.history.explanation import explain
+from automaton.history.live import LiveRun
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.scenario.resolve import resolve
 from automaton.world.cells import STATION
+from automaton.world.condition import BROKEN, TOWED
 from automaton.world.state import NIL
 from automaton.world.waiting import CAUSES
 from tui.render.compose import compose
@@ -39,15 +46,70 @@ from tui.widgets.figures import Figures
 from tui.widgets.inspector import Inspector
 from tui.widgets.lost import LETTERS
 from tui.widgets.robots import Robots
+from tui.widgets.signs import ASCII as PLAIN_SIGNS
 from tui.widgets.why import Why
 
 FAULTS = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
+CHARGER_CELL = resolve("depots").plan.cell(4, 0)
 EMPTY_AT = 200_000 - 1  # just below what counts as low
+
+
+Found = Callable[[Snapshot], Any]
 
 
 def living(tick: int) -> View:
     """Four robots in a small depot with one charger."""
     return moment(tick, "depots", "battery.start=40", FAULTS)
+
+
+@cache
+def first(holds: Found, after: int = 0) -> int:
+    """The first tick of that run in which something holds."""
+    run = LiveRun(resolve("depots", ["battery.start=40", FAULTS]), 1)
+    for tick in range(after + 1, 5_000):
+        run.show(tick, 99)
+        if holds(take_snapshot(run.shown)):
+            return tick
+    raise AssertionError("it never holds")
+
+
+def is_line_of_two(now: Snapshot) -> bool:
+    return len(line_before(now, CHARGER_CELL)) == 2 and len(charging_at(now, CHARGER_CELL)) == 1
+
+
+def is_broken(now: Snapshot) -> bool:
+    return bool((now.robots.status == BROKEN).any())
+
+
+def is_towed(now: Snapshot) -> bool:
+    return bool((now.robots.status == TOWED).any())
+
+
+def is_low_and_loaded(now: Snapshot) -> bool:
+    return bool(((now.robots.charge < 200_000) & (now.robots.load != NIL)).any())
+
+
+def is_sent(now: Snapshot) -> bool:
+    return bool(sent_to(now, CHARGER_CELL)) and not charging_at(now, CHARGER_CELL)
+
+
+def is_held(now: Snapshot) -> bool:
+    """Somebody stands in line, and who holds the charger does not charge."""
+    line = line_before(now, CHARGER_CELL)
+    there = now.robots.cell == CHARGER_CELL
+    return bool(line and there.any() and not charging_at(now, CHARGER_CELL))
+
+
+def in_line() -> tuple[View, int, int, int]:
+    """A moment in which one robot charges and two stand in line: who charges, the first, the second."""
+    view = living(first(is_line_of_two))
+    (holder,) = charging_at(view.snapshot, CHARGER_CELL)
+    one, two = line_before(view.snapshot, CHARGER_CELL)
+    return view, holder, one, two
+
+
+def in_percent(view: View, name: str, robot: int) -> float:
+    return float(getattr(view.snapshot.robots, name)[robot]) / 10_000
 
 
 def drained(tick: int) -> View:
@@ -147,41 +209,66 @@ def test_a_line_says_what_is_in_a_cell() -> None:
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
 def test_a_robot_in_line_tells_its_battery_its_place_and_its_plan(width: int) -> None:
-    view = living(100)
-    first, second = np.flatnonzero(view.snapshot.robots.ticket).tolist()
-    level = view.snapshot.robots.level[second] / 10_000
-    said_then = shown(Inspector(), selected(view, second), width)
+    view, _, one, two = in_line()
+    said_then = shown(Inspector(), selected(view, two), width)
     for words in (
-        f"battery ⣿⣿⣿⣿⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅ {view.snapshot.robots.charge[second] / 10_000:.1f} %",
-        f"charging up to {level:.0f} %, place 2 of 2 in line",
+        f"⋅ {in_percent(view, 'charge', two):.1f} %",
+        f"charging up to {in_percent(view, 'level', two):.0f} %, place 2 of 2 in line",
         "condition in order",
         "goal to charge at (4, 0)",
         "ahead order 7, order 3, order 11",
     ):
         assert words in said_then
-    assert "place 1 of 2 in line" in shown(Inspector(), of_robot(view, first), width)
+    assert "place 1 of 2 in line" in shown(Inspector(), of_robot(view, one), width)
 
 
-def test_a_plan_of_a_robot_that_is_just_selected_is_a_number() -> None:
-    view = living(100)
+def test_a_bar_shows_how_full_a_battery_is() -> None:
+    view = of_robot(drained(1), 1)
+    assert "battery ⣿⣿⣿⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅⋅ 20.0 %" in shown(Inspector(), view)
+    assert "battery ###------------- 20.0 %" in shown(Inspector(PLAIN_SIGNS), view)
+
+
+def test_the_plan_of_a_robot_comes_with_the_snapshot_when_it_is_selected() -> None:
+    view = living(first(lambda now: now.robots.planned.max() > 2))
     robot = int(np.argmax(view.snapshot.robots.planned))
     many = int(view.snapshot.robots.planned[robot])
-    assert many > 1 and f"ahead {many} orders" in shown(Inspector(), of_robot(view, robot))
+    assert f"ahead {many} orders" in shown(Inspector(), of_robot(view, robot))
+    run = LiveRun(resolve("depots", ["battery.start=40", FAULTS]), 1)
+    run.show(view.snapshot.tick, 99)
+    i = run.shown.world.robots.at_index[robot]
+    plan = take_snapshot(run.shown, robot).plan.tolist()
+    assert plan == run.shown.world.robots.plan[i, :many].tolist()
+    assert len(take_snapshot(run.shown).plan) == 0
 
 
-def test_a_robot_that_charges_says_how_long() -> None:
-    said_then = shown(Inspector(), of_robot(living(100), 3), WIDE)
-    assert "robot 3 charges up to 96 %, 21 ticks to go" in said_then
-    assert "charging up to 96 %, 21 ticks to go condition" in said_then
+def test_a_robot_that_charges_says_how_long_and_keeps_its_word() -> None:
+    view, holder, _, _ = in_line()
+    said_then = shown(Inspector(), of_robot(view, holder), WIDE)
+    level = in_percent(view, "level", holder)
+    ticks = int(np.ceil(level - in_percent(view, "charge", holder)))  # 1 % in each
+    assert f"robot {holder} charges up to {level:.0f} %, {ticks} tick" in said_then
+    assert f"charging up to {level:.0f} %, {ticks} tick" in said_then
+    end = view.snapshot.tick + ticks
+    levels = [living(tick).snapshot.robots.level[holder] for tick in (end - 1, end)]
+    assert levels == [view.snapshot.robots.level[holder], 0]
 
 
 def test_out_of_order_since_when_and_until_when() -> None:
-    broken = shown(Inspector(), of_robot(living(650), 0), WIDE)
-    assert "since tick 617: robot 0 has broken down; it is towed in 27 ticks" in broken
-    assert living(676).snapshot.robots.status[0] == 4
-    assert living(677).snapshot.robots.status[0] == 5, "as it said"
-    towed = shown(Inspector(), of_robot(living(700), 0), WIDE)
-    assert "robot 0 was towed; it is back in 77 ticks" in towed and "off the floor" in towed
+    tick = first(is_broken)
+    view = living(tick + 10)
+    (robot,) = np.flatnonzero(view.snapshot.robots.status == BROKEN)
+    told = shown(Inspector(), of_robot(view, robot), WIDE)
+    since = f"since tick {tick:,}: robot {robot} has broken down; it is towed in "
+    assert since in told
+    left = int(told.partition(since)[2].split()[0])
+    at = [living(view.snapshot.tick + ticks).snapshot for ticks in (left - 1, left)]
+    assert [now.robots.status[robot] for now in at] == [BROKEN, TOWED], "as it said"
+    towed = shown(Inspector(), of_robot(living(at[1].tick), robot), WIDE)
+    assert f"robot {robot} was towed; it is back in 100 ticks" in towed and "off the floor" in towed
+    assert living(at[1].tick + 100).snapshot.robots.status[robot] == 0
+
+
+def test_an_empty_battery_says_what_it_lacks() -> None:
     empty = shown(Inspector(), of_robot(drained(100), 0), WIDE)
     assert "since tick 61: the battery of robot 0 holds 2.0 %, less than its next" in empty
     assert "operation takes; nobody tows it" in empty
@@ -193,18 +280,20 @@ def test_a_robot_without_battery_and_faults_says_nothing_of_them() -> None:
 
 
 def test_a_charger_tells_who_charges_who_waits_and_who_comes() -> None:
-    view = living(100)
-    fleet = view.snapshot.robots
+    view, holder, one, two = in_line()
     said_then = shown(Inspector(), of_cell(view, 4, 0), WIDE)
     assert "cell (4, 0) charger" in said_then
-    assert "charges robot 3 at 75 %, up to 96 %, 21 ticks to go" in said_then
-    first, second = np.flatnonzero(fleet.ticket)[np.argsort(fleet.ticket[fleet.ticket != 0])]
-    assert f"in line robot {first} at" in said_then
-    assert said_then.index(f"robot {first} at 25") < said_then.index(f"robot {second} at 25")
-    sent = moment(20, "depots", "battery.start=40", FAULTS)
-    assert (sent.snapshot.robots.goal == 4).any(), "somebody is on the way"
+    charge, level = (in_percent(view, name, holder) for name in ("charge", "level"))
+    assert f"charges robot {holder} at {charge:.0f} %, up to {level:.0f} %, " in said_then
+    queue = said_then.partition("in line ")[2]
+    for robot in (one, two):
+        charge, level = (in_percent(view, name, robot) for name in ("charge", "level"))
+        assert f"robot {robot} at {charge:.0f} %, up to {level:.0f} %" in queue
+    assert queue.index(f"robot {one}") < queue.index(f"robot {two}")
+    sent = living(first(is_sent))
     coming = shown(Inspector(), of_cell(sent, 4, 0), WIDE)
-    assert "charges nobody" in coming and "sent here robot" in coming and "away" in coming
+    assert "charges nobody" in coming and "away" in coming
+    assert f"sent here robot {sent_to(sent.snapshot, CHARGER_CELL)[0]}" in coming
 
 
 def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
@@ -236,7 +325,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
     robots = Robots()
 
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
-        view = living(100)
+        view = in_line()[0]
         robots.show(moment(600))
         await pilot.pause()
         assert "battery" not in said(robots)[0] and "ahead" not in said(robots)[0]
@@ -248,37 +337,44 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
         assert [int(row[0]) for row in rows] == np.argsort(fleet.charge, kind="stable").tolist()
         assert f"{fleet.charge.min() / 10_000:.1f} %" in said(robots)[1]
         await click(pilot, robots, "ahead")
-        assert [int(row.split()[0]) for row in said(robots)[1:5]] == [0, 3, 1, 2]
+        ahead = np.argsort(-fleet.planned, kind="stable").tolist()
+        assert [int(row.split()[0]) for row in said(robots)[1:5]] == ahead
         assert sum("in line" in row for row in said(robots)) == 2
 
     on_stage(robots, story, 110, 20)
 
 
 def test_robots_are_found_by_their_condition() -> None:
-    assert find("broken", living(650)).robots == (0,)
-    view = living(420)
-    assert find("battery < 20 and loaded", view).robots == (3,)
+    view = living(first(is_broken))
+    broken = np.flatnonzero(view.snapshot.robots.status == BROKEN).tolist()
+    assert list(find("broken", view).robots) == broken
+    view = living(first(is_low_and_loaded))
     fleet = view.snapshot.robots
-    assert fleet.charge[3] < 200_000 and fleet.load[3] != NIL
-    assert find("in line", living(100)).robots == (0, 1)
+    low = np.flatnonzero((fleet.charge < 200_000) & (fleet.load != NIL)).tolist()
+    assert list(find("battery < 20 and loaded", view).robots) == low
+    view, _, one, two = in_line()
+    assert list(find("in line", view).robots) == sorted([one, two])
     assert find("empty", drained(100)).robots == (0, 1, 2)
 
 
 def test_figures_tell_of_batteries_and_robots_out_of_order() -> None:
-    view = living(650)
+    view, out = in_line()[0], living(first(is_broken))
     charge = view.snapshot.robots.charge / 10_000
     for width in (NARROW, WIDE):
         said_then = shown(Figures(), view, width, 100)
         assert f"mean battery {charge.mean():.0f} %, least {charge.min():.0f} %" in said_then
-        assert "at chargers 1, 0 in line" in said_then and "batteries" in said_then
-        assert "out of order 1 robot, 0 towed" in said_then
+        assert "at chargers 1, 2 in line" in said_then and "batteries" in said_then
+        assert "out of order 0 robots, 0 towed" in said_then
+        assert "out of order 1 robot, 0 towed" in shown(Figures(), out, width, 100)
+    towed = living(first(is_towed))
+    assert "out of order 0 robots, 1 towed" in shown(Figures(), towed, WIDE, 100)
     plain = shown(Figures(), moment(600), WIDE, 100)
     assert "battery" not in plain and "out of order" not in plain
 
 
 def test_lost_time_names_charger_empty_and_broken() -> None:
-    assert "P charger" in shown(Figures(), living(100), WIDE, 100)
-    assert "b broken down" in shown(Figures(), living(650), WIDE, 100)
+    assert "P charger" in shown(Figures(), in_line()[0], WIDE, 100)
+    assert "b broken down" in shown(Figures(), living(first(is_broken) + 10), WIDE, 100)
     assert "e empty battery" in shown(Figures(), drained(100), WIDE, 100)
     assert len(LETTERS) == len(set(LETTERS)) == len(CAUSES)
     pairs = list(zip(LETTERS, CAUSES, strict=True))[1:]
@@ -286,16 +382,19 @@ def test_lost_time_names_charger_empty_and_broken() -> None:
 
 
 def test_why_tells_the_line_before_a_charger() -> None:
-    view = living(100)
-    assert explain(view.snapshot, view.plan, 1).lines == [
-        "robot 1 has waited 10 ticks: robot 1 stands in line: robot 3 charges at (4, 0) "
-        "up to 96 %, 21 ticks to go; robot 0 came before it",
-        "robot 3 charges up to 96 %, 21 ticks to go",
-    ]
-    assert living(121).snapshot.robots.level[3] == 0 != living(120).snapshot.robots.level[3]
-    assert "robot 3 charges at (4, 0) up to 96 %" in shown(Why(), of_robot(view, 1), WIDE)
-    held = living(1350)
-    assert explain(held.snapshot, held.plan, 1).lines[0].endswith("in line: robot 2 holds (4, 0)")
+    view, holder, one, two = in_line()
+    line, charges = explain(view.snapshot, view.plan, two).lines
+    level = in_percent(view, "level", holder)
+    assert (
+        f"robot {two} stands in line: robot {holder} charges at (4, 0) up to {level:.0f} %" in line
+    )
+    assert line.endswith(f" to go; robot {one} came before it")
+    assert charges.startswith(f"robot {holder} charges up to {level:.0f} %, ")
+    assert f"robot {holder} charges at (4, 0) up to" in shown(Why(), of_robot(view, two), WIDE)
+    held = living(first(is_held)).snapshot
+    (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
+    waiting = line_before(held, CHARGER_CELL)[0]
+    assert f"in line: robot {there} holds (4, 0)" in explain(held, view.plan, waiting).lines[0]
 
 
 @pytest.mark.parametrize(

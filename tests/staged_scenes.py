@@ -10,6 +10,7 @@ import numpy as np
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION, FLOOR
+from automaton.world.condition import FULL
 from automaton.world.plan import FloorPlan, floor_plan
 from automaton.world.state import NIL
 from tui.render import styles
@@ -23,6 +24,7 @@ ALL = [*NEAR, "half", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
     **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "ring"), 0),
+    **{"goal": 0, "stand": NIL, "charge": FULL, "level": 0, "status": 0, "ticket": 0},
 }
 
 
@@ -38,11 +40,17 @@ def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: A
     endless = (plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
     loaded = plan.loads.reshape(-1)[cells] != 0
     content = np.where(loaded, np.cumsum(loaded) - 1, NIL)
+    left = more.pop("left", {})  # cell: the load that lies there
     orders = int(loaded.sum())
     snapshot = SimpleNamespace(
         tick=1,
         robots=fleet,
-        slots=SimpleNamespace(cell=cells, endless=endless, content=content, by=content * 0 - 1),
+        slots=SimpleNamespace(
+            cell=np.array([*cells, *left], np.int32),
+            endless=np.array([*endless, *[0] * len(left)], np.uint8),
+            content=np.array([*content, *left.values()]),
+            by=np.full(len(cells) + len(left), NIL),
+        ),
         orders=SimpleNamespace(
             place=np.flatnonzero(loaded),
             target=np.full(orders, len(cells) - 1),
@@ -52,7 +60,8 @@ def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: A
         heat=more.pop("heat", None),
         flow=more.pop("flow", None),
     )
-    floor = Floor(plan, cells, endless, headings, more.pop("zones", None))
+    kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
+    floor = Floor(plan, cells, endless, headings, more.pop("zones", None), **kinds)
     return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
 
 

@@ -26,6 +26,8 @@ from automaton.world.waiting import (
     NOT_WAITING,
 )
 
+ENERGY = ("battery", "charging", "in_line", "empty", "broken", "towed", "ahead")
+
 
 @pytest.fixture(scope="module")
 def run() -> LiveRun:
@@ -38,6 +40,15 @@ def holding(run: LiveRun, text: str) -> list[int]:
     return sorted(breakpoint_of(text).test(run.shown, run.plan).tolist())
 
 
+@pytest.fixture(scope="module")
+def living() -> LiveRun:
+    """Robots on batteries that fail, with orders ahead of them; robot 3 has hardly any energy."""
+    faults = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
+    run = LiveRun(resolve("depots", ["battery.start=[40, 40, 40, 5]", faults]), 1)
+    run.show(700, 99)
+    return run
+
+
 def reader(snapshot: Snapshot, run: LiveRun) -> Callable[[str, int], int]:
     return lambda field, robot: expected(field, snapshot, run, robot)
 
@@ -48,6 +59,13 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
     cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
     waits = fleet.cause[robot] not in (NOT_WAITING, NO_ORDER)
     values = {
+        "battery": fleet.charge[robot] / 10_000,
+        "charging": int(ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.level[robot] > 0),
+        "in_line": int(CAUSES[fleet.cause[robot]].name == "charger"),
+        "empty": int(CAUSES[fleet.cause[robot]].name == "empty battery"),
+        "broken": int(CAUSES[fleet.cause[robot]].name == "broken down"),
+        "towed": int(fleet.status[robot] in (5, 6)),
+        "ahead": int(fleet.planned[robot]),
         "robot": robot,
         "x": run.plan.xy(int(cell))[0],
         "y": run.plan.xy(int(cell))[1],
@@ -72,18 +90,36 @@ def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
             same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
             assert holding(run, f"{field} == {value}") == same
             assert robots_where(f"{field} == {value}", snapshot, run.plan).tolist() == same
-    assert len(seen) > 1 or field in ("zone", "parked", "priority", "slowed", "charge")
+    never = ("zone", "parked", "priority", "slowed", *ENERGY)
+    assert len(seen) > 1 or field in never
 
 
-def test_robots_are_found_by_the_charge_of_their_batteries() -> None:
-    run = LiveRun(resolve("depots"), 1)
-    run.show(600, 99)
-    snapshot = take_snapshot(run.shown)
-    charges = (snapshot.robots.charge / PERCENT).tolist()
-    low = [robot for robot, charge in enumerate(charges) if charge < 50]
-    assert 0 < len(low) < len(charges)
-    assert holding(run, "charge < 50") == low
-    assert robots_where("charge < 50", snapshot, run.plan).tolist() == low
+@pytest.mark.parametrize("field", ENERGY)
+def test_batteries_and_faults_are_asked_for(field: str, living: LiveRun) -> None:
+    seen = set()
+    for tick in range(20, 700, 20):
+        living.show(tick, 99)
+        snapshot = take_snapshot(living.shown)
+        values = [expected(field, snapshot, living, robot) for robot in range(4)]
+        for value in values:
+            seen.add(value)
+            same = [robot for robot in range(4) if values[robot] == value]
+            assert holding(living, f"{field} == {value}") == same
+            assert robots_where(f"{field} == {value}", snapshot, living.plan).tolist() == same
+    assert len(seen) > 1
+
+
+def test_in_line_is_written_as_one_says_it(living: LiveRun) -> None:
+    living.show(100, 99)
+    snapshot = take_snapshot(living.shown)
+    waiting = np.flatnonzero(snapshot.robots.ticket).tolist()
+    assert waiting
+    for text in ("in line", "  in  line and battery < 50", "not (not in line or charging)"):
+        assert holding(living, text) == waiting
+        assert robots_where(text, snapshot, living.plan).tolist() == waiting
+    assert holding(living, "in line and loaded and battery < 1") == []
+    with pytest.raises(InputError, match="'in line' is no cause"):
+        breakpoint_of("cause == 'in line'")
 
 
 @pytest.mark.parametrize(

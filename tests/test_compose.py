@@ -227,22 +227,28 @@ def test_a_robot_on_rails_shows_the_way_it_came_until_it_turns(heading, travel, 
     assert signs(codes)[0, 0] == sign
 
 
+CORNER = open_floor(4, 4).cell(0, 0)
 STATES = [
     ({}, styles.ROBOT),
     ({"load": 1}, styles.LOADED),
     ({"load": 1, "cause": 2}, styles.WAITS),
     ({"load": 1, "cause": 2, "ring": 1}, styles.FAULT),
     ({"parked": 1, "cause": 12}, styles.PARKED),
-    ({"action": 7}, styles.CHARGING),
+    ({"load": 1, "charge": 199_999}, styles.LOW),
+    ({"charge": 200_000}, styles.ROBOT),
+    ({"charge": 1, "cause": 2}, styles.WAITS),
+    ({"action": 7, "goal": 4, "stand": CORNER, "charge": 1}, styles.CHARGING),
+    ({"action": 7, "goal": 2, "stand": CORNER}, styles.ROBOT),  # it has charged
+    ({"status": 3, "cause": 17, "charge": 1}, styles.FAULT),
+    ({"status": 4, "cause": 18}, styles.FAULT),
 ]
 
 
 @pytest.mark.parametrize("zoom", ALL)
 @pytest.mark.parametrize(("fields", "colour"), STATES)
 def test_a_robot_has_the_colour_of_its_state(zoom: str, fields: dict[str, int], colour: int):
-    plan = open_floor(4, 4)
-    cell = plan.cell(0, 0)
-    assert ink(at(stage(plan, {"cell": cell, **fields}), zoom, cell)) == colour
+    scene = stage(open_floor(4, 4), {"cell": CORNER, **fields}, battery=True, faults=True)
+    assert ink(at(scene, zoom, CORNER)) == colour
 
 
 @pytest.mark.parametrize("first", [0, 1])

@@ -113,7 +113,7 @@ def test_links_lead_from_robot_to_order_and_on_to_its_cell() -> None:
         await click(pilot, inspector, "order 6")
         for words in ("order 6 under way", "to (11, 8)", "carried by robot 1", "picked up 1 time"):
             assert words in text(inspector)
-        await click(pilot, inspector, "released")
+        await click(pilot, inspector, "known")
         assert stage.wishes() == []  # a name leads nowhere
         await click(pilot, inspector, "(11, 8)")
         assert stage.wishes() == [("cell", busy().plan.cell(11, 8))]

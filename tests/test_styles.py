@@ -22,12 +22,12 @@ every_look = pytest.mark.parametrize(
     "look", COLOURED, ids=lambda look: f"{look.depth.name}-{look.theme}"
 )
 ROBOTS = (
-    *(styles.ROBOT, styles.LOADED, styles.PARKED, styles.CHARGING),
+    *(styles.ROBOT, styles.LOADED, styles.PARKED, styles.CHARGING, styles.LOW),
     *(styles.WAITS, styles.FAULT, styles.SELECTED),
 )
 CELLS = (
     *(styles.WALL, styles.RACK, styles.SHELF, styles.BAY, styles.TURNTABLE),
-    *(styles.CHARGER, styles.DESTINATION, styles.DOCK, styles.LOAD),
+    *(styles.CHARGER, styles.DESTINATION, styles.DOCK, styles.STATION, styles.LOAD),
 )
 WRITTEN = (styles.TEXT, styles.DIM, styles.DONE, styles.ROUTE)
 HEAT = range(HEAT_0, HEAT_0 + 9)
@@ -199,9 +199,11 @@ def test_both_sets_have_the_same_shapes_and_ascii_is_ascii() -> None:
 @pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=lambda glyphs: glyphs.name)
 def test_robots_are_told_by_shape_in_every_direction(glyphs: GlyphSet) -> None:
     robots = (*glyphs.robot, *glyphs.loaded, glyphs.parked, glyphs.fault)
+    ways = slice(4) if glyphs is UNICODE else slice(1)  # ASCII has too few signs for those
+    robots += (*glyphs.low[ways], *glyphs.low_loaded[ways], glyphs.charging, glyphs.drained)
     cells = (
         *(glyphs.floor, glyphs.wall, glyphs.turntable, glyphs.shelf, glyphs.load),
-        *(glyphs.rack, glyphs.dock, glyphs.station),
+        *(glyphs.rack, glyphs.dock, glyphs.station, glyphs.left_load),
         *(glyphs.destination, glyphs.charger, glyphs.bay, glyphs.passing, glyphs.unlimited),
         *(*glyphs.track, glyphs.crossing, *glyphs.one_way, glyphs.route, glyphs.stand),
     )

@@ -89,4 +89,13 @@ def floor_of(resolved: Resolved) -> Floor:
     cells = resolved.plan.slots()
     endless = (resolved.plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
     zones = zones_of(resolved.plan, resolved.scenario.world.zones)
-    return Floor(resolved.plan, cells, endless, HEADINGS[resolved.scenario.fleet.kinematics], zones)
+    scenario = resolved.scenario
+    return Floor(
+        resolved.plan,
+        cells,
+        endless,
+        HEADINGS[scenario.fleet.kinematics],
+        zones,
+        battery=scenario.battery is not None,
+        faults=bool(scenario.faults.listed or scenario.faults.rate),
+    )

@@ -5,6 +5,7 @@ circular wait      a circle of waiting robots has closed
 delivered [7]      a load was delivered (load 7)
 stuck > 50         a robot has waited for more than 50 ticks
 loaded and x > 3   any condition on one robot, of the names in FIELDS
+battery < 20       the same: in line, charging, empty, broken
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError, nearest
+from automaton.history.charging import charging, in_line
 from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
-from automaton.world.condition import PERCENT
+from automaton.world.condition import BROKEN, EMPTY, PERCENT, TOWED
 from automaton.world.plan import FloorPlan
 from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
 from automaton.world.waiting import (
@@ -45,12 +47,19 @@ FIELDS: Final = {  # name: what it is, of one robot
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
     "zone": "the zone it serves, or -1",
-    "charge": "whole percent in its battery; 100 without one",
     "priority": "its priority",
     "steps": "cells of its route that are left",
+    "battery": "percent in its battery; 100 where there are no batteries",
+    "charging": "whether it charges",
+    "in_line": "whether it stands in line before a charger; also written in line",
+    "empty": "whether it stands out of order for want of energy",
+    "broken": "whether it stands out of order for a fault",
+    "towed": "whether it was towed and is not back",
+    "ahead": "orders in the list that was announced to it",
 }
 NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck")
 LONGEST: Final = 200  # characters
+TWO_WORDS: Final = re.compile(r"(?<!['\"\w])in line\b")  # as people say in_line
 NAMED: Final = {"cause": WAITS, "action": list(ACTION_NAMES)}
 COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
     ast.Lt: np.less,
@@ -128,7 +137,7 @@ def _condition(text: str) -> Callable[[Fields], Any]:
     if len(text) > LONGEST:
         raise InputError(_too_long(text))
     try:
-        tree = ast.parse(text, mode="eval").body
+        tree = ast.parse(TWO_WORDS.sub("in_line", text), mode="eval").body
     except (SyntaxError, ValueError):
         raise InputError(
             f"'{text}' is no condition; write one such as deadlock, delivered 7, stuck > 50, "
@@ -225,7 +234,13 @@ def _fields(
         "busy": robots.busy.astype(np.int64),
         "parked": robots.parked.astype(np.int64),
         "zone": robots.zone,
-        "charge": robots.charge // PERCENT,
         "priority": robots.priority,
         "steps": steps,
+        "battery": robots.charge / PERCENT,
+        "charging": charging(robots).astype(np.int64),
+        "in_line": in_line(robots).astype(np.int64),
+        "empty": (robots.status == EMPTY).astype(np.int64),
+        "broken": (robots.status == BROKEN).astype(np.int64),
+        "towed": (robots.status >= TOWED).astype(np.int64),
+        "ahead": robots.planned,
     }

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from automaton.history.charging import charging, in_line_words, up_to
 from automaton.history.snapshot import Snapshot
+from automaton.units import count, percent
+from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
 from automaton.world.plan import FloorPlan
 from automaton.world.state import ACTION_NAMES, NIL
-from automaton.world.waiting import CAUSES, NOT_WAITING
+from automaton.world.waiting import CAUSES, CHARGER_HELD, FAULT, NO_ENERGY, NOT_WAITING
 
 
 class Link(NamedTuple):
@@ -63,6 +66,10 @@ def _link(snapshot: Snapshot, plan: FloorPlan, robot: int) -> Link:
         blocker="nobody" if blocker == NIL else f"robot {blocker}",
         cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
     )
+    if code == CHARGER_HELD and cell is not None:
+        because = in_line_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
+    elif code in (NO_ENERGY, FAULT):
+        because = out_of_order(snapshot, robot)
     ticks = snapshot.tick - int(fleet.since[robot])
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
     return Link(
@@ -70,9 +77,29 @@ def _link(snapshot: Snapshot, plan: FloorPlan, robot: int) -> Link:
     )
 
 
+def out_of_order(snapshot: Snapshot, robot: int) -> str:
+    """What is wrong with a robot that is out of order, and what becomes of it; "" of others."""
+    fleet = snapshot.robots
+    status = int(fleet.status[robot])
+    until = int(fleet.until[robot])
+    left = count(until - snapshot.tick, "tick")
+    towing = "nobody tows it" if until == NIL else f"it is towed in {left}"
+    if status == EMPTY:
+        charge = percent(float(fleet.charge[robot]) / FULL)
+        takes = "less than its next operation takes"
+        return f"the battery of robot {robot} holds {charge}, {takes}; {towing}"
+    if status == BROKEN:
+        return f"robot {robot} has broken down; {towing}"
+    if status == TOWED:
+        return f"robot {robot} was towed; it is back in {left}"
+    return f"robot {robot} was towed, for good" if status == GONE else ""
+
+
 def doing(snapshot: Snapshot, robot: int) -> str:
     """What a robot that does not wait does, in words."""
     fleet = snapshot.robots
+    if fleet.status[robot] in (TOWED, GONE):
+        return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
     if fleet.parked[robot]:
         return "is parked"
     action, busy = ACTION_NAMES[fleet.action[robot]], int(fleet.busy[robot])
@@ -82,8 +109,10 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "pick": f"picks up load {fleet.load[robot]}",
         "drop": "sets its load down",
         "try_drop": "tries to set its load down",
-        "charge": "charges",
+        "charge": "has charged",
     }
+    if charging(fleet)[robot]:
+        return f"charges {up_to(snapshot, robot)}"
     text = texts.get(action, "is about to go on")
     slowed = fleet.slow_zone[robot] != NIL
     if slowed:

@@ -101,8 +101,10 @@ class Snapshot:
     robots: Fleet
     orders: OrderBook
     slots: SlotStates
-    selected: int  # the robot whose route is given, or NIL
+    selected: int  # the robot whose route and plan are given, or NIL
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
+    plan: Array  # (k,) int32: orders that the selected robot is to do, one after another
+    curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
     layer: str  # the one that was asked for, whose numbers follow
     heat: Array | None  # (C,) int32, or None
     flow: Array | None  # (C, 4) int32
@@ -132,6 +134,8 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         selected=selected,
         route=_route(simulation, selected),
         layer=layer,
+        plan=_plan(simulation, selected),
+        curve=world.rules.curve,  # nobody writes to it
         heat=_heat(simulation, layer),
         flow=watch.flow.copy() if layer == "flow" else None,
         lost_in_zone=watch.lost_in_zone.copy(),
@@ -149,6 +153,16 @@ def _route(simulation: Simulation, selected: int) -> Array:
     steps = robots.route[i, robots.at[i] : robots.length[i]]
     cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
     return cells
+
+
+def _plan(simulation: Simulation, selected: int) -> Array:
+    """(k,) int32: the orders ahead of a robot."""
+    robots = simulation.world.robots
+    if not 0 <= selected < len(robots.cell):
+        return np.zeros(0, np.int32)
+    i = robots.at_index[selected]
+    orders: Array = robots.plan[i, : robots.planned[i]].copy()
+    return orders
 
 
 def _heat(simulation: Simulation, layer: str) -> Array | None:

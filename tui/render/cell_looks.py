@@ -39,7 +39,7 @@ INKS = {  # of a kind of cell
     BAY: styles.BAY,
     RACK: styles.RACK,
     DOCK: styles.DOCK,
-    STATION: styles.DOCK,  # loads come in there too
+    STATION: styles.STATION,
 }
 
 

@@ -17,6 +17,7 @@ from automaton.world.cells import (
     SHELF,
     TRACK,
 )
+from automaton.world.condition import PERCENT, TOWED
 from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL, WAITING
 from automaton.world.waiting import CAUSES
 from tui.render.overlays import value_words, zone_words
@@ -57,14 +58,19 @@ def ground(scene: Scene, cell: int) -> str:
 def _content(scene: Scene, cell: int) -> str:
     """What a slot holds."""
     slot, snapshot = int(scene.floor.slot_in[cell]), scene.snapshot
-    if slot == NIL or snapshot is None:
+    if snapshot is None:
         return ""
+    if slot == NIL:
+        return _left(scene, cell)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
     kind = KINDS[scene.floor.plan.kind.reshape(-1)[cell]]
-    if kind.supplies:
-        waiting = (orders.state == WAITING) & (orders.place == slot)
-        text = f" with {np.count_nonzero(waiting)} loads"
+    waiting = np.count_nonzero((orders.state == WAITING) & (orders.place == slot))
+    if kind.supplies and kind.swallows:
+        arrived = np.count_nonzero((orders.state == DELIVERED) & (orders.target == slot))
+        text = f" with {waiting} loads to fetch, {arrived} brought"
+    elif kind.supplies:
+        text = f" with {waiting} loads"
     elif kind.swallows:
         arrived = (orders.state == DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
@@ -76,7 +82,17 @@ def _content(scene: Scene, cell: int) -> str:
             text += f", to be fetched by robot {orders.by[order]}"
     elif kind.code == SHELF:
         text = ", empty"
+    text += _left(scene, cell)
     return text + (f", reserved by robot {slots.by[slot]}" if slots.by[slot] != NIL else "")
+
+
+def _left(scene: Scene, cell: int) -> str:
+    """Loads that robots had to leave in a cell."""
+    if scene.snapshot is None or cell not in scene.left_loads:
+        return ""
+    slots, first = scene.snapshot.slots, len(scene.floor.slots_cell)
+    loads = slots.content[first:][slots.cell[first:] == cell].tolist()
+    return "".join(f", load {load} was left there" for load in loads if load != NIL)
 
 
 def _robots(scene: Scene, cell: int) -> list[str]:
@@ -98,6 +114,10 @@ def _robot(scene: Scene, robot: int) -> str:
     words = [f"robot {robot}"]
     if robots.load[robot] != NIL:
         words.append(f"with load {robots.load[robot]}")
+    if scene.floor.battery:
+        words.append(f"at {robots.charge[robot] / PERCENT:.0f} %")
+    if robots.status[robot] >= TOWED:
+        return " ".join([*words, "towed"])
     if robots.parked[robot]:
         return " ".join([*words, "parked"])
     if robots.cause[robot]:

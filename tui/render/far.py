@@ -31,7 +31,7 @@ STATIONS = (
     (CHARGER, styles.CHARGER),
     (DESTINATION, styles.DESTINATION),
     (DOCK, styles.DOCK),
-    (STATION, styles.DOCK),
+    (STATION, styles.STATION),
 )
 
 

@@ -5,8 +5,10 @@ or the other. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 
 
     unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◍ turntable  ↯ charger
               ◫ rack  ⊏ dock  ⌂ station
+              ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
     ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
               H rack  [ dock  t station
+              ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
 
 Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
 East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
@@ -59,7 +61,11 @@ class GlyphSet:
     robot: Final = _shapes("▹▿◃▵", ">v<^")
     loaded: Final = _shapes("▸▾◂▴", "}V{A")
     parked: Final = _shape("⊡", "p")
-    fault: Final = _shape("✗", "X")  # out of order
+    low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a battery that is nearly empty
+    low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
+    charging: Final = _shape("⊞", "C")
+    drained: Final = _shape("∅", "E")  # out of order for want of energy
+    fault: Final = _shape("✗", "X")  # out of order for a fault
     cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
     # Cells.
     floor: Final = ord(".")  # a byte, where ⋅ has three: robots that move uncover much floor
@@ -80,6 +86,7 @@ class GlyphSet:
     rack: Final = _shape("◫", "H")
     dock: Final = _shape("⊏", "[")
     station: Final = _shape("⌂", "t")
+    left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
     # What is laid over them.
     route: Final = _shape("∙", "o")
     stand: Final = _shape("⊗", "O")  # where the route ends

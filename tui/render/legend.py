@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import CHARGER, FLOOR, KINDS, RACK, SHELF, TRACK, WALL
+from automaton.world.cells import FLOOR, KINDS, RACK, SHELF, TRACK, WALL
+from automaton.world.condition import PERCENT
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
@@ -70,8 +71,19 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         Entry(signs(fleet.DEADLOCK, fleet.HOLLOW, (0,)), "waits in a circle of robots"),
         Entry(signs(fleet.PARKED, fleet.SQUARE, (0,)), "parked"),
     ]
-    if (scene.floor.plan.kind == CHARGER).any():
-        entries.append(Entry(signs(fleet.CHARGING, fleet.HOLLOW, (0,)), "charges"))
+    if scene.floor.battery:
+        low = f"battery below {fleet.LOW_CHARGE // PERCENT} %"
+        entries += [
+            Entry(signs(fleet.CHARGING, fleet.PLUG, (0,)), "charges"),
+            Entry(signs(fleet.LOW, fleet.THIN, ways), low),
+            Entry(signs(fleet.LOW, fleet.BOXED, ways), f"{low}, with a load"),
+            Entry(signs(fleet.DEADLOCK, fleet.VOID, (0,)), "battery empty, out of order"),
+        ]
+    if scene.floor.faults:
+        entries.append(Entry(signs(fleet.DEADLOCK, fleet.CROSS, (0,)), "broken down"))
+    if scene.floor.loads_may_lie:
+        left = int(code(style(styles.LOADED, styles.FLOOR), glyphs.left_load))
+        entries.append(Entry((left,), "load that a robot had to leave"))
     if (scene.floor.plan.capacity[scene.floor.plan.drivable()] != 1).any():
         several = style(styles.FLOOR, styles.ROBOT)
         entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
@@ -80,10 +92,19 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
 
 
 def _far_robots(scene: Scene, sign: int) -> list[Entry]:
-    names = ["parked robots", "charging", "empty", "with a load", "waiting", "waiting in a circle"]
+    worst = "waiting in a circle" + (", out of order" if scene.floor.loads_may_lie else "")
+    names = {
+        fleet.DEADLOCK: worst,
+        fleet.WAITS: "waiting",
+        fleet.LOW: f"battery below {fleet.LOW_CHARGE // PERCENT} %",
+        fleet.LOADED: "with a load",
+        fleet.EMPTY: "empty",
+        fleet.CHARGING: "charging",
+        fleet.PARKED: "parked robots",
+    }
     entries = []
-    for state in reversed(range(len(names))):
-        if state != fleet.CHARGING or (scene.floor.plan.kind == CHARGER).any():
+    for state in names:
+        if state not in (fleet.CHARGING, fleet.LOW) or scene.floor.battery:
             shown = int(code(style(int(fleet.INKS[state]), styles.FLOOR), sign))
             entries.append(Entry((shown,), names[state]))
     return entries

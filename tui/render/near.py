@@ -38,6 +38,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     draw_layer(canvas)
     ground = canvas.flat.copy()
     if scene.snapshot is not None:
+        draw_left_loads(canvas)
         draw_route(canvas)
         draw_claims(canvas)
         draw_robots(canvas)
@@ -102,6 +103,12 @@ def flow_codes(glyphs: GlyphSet) -> Codes:
 # Robots.
 
 
+def draw_left_loads(canvas: Canvas) -> None:
+    """Loads that lie on the floor where robots had to leave them."""
+    index, _ = canvas.at(canvas.scene.left_loads)
+    canvas.flat[index, 0] = code(style(styles.LOADED, styles.FLOOR), canvas.glyphs.left_load)
+
+
 def draw_route(canvas: Canvas) -> None:
     """The cells that the selected robot has still to drive through, and where it is going."""
     scene, glyphs = canvas.scene, canvas.glyphs
@@ -142,7 +149,8 @@ def draw_robots(canvas: Canvas) -> None:
     inks = style(fleet.INKS[state], styles.FLOOR)
     canvas.flat[index, 0] = code(inks, glyph)
     if canvas.width == 2:
-        mark = np.array([glyphs.blank, glyphs.cargo])[seen.shape[which] & 1]
+        assert scene.snapshot is not None
+        mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
         canvas.flat[index, 1] = code(inks, mark)
     elif canvas.width > 2:
         names = fleet.names(glyphs, len(seen.cell), canvas.width - 1)

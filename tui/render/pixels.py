@@ -41,13 +41,8 @@ from tui.render.shelves import full_shelves
 from tui.render.styles import style
 
 Colours = NDArray[np.uint8]
-STATIONS = (
-    BAY,
-    CHARGER,
-    DESTINATION,
-    DOCK,
-    STATION,
-)  # show in a pixel of many cells, the last one first
+# These show in a pixel of many cells, the last one first.
+STATIONS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 
@@ -56,7 +51,7 @@ LAID = (*HEATS, *range(styles.ZONE_0, styles.ZONE_7 + 1))
 # Colours of what stands on the floor, and the braille dots of its upper and lower half.
 DOTTED = (
     *(FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER),
-    *(styles.DESTINATION, styles.DOCK),
+    *(styles.DESTINATION, styles.DOCK, styles.STATION),
 )
 TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
 TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf

@@ -8,7 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.state import CHARGE, NIL
+from automaton.history.charging import charging
+from automaton.world.condition import BROKEN, PERCENT, TOWED
+from automaton.world.condition import EMPTY as DRAINED
+from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.glyphs import GlyphSet
 from tui.render.scene import Scene
@@ -18,12 +21,13 @@ PARKED: Final = 0
 CHARGING: Final = 1
 EMPTY: Final = 2
 LOADED: Final = 3
-WAITS: Final = 4
-DEADLOCK: Final = 5
-SELECTED: Final = 6
+LOW: Final = 4  # its battery is
+WAITS: Final = 5
+DEADLOCK: Final = 6  # and out of order
+SELECTED: Final = 7
 INKS: Final = np.array(
     [
-        *(styles.PARKED, styles.CHARGING, styles.ROBOT, styles.LOADED),
+        *(styles.PARKED, styles.CHARGING, styles.ROBOT, styles.LOADED, styles.LOW),
         *(styles.WAITS, styles.FAULT, styles.SELECTED),
     ],
     np.uint32,
@@ -33,6 +37,12 @@ INKS: Final = np.array(
 HOLLOW: Final = 0
 FILLED: Final = 1
 SQUARE: Final = 2
+PLUG: Final = 3  # charges
+VOID: Final = 4  # battery empty
+CROSS: Final = 5  # broken
+THIN: Final = 6  # battery low
+BOXED: Final = 7  # battery low, with a load
+LOW_CHARGE: Final = 20 * PERCENT
 
 
 class Robots(NamedTuple):
@@ -53,12 +63,35 @@ def robots_of(scene: Scene) -> Robots:
     state = np.where(loaded, np.uint8(LOADED), np.uint8(EMPTY))
     state[fleet.cause != 0] = WAITS
     state[parked] = PARKED
-    state[fleet.action == CHARGE] = CHARGING
     state[fleet.ring != 0] = DEADLOCK
     shape = loaded.astype(np.uint8)
     shape[parked] = SQUARE
+    if scene.floor.battery:
+        draw_batteries(scene, state, shape)
+    if scene.floor.loads_may_lie:
+        draw_out_of_order(scene, state, shape)
     cell = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
     return Robots(cell, state, directions(scene), shape)
+
+
+def draw_batteries(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
+    """Robots that charge, and such as have little energy left; who waits keeps the colour for it."""
+    assert scene.snapshot is not None
+    fleet = scene.snapshot.robots
+    plugged = charging(fleet)
+    state[plugged], shape[plugged] = CHARGING, PLUG
+    low = (fleet.charge < LOW_CHARGE) & ~plugged
+    state[low] = np.maximum(state[low], LOW)
+    shape[low] = np.where(fleet.load[low] != NIL, BOXED, THIN)
+
+
+def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
+    """Robots that stand out of order, and such as were towed, which show in a bay alone."""
+    assert scene.snapshot is not None
+    status = scene.snapshot.robots.status
+    for code, sign in ((DRAINED, VOID), (BROKEN, CROSS)):
+        state[status == code], shape[status == code] = DEADLOCK, sign
+    state[status >= TOWED], shape[status >= TOWED] = PARKED, CROSS
 
 
 def directions(scene: Scene) -> NDArray[np.uint8]:
@@ -76,7 +109,14 @@ def directions(scene: Scene) -> NDArray[np.uint8]:
 
 def shapes(glyphs: GlyphSet) -> NDArray[np.uint32]:
     """(shapes, 4) glyphs by shape and direction."""
-    return np.array([glyphs.robot, glyphs.loaded, [glyphs.parked] * 4], np.uint32)
+    still = (glyphs.parked, glyphs.charging, glyphs.drained, glyphs.fault)
+    return np.array(
+        [
+            *(glyphs.robot, glyphs.loaded, *([one] * 4 for one in still)),
+            *(glyphs.low, glyphs.low_loaded),
+        ],
+        np.uint32,
+    )
 
 
 @lru_cache(maxsize=4)

@@ -95,6 +95,8 @@ class Floor:
     slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
     zones: Zones | None = None
+    battery: bool = False  # robots run on batteries
+    faults: bool = False  # robots may go out of order
 
     @cached_property
     def looks(self) -> NDArray[np.uint8]:
@@ -118,6 +120,11 @@ class Floor:
         slots = np.full(self.plan.kind.size, NIL, np.int32)
         slots[self.slots_cell] = np.arange(len(self.slots_cell))
         return slots
+
+    @property
+    def loads_may_lie(self) -> bool:
+        """Whether robots may have to leave their loads on the floor."""
+        return self.battery or self.faults
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +178,17 @@ class Scene:
         order, slot = int(robots.order[self.selected]), int(robots.slot[self.selected])
         if int(robots.load[self.selected]) == NIL and order != NIL:
             slot = int(orders.place[order])
-        return NIL if slot == NIL else int(self.floor.slots_cell[slot])
+        return NIL if slot == NIL else int(self.snapshot.slots.cell[slot])
+
+    @cached_property
+    def left_loads(self) -> NDArray[np.int32]:
+        """(k,) the cells in which loads lie that robots had to leave."""
+        if self.snapshot is None:
+            return NOTHING
+        slots = self.snapshot.slots
+        first = len(self.floor.slots_cell)  # the spare slots come behind those of the floor
+        cells: NDArray[np.int32] = slots.cell[first:][slots.content[first:] != NIL]
+        return cells
 
     @property
     def zones(self) -> Zones | None:

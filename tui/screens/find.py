@@ -23,7 +23,7 @@ from tui.widgets.zone_facts import robots_in
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, 12,4, turntable, zone 9, "
-    "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, slowed > 9, not parked"
+    "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, battery < 20, in line"
 )
 
 

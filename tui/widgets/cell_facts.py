@@ -7,10 +7,11 @@ from typing import Final
 import numpy as np
 
 from automaton.units import count
-from automaton.world.cells import BAY, DIRECTIONS, KINDS, UNLIMITED
+from automaton.world.cells import BAY, CHARGER, DIRECTIONS, KINDS, UNLIMITED
 from automaton.world.plan import DRIVABLE
-from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING
+from automaton.world.state import CARRIED, DELIVERED, NIL, UNRELEASED, WAITING
 from tui.view import View
+from tui.widgets.charge_facts import charger_lines
 from tui.widgets.lines import (
     Line,
     Span,
@@ -20,13 +21,18 @@ from tui.widgets.lines import (
     line,
     order_link,
     robot_link,
+    several,
     title,
 )
 from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
-MOST: Final = 12  # robots or loads that are named one by one
-STATES: Final = {WAITING: "waits to be picked up", CARRIED: "under way", DELIVERED: "delivered"}
+STATES: Final = {
+    WAITING: "waits to be picked up",
+    CARRIED: "under way",
+    DELIVERED: "delivered",
+    UNRELEASED: "will come; no strategy knows it yet",
+}
 COUNTED: Final = {  # what the layers count
     "visits": "visits",
     "waiting": "ticks lost here",
@@ -48,6 +54,8 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     ]
     for name, parts in facts:
         lines += fact(name, *parts, width=width) if parts else []
+    if kind.code == CHARGER:
+        lines += charger_lines(view, cell, width)
     return lines
 
 
@@ -89,17 +97,7 @@ def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:
 
 
 def _robots(robots: list[int]) -> Parts:
-    return _several([robot_link(robot) for robot in robots])
-
-
-def _several(links: list[Span]) -> Parts:
-    """Links as a list; beyond MOST only how many."""
-    parts: Parts = []
-    for link in links[:MOST]:
-        parts += [link, ", "]
-    if len(links) > MOST:
-        return [*parts[:-1], f" and {len(links) - MOST:,} more"]
-    return parts[:-1]
+    return several([robot_link(robot) for robot in robots])
 
 
 def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
@@ -107,35 +105,41 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     slots, orders = view.snapshot.slots, view.snapshot.orders
     kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
     found = np.flatnonzero(slots.cell == cell)
-    if not kind.slot or not len(found):
+    if not len(found):
         return []
     slot = int(found[0])
     keeper: Parts = [] if slots.by[slot] == NIL else [robot_link(int(slots.by[slot]))]
+    facts: list[tuple[str, Parts]] = []
     if kind.supplies:
         waiting = np.flatnonzero((orders.place == slot) & (orders.state == WAITING)).tolist()
-        taken = int(np.count_nonzero((orders.source == slot) & (orders.state != WAITING)))
-        return [
+        fetched = (orders.state == CARRIED) | (orders.state == DELIVERED)
+        taken = int(np.count_nonzero((orders.source == slot) & fetched))
+        facts += [
             ("waiting", [count(len(waiting), "load")]),
             ("fetched", [count(taken, "load")]),
-            ("the next", _several([order_link(order, "load") for order in waiting])),
+            ("the next", several([order_link(order, "load") for order in waiting])),
         ]
     if kind.swallows:
         arrived = np.flatnonzero((orders.target == slot) & (orders.state == DELIVERED))
-        expected = int(np.count_nonzero((orders.target == slot) & (orders.state != DELIVERED)))
+        coming = (orders.state == WAITING) | (orders.state == CARRIED)
+        expected = int(np.count_nonzero((orders.target == slot) & coming))
         newest = arrived[np.argsort(-orders.delivered[arrived], kind="stable")].tolist()
-        return [
+        facts += [
             ("received", [count(len(newest), "load")]),
             ("expected", [count(expected, "load")]),
-            ("the last", _several([order_link(order, "load") for order in newest])),
+            ("the last", several([order_link(order, "load") for order in newest])),
             ("kept for", keeper),
         ]
+    if facts:
+        left = [load for load in slots.content[found[1:]].tolist() if load != NIL]
+        return [*facts, ("left here", several([order_link(load, "load") for load in left]))]
     load = int(slots.content[slot])
     held: Parts = ["nothing"] if load == NIL else [order_link(load, "load")]
-    fetched = NIL if load == NIL else int(orders.by[load])
+    fetcher = NIL if load == NIL else int(orders.by[load])
     return [
         ("holds", held),
         ("for", [] if load == NIL else _place(view, int(orders.target[load]))),
-        ("fetched by", [] if fetched == NIL else [robot_link(fetched)]),
+        ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
         ("kept for", keeper),
     ]
 
@@ -159,11 +163,23 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
             [] if by == NIL else [robot_link(by)],
         ),
         ("picked up", [count(int(orders.legs[order]), "time")]),
-        ("released", _tick(int(orders.released[order]))),
+        ("known", ["from ", *_tick(int(orders.released[order]))]),
         ("delivered", _tick(int(orders.delivered[order])) if done else []),
+        ("lead time", _lead_time(view, order)),
     ):
         lines += fact(name, *parts, width=width) if parts else []
     return lines
+
+
+def _lead_time(view: View, order: int) -> Parts:
+    """From its becoming known to its delivery, or to now."""
+    orders = view.snapshot.orders
+    known, state = int(orders.released[order]), int(orders.state[order])
+    if state == UNRELEASED:
+        return []
+    if state == DELIVERED:
+        return [count(int(orders.delivered[order]) - known, "tick")]
+    return [f"{count(view.snapshot.tick - known, 'tick')} so far"]
 
 
 def _tick(tick: int) -> Parts:

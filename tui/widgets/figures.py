@@ -8,16 +8,20 @@ from typing import Final
 
 import numpy as np
 
+from automaton.history.charging import charging, in_line
 from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
-from automaton.units import number, percent
+from automaton.units import count, number, percent
+from automaton.world.condition import BROKEN, EMPTY, FULL, TOWED
 from automaton.world.state import DELIVERED
 from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING, waits
+from tui.render.robots import LOW_CHARGE
 from tui.view import TickChosen, View
 from tui.widgets import curve
 from tui.widgets import lost as lost_time
+from tui.widgets.charge_facts import battery_figures, may_fail
 from tui.widgets.compared import compared_lines
-from tui.widgets.lines import Line, Link, Span, dim, length, line, term, title
+from tui.widgets.lines import Line, Link, Span, dim, fact, length, line, term, title
 from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
 from tui.widgets.zone_facts import zone_link
@@ -72,6 +76,29 @@ class Figures(TextPanel):
             *self._share("utilization", view, width),
             *self._share("blocked", view, width),
             *_robots(view, width),
+            *self._energy(view, width),
+            *_out_of_order(view, width),
+        ]
+
+    def _energy(self, view: View, width: int) -> list[Line]:
+        """Batteries now, what was used so far, and what charging takes of the time."""
+        charge = battery_figures(view)
+        metrics = view.shot.figures[view.side].metrics
+        if charge is None or "energy" not in metrics:
+            return []
+        fleet = view.snapshot.robots
+        there, waiting = charging(fleet), np.count_nonzero(in_line(fleet))
+        look = "warn" if charge[0] * FULL < LOW_CHARGE else "plain"
+        least, mean = percent(charge[0], 0), percent(charge[1], 0)
+        chargers = f"{np.count_nonzero(there):,}, {waiting:,} in line"
+        link = ("share", list(GLOSSARY).index("energy"))
+        used = f"{_short(float(metrics['energy']))} batteries"
+        return [
+            _figure("at chargers", chargers),
+            *self._share("charging", view, width),
+            (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
+            line(*term("energy", link, NAME), used),
+            *self.explanation(link, GLOSSARY["energy"][1], width),
         ]
 
     def _share(self, name: str, view: View, width: int) -> list[Line]:
@@ -162,6 +189,17 @@ def slow_zones(view: View) -> list[Line]:
 
 def _known(view: View) -> Curve:
     return view.run.chronicle.curve.until(view.snapshot.tick)
+
+
+def _out_of_order(view: View, width: int) -> list[Line]:
+    """Robots that do not run, where there may be any."""
+    if not may_fail(view):
+        return []
+    status = view.snapshot.robots.status
+    standing = int(np.count_nonzero((status == EMPTY) | (status == BROKEN)))
+    towed = int(np.count_nonzero(status >= TOWED))
+    out = Span(count(standing, "robot"), "fault" if standing else "plain")
+    return fact("out of order", out, f", {towed:,} towed", width=width, label=NAME)
 
 
 def _figure(name: str, *parts: str) -> Line:

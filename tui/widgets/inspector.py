@@ -43,7 +43,7 @@ class Inspector(TextPanel):
         if view.zone != NIL:
             return zone_lines(view, view.zone, width)
         if view.robot != NIL:
-            return robot_lines(view, view.robot, width)
+            return robot_lines(view, view.robot, width, self.signs)
         if view.cell != NIL:
             return cell_lines(view, view.cell, width)
         told = [made for text in GUIDE for made in wrapped(line(dim(text)), width)]

@@ -15,6 +15,7 @@ LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "curs
 MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
 PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
 LABEL = 11  # columns of the name of a fact
+MOST = 12  # links that are named one by one
 
 
 class Span(NamedTuple):
@@ -73,6 +74,16 @@ def linked(text: str, plan: FloorPlan, look: str = "plain") -> Line:
         )
         at = found.end()
     return tuple(span for span in (*spans, Span(text[at:], look)) if span.text)
+
+
+def several(links: list[Span]) -> list[str | Span]:
+    """Links as a list; beyond MOST only how many."""
+    parts: list[str | Span] = []
+    for link in links[:MOST]:
+        parts += [link, ", "]
+    if len(links) > MOST:
+        return [*parts[:-1], f" and {len(links) - MOST:,} more"]
+    return parts[:-1]
 
 
 def length(spans: Iterable[Span]) -> int:

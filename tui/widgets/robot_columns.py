@@ -7,12 +7,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.history.charging import in_line
 from automaton.history.snapshot import Fleet
 from automaton.units import percent
+from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
 from automaton.world.state import ACTION_NAMES, NIL, Array
 from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, waits
 from tui.view import View
+from tui.widgets.charge_facts import has_batteries
 
+OUT_OF_ORDER: Final = {EMPTY: "empty", BROKEN: "broken", TOWED: "towed", GONE: "towed"}
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
 PARKED: Final = "parked"
 SHORT: Final = {"illegal answer": "illegal", "none": ""}
@@ -27,23 +31,31 @@ class Column(NamedTuple):
     text: Callable[[View, int], str]
     greatest_first: bool  # at the first click
     right: bool = True
+    there: Callable[[View], bool] = lambda view: True  # whether it has anything to say
 
 
 def doing(fleet: Fleet, robot: int) -> str:
     """What a robot does, in a word."""
+    if int(fleet.status[robot]) in OUT_OF_ORDER:
+        return OUT_OF_ORDER[int(fleet.status[robot])]
     if fleet.parked[robot]:
         return PARKED
+    if in_line(fleet)[robot]:
+        return "in line"
     if waits(fleet.cause[robot]):
         return "waits"
     return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
 
 
 def _doing_keys(view: View) -> Array:
-    """In the order of DOING: idle, at work, waiting; the parked ones last."""
+    """In the order of DOING: idle, at work, waiting; then parked, last out of order and towed."""
     fleet = view.snapshot.robots
     keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
     keys[waits(fleet.cause)] = ACTION_NAMES.index("wait")
-    keys[fleet.parked != 0] = len(DOING)
+    keys[in_line(fleet)] = len(DOING)
+    keys[fleet.parked != 0] = len(DOING) + 1
+    out = fleet.status >= EMPTY
+    keys[out] = len(DOING) + fleet.status[out]
     return keys
 
 
@@ -75,6 +87,14 @@ COLUMNS: Final = (
     Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
     Column(
+        "battery",
+        7,
+        lambda v: v.snapshot.robots.charge,
+        lambda v, r: percent(int(v.snapshot.robots.charge[r]) / FULL),
+        False,
+        there=has_batteries,
+    ),
+    Column(
         "load",
         5,
         lambda v: v.snapshot.robots.load,
@@ -87,6 +107,14 @@ COLUMNS: Final = (
         lambda v: v.snapshot.robots.order,
         lambda v, r: _or_blank(int(v.snapshot.robots.order[r]), NIL),
         True,
+    ),
+    Column(
+        "ahead",
+        5,
+        lambda v: v.snapshot.robots.planned,
+        lambda v, r: _or_blank(int(v.snapshot.robots.planned[r]), 0),
+        True,
+        there=lambda v: bool(v.snapshot.robots.planned.any()),
     ),
     Column("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
     Column(
@@ -118,8 +146,8 @@ def _waited_of(view: View, robot: int) -> int:
     return view.snapshot.tick - int(fleet.since[robot]) if waits(fleet.cause[robot]) else 0
 
 
-def ordered(view: View, column: int, greatest_first: bool) -> Array:
+def ordered(view: View, column: Column, greatest_first: bool) -> Array:
     """(n,) robots in the order of a column; ties by number."""
-    keys = COLUMNS[column].keys(view).astype(np.float64)  # unsigned ones have no negatives
+    keys = column.keys(view).astype(np.float64)  # unsigned ones have no negatives
     order: Array = np.argsort(-keys if greatest_first else keys, kind="stable")
     return order

@@ -10,7 +10,7 @@ from automaton.history.chronicle import Event
 from automaton.history.explanation import doing
 from automaton.units import count, percent
 from automaton.world.cells import DIRECTIONS, KINDS
-from automaton.world.condition import FULL
+from automaton.world.condition import BROKEN, EMPTY, TOWED
 from automaton.world.state import (
     GOAL_CHARGE,
     GOAL_DROP,
@@ -22,6 +22,7 @@ from automaton.world.state import (
 )
 from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, NOT_WAITING, waits
 from tui.view import View
+from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.event_rows import event_line
 from tui.widgets.lines import (
     Line,
@@ -31,9 +32,11 @@ from tui.widgets.lines import (
     line,
     order_link,
     robot_link,
+    several,
     title,
     wrapped,
 )
+from tui.widgets.signs import UNICODE, Signs
 
 HEADINGS: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),
@@ -43,20 +46,23 @@ HEADINGS: Final = {  # what a robot's heading means, by kinematics
 LAST_EVENTS: Final = 5
 
 
-def robot_lines(view: View, robot: int, width: int) -> list[Line]:
+def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> list[Line]:
     """Everything about one robot."""
     fleet, plan = view.snapshot.robots, view.plan
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
     for name, parts in (
         ("waits for", _waits_for(view, robot)),
+        ("battery", battery(view, robot, signs)),
+        ("charging", charging_plan(view, robot)),
+        ("condition", condition(view, robot)),
         ("cell", _place(view, robot)),
         ("heading", [_heading(view, robot)]),
         ("load", _load(view, robot)),
         ("order", _order(view, robot)),
+        ("ahead", _ahead(view, robot)),
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),
-        ("battery", _battery(view, robot)),
         ("priority", [str(int(fleet.priority[robot]))]),
         ("zone", [] if fleet.zone[robot] == NIL else [str(int(fleet.zone[robot]))]),
         ("home", [cell_link(plan, int(fleet.home[robot]))]),
@@ -80,7 +86,7 @@ def _state(view: View, robot: int) -> str:
 
 def _look(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
-    if fleet.ring[robot]:
+    if fleet.ring[robot] or fleet.status[robot] in (EMPTY, BROKEN):
         return "fault"
     return "warn" if waits(fleet.cause[robot]) else "plain"
 
@@ -99,6 +105,8 @@ def _place(view: View, robot: int) -> list[str | Span]:
     fleet, plan = view.snapshot.robots, view.plan
     cell = int(fleet.cell[robot])
     if cell == NIL:
+        if fleet.status[robot] >= TOWED:
+            return ["off the floor, towed"]
         return ["in its bay" if fleet.bay[robot] != NIL else "off the floor"]
     parts: list[str | Span] = [cell_link(plan, cell), f" {KINDS[_kind(view, cell)].name}"]
     if fleet.claim[robot] != NIL:
@@ -131,7 +139,22 @@ def _slot(view: View, slot: int) -> Span:
 
 def _order(view: View, robot: int) -> list[str | Span]:
     order = int(view.snapshot.robots.order[robot])
-    return ["none"] if order == NIL else [order_link(order)]
+    if order == NIL:
+        return ["none"]
+    known = int(view.snapshot.orders.released[order])
+    return [order_link(order), *([f", known for {_ticks(view, known)}"] if known else [])]
+
+
+def _ticks(view: View, since: int) -> str:
+    return count(view.snapshot.tick - since, "tick")
+
+
+def _ahead(view: View, robot: int) -> list[str | Span]:
+    """The orders that it is to do, one after another, as they were announced."""
+    if view.snapshot.selected != robot:
+        many = int(view.snapshot.robots.planned[robot])
+        return [count(many, "order")] if many else []
+    return several([order_link(order) for order in view.snapshot.plan.tolist()])
 
 
 def _goal(view: View, robot: int) -> list[str | Span]:
@@ -143,7 +166,7 @@ def _goal(view: View, robot: int) -> list[str | Span]:
     if goal == GOAL_PARK:
         return ["to park"]
     if goal == GOAL_CHARGE:
-        return ["to charge"]
+        return ["to charge at ", cell_link(view.plan, int(fleet.stand[robot]))]
     if goal == GOAL_PICK:
         slot = NIL if order == NIL else int(orders.place[order])
     parts: list[str | Span] = ["to set down" if goal == GOAL_DROP else "to pick up"]
@@ -159,12 +182,6 @@ def _route(view: View, robot: int) -> list[str | Span]:
     if fleet.withdrawing[robot] > 0:
         parts.append(f", withdrawing {count(int(fleet.withdrawing[robot]), 'step')}")
     return parts
-
-
-def _battery(view: View, robot: int) -> list[str | Span]:
-    """Its charge, where robots run on batteries."""
-    charge = int(view.snapshot.robots.charge[robot])
-    return [] if view.run.header["scenario"]["battery"] is None else [percent(charge / FULL, 0)]
 
 
 def _so_far(view: View, robot: int) -> list[str | Span]:

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from textual.binding import Binding, BindingType
 
+from automaton.world.condition import BROKEN, EMPTY
 from automaton.world.state import Array
 from tui.view import RobotChosen, View
 from tui.widgets.lines import Line, Link, Span, line
@@ -29,6 +30,7 @@ class Robots(Rows):
     def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
         self.view: View | None = None
+        self.columns: list[Column] = [COLUMNS[0]]
         self.column, self.greatest_first = 0, False
         self.first = 1  # the first column beside the number
         self.order: Array = np.zeros(0, np.int64)
@@ -39,15 +41,22 @@ class Robots(Rows):
         if self.view is not None and view.robot != self.view.robot and view.robot >= 0:
             under = view.robot
         self.view = view
-        self.order = ordered(view, self.column, self.greatest_first)
+        self._enter_columns(view)
+        self.order = ordered(view, self.columns[self.column], self.greatest_first)
         self.cursor = int(np.flatnonzero(self.order == under)[0])
         self.heading = [self._titles()]
         self.update_rows(len(self.order))
 
+    def _enter_columns(self, view: View) -> None:
+        """Columns with something to say; one that was there stays."""
+        sorted_by, before = self.columns[self.column], self.columns
+        self.columns = [one for one in COLUMNS if one in before or one.there(view)]
+        self.column = self.columns.index(sorted_by)
+
     def shown(self) -> list[int]:
         """The columns for which there is room."""
         columns, room = [0], self.width - self._wide(0)
-        for at in range(self.first, len(COLUMNS)):
+        for at in range(self.first, len(self.columns)):
             room -= 1 + self._wide(at)
             if room < 0:
                 break
@@ -57,7 +66,7 @@ class Robots(Rows):
     def _wide(self, at: int) -> int:
         assert self.view is not None
         digits = len(str(len(self.view.snapshot.robots) - 1)) if at == 0 else 0
-        return max(COLUMNS[at].width, len(COLUMNS[at].title), digits) + 1
+        return max(self.columns[at].width, len(self.columns[at].title), digits) + 1
 
     def _titles(self) -> Line:
         """The head of the table; signs at its ends lead to columns that have no room."""
@@ -65,12 +74,12 @@ class Robots(Rows):
         columns = self.shown()
         for at in columns:
             sign = self._sign() if at == self.column else ""
-            text = _aligned(COLUMNS[at].title + sign, self._wide(at), COLUMNS[at])
+            text = _aligned(self.columns[at].title + sign, self._wide(at), self.columns[at])
             gap = self.signs.before if at == self.first > 1 else " "
             if at:
                 spans.append(Span(gap, "title", ("columns", -1)))
             spans.append(Span(text, "title", ("sort", at)))
-        if columns[-1] < len(COLUMNS) - 1:
+        if columns[-1] < len(self.columns) - 1:
             used = sum(len(span.text) for span in spans)
             spans.append(Span(" " * max(0, self.width - used - 1)))
             spans.append(Span(self.signs.beyond, "title", ("columns", 1)))
@@ -83,14 +92,15 @@ class Robots(Rows):
         assert self.view is not None
         view, robot = self.view, int(self.order[index])
         cells = [
-            _aligned(COLUMNS[at].text(view, robot), self._wide(at), COLUMNS[at])
+            _aligned(self.columns[at].text(view, robot), self._wide(at), self.columns[at])
             for at in self.shown()
         ]
         text = " ".join(cells)
         fleet = view.snapshot.robots
         if robot == view.robot:
             return line(Span(self.signs.here + text[1:], "title"))
-        look = "fault" if fleet.ring[robot] else "dim" if fleet.parked[robot] else "plain"
+        wrong = fleet.ring[robot] or fleet.status[robot] in (EMPTY, BROKEN)
+        look = "fault" if wrong else "dim" if fleet.parked[robot] else "plain"
         return line(Span(text, look))
 
     def chosen(self, index: int) -> None:
@@ -108,7 +118,7 @@ class Robots(Rows):
 
     def sort_by(self, column: int, greatest_first: bool | None = None) -> None:
         """Sort by a column, as it is looked at most often or as told."""
-        own = COLUMNS[column].greatest_first
+        own = self.columns[column].greatest_first
         self.column = column
         self.greatest_first = own if greatest_first is None else greatest_first
         if self.view is not None:
@@ -118,7 +128,7 @@ class Robots(Rows):
 
     def action_sort(self, step: int) -> None:
         """Sort by the next column."""
-        self.sort_by((self.column + step) % len(COLUMNS))
+        self.sort_by((self.column + step) % len(self.columns))
 
     def action_turn_round(self) -> None:
         """Sort the other way round."""
@@ -126,9 +136,9 @@ class Robots(Rows):
 
     def action_columns(self, step: int) -> None:
         """Show other columns, where there is no room for all."""
-        all_shown = len(self.shown()) == len(COLUMNS)
-        if step < 0 or (self.shown()[-1] < len(COLUMNS) - 1 and not all_shown):
-            self.first = max(1, min(self.first + step, len(COLUMNS) - 1))
+        all_shown = len(self.shown()) == len(self.columns)
+        if step < 0 or (self.shown()[-1] < len(self.columns) - 1 and not all_shown):
+            self.first = max(1, min(self.first + step, len(self.columns) - 1))
         if self.view is not None:
             self.show(self.view)
 

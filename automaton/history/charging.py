@@ -1,0 +1,94 @@
+"""Charging as a viewer tells it: who is at a charger, who stands in line, and for how long."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automaton.units import count, percent
+from automaton.world.condition import FULL
+from automaton.world.state import CHARGE, GOAL_CHARGE, NIL, Array, Robots
+
+if TYPE_CHECKING:  # it needs Numba, pictures do not
+    from automaton.history.snapshot import Fleet, Snapshot
+
+
+def charging(robots: Robots | Fleet) -> Array:
+    """(n,) bool: who charges. The action alone does not tell: it is the last one that was begun."""
+    at_its_stand = (robots.goal == GOAL_CHARGE) & (robots.cell == robots.stand)
+    found: Array = at_its_stand & (robots.action == CHARGE)
+    return found
+
+
+def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
+    """Ticks at a charger from one charge to another, or NIL if the curve never gets there.
+
+    `curve`: (K, 2) from this charge on, units that a tick gives; as in automaton.kernels.energy.
+    """
+    ticks = 0
+    ends = [*curve[1:, 0].tolist(), FULL]
+    for rate, end in zip(curve[:, 1].tolist(), ends, strict=True):
+        missing = min(level, end) - charge
+        if missing > 0:
+            if rate <= 0:
+                return NIL
+            ticks += -(-missing // rate)
+            charge += rate * -(-missing // rate)
+    return ticks
+
+
+def in_line(robots: Robots | Fleet) -> Array:
+    """(n,) bool: who stands in line before a charger; who drives into it does not any more."""
+    entering = (robots.claim == robots.stand) | (robots.cell == robots.stand)
+    found: Array = (robots.ticket != 0) & ~entering
+    return found
+
+
+def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
+    """The robots that charge in a cell."""
+    fleet = snapshot.robots
+    found: list[int] = np.flatnonzero(charging(fleet) & (fleet.cell == cell)).tolist()
+    return found
+
+
+def line_before(snapshot: Snapshot, cell: int) -> list[int]:
+    """The robots that stand in line before the charger in a cell, who came first first."""
+    fleet = snapshot.robots
+    standing = np.flatnonzero(in_line(fleet) & (fleet.stand == cell))
+    found: list[int] = standing[np.argsort(fleet.ticket[standing])].tolist()
+    return found
+
+
+def sent_to(snapshot: Snapshot, cell: int) -> list[int]:
+    """The robots on their way to the charger in a cell."""
+    fleet = snapshot.robots
+    going = (fleet.goal == GOAL_CHARGE) & (fleet.stand == cell) & ~in_line(fleet)
+    found: list[int] = np.flatnonzero(going & (fleet.cell != cell)).tolist()
+    return found
+
+
+def up_to(snapshot: Snapshot, robot: int) -> str:
+    """To which charge a robot charges, and how long that still takes."""
+    fleet = snapshot.robots
+    charge, level = int(fleet.charge[robot]), int(fleet.level[robot])
+    ticks = ticks_to_charge(charge, level, snapshot.curve)
+    left = "which it never reaches" if ticks == NIL else f"{count(ticks, 'tick')} to go"
+    return f"up to {percent(level / FULL, 0)}, {left}"
+
+
+def in_line_words(snapshot: Snapshot, robot: int, place: str) -> str:
+    """Why a robot stands in line before the charger at `place`."""
+    cell = int(snapshot.robots.stand[robot])
+    standing = line_before(snapshot, cell)
+    before = standing[: standing.index(robot)] if robot in standing else []
+    there = charging_at(snapshot, cell)
+    said = [f"robot {one} charges at {place} {up_to(snapshot, one)}" for one in there]
+    if before:
+        others = f" and {count(len(before) - 1, 'other')}" if len(before) > 1 else ""
+        said.append(f"robot {before[0]}{others} came before it")
+    blocker = int(snapshot.robots.blocker[robot])
+    if not said and blocker != NIL:
+        enters = int(snapshot.robots.claim[blocker]) == cell
+        said.append(f"robot {blocker} {'drives into' if enters else 'holds'} {place}")
+    return f"robot {robot} stands in line" + (": " if said else "") + "; ".join(said)

@@ -1,0 +1,112 @@
+"""What the inspector says about batteries: of a robot, and of a charger."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from automaton.history.charging import charging, charging_at, line_before, sent_to, up_to
+from automaton.history.explanation import out_of_order
+from automaton.units import count, percent
+from automaton.world.condition import EMPTY, FAILING, FULL
+from automaton.world.state import GOAL_CHARGE, NIL
+from tui.render.robots import LOW_CHARGE
+from tui.view import View
+from tui.widgets.lines import Line, Span, fact, line, linked, robot_link
+from tui.widgets.signs import Signs, bar
+
+Parts = list[str | Span]
+BAR: Final = 16  # columns of a full battery
+LINES: Final = 12  # robots of a line that are told one by one
+
+
+def has_batteries(view: View) -> bool:
+    """Whether the robots run on batteries."""
+    return view.run.resolved.scenario.battery is not None
+
+
+def may_fail(view: View) -> bool:
+    """Whether robots may go out of order."""
+    faults = view.run.resolved.scenario.faults
+    return has_batteries(view) or bool(faults.listed or faults.rate)
+
+
+def battery(view: View, robot: int, signs: Signs) -> Parts:
+    """A bar and a number."""
+    if not has_batteries(view):
+        return []
+    charge = int(view.snapshot.robots.charge[robot])
+    look = "warn" if charge < LOW_CHARGE else "plain"
+    drawn = bar(charge / FULL, BAR, signs).replace(" ", signs.off)
+    return [Span(drawn, look), f" {percent(charge / FULL)}"]
+
+
+def charging_plan(view: View, robot: int) -> Parts:
+    """Up to which level it charges or is going to, how long that takes, and its place in line."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    if fleet.goal[robot] != GOAL_CHARGE:
+        return []
+    cell = int(fleet.stand[robot])
+    if charging(fleet)[robot]:
+        return [up_to(snapshot, robot)]
+    told = f"up to {percent(int(fleet.level[robot]) / FULL, 0)}"
+    in_line = line_before(snapshot, cell)
+    if robot in in_line:
+        told += f", place {in_line.index(robot) + 1} of {len(in_line)} in line"
+    elif ahead := len(in_line) + len(charging_at(snapshot, cell)):
+        told += f"; {count(ahead, 'robot')} {'is' if ahead == 1 else 'are'} there now"
+    return [told]
+
+
+def condition(view: View, robot: int) -> list[str | Span]:
+    """Whether it is out of order, since when and until when."""
+    fleet, snapshot = view.snapshot.robots, view.snapshot
+    if not may_fail(view):
+        return []
+    status = int(fleet.status[robot])
+    if status == FAILING:
+        return [Span("fails when what it does is over", "warn")]
+    if status < EMPTY:
+        return ["in order"]
+    told = linked(out_of_order(snapshot, robot), view.plan, "warn")
+    if fleet.cell[robot] == NIL:
+        return list(told)
+    since = int(fleet.since[robot]) + 1  # the first tick lost, that of the event
+    return [*line("since ", Span(f"tick {since:,}", "link", ("tick", since)), ": "), *told]
+
+
+def charger_lines(view: View, cell: int, width: int) -> list[Line]:
+    """Who charges in a cell, who stands in line, and who is on the way."""
+    snapshot = view.snapshot
+    lines: list[Line] = []
+    there = charging_at(snapshot, cell)
+    for robot in there:
+        charge = percent(int(snapshot.robots.charge[robot]) / FULL, 0)
+        words = f" at {charge}, {up_to(snapshot, robot)}"
+        lines += fact("charges", robot_link(robot), words, width=width)
+    if not there:
+        lines += fact("charges", "nobody", width=width)
+    in_line = line_before(snapshot, cell)
+    for place, robot in enumerate(in_line[:LINES]):
+        lines += fact("" if place else "in line", *_arriving(view, robot), width=width)
+    if len(in_line) > LINES:
+        lines += fact("", f"and {len(in_line) - LINES:,} more", width=width)
+    for place, robot in enumerate(sent_to(snapshot, cell)[:LINES]):
+        far = f", {count(int(snapshot.robots.route_length[robot]), 'cell')} away"
+        lines += fact("" if place else "sent here", *_arriving(view, robot), far, width=width)
+    return lines
+
+
+def _arriving(view: View, robot: int) -> Parts:
+    fleet = view.snapshot.robots
+    charge, level = (int(field[robot]) / FULL for field in (fleet.charge, fleet.level))
+    return [robot_link(robot), f" at {percent(charge, 0)}, up to {percent(level, 0)}"]
+
+
+def battery_figures(view: View) -> tuple[float, float] | None:
+    """The emptiest battery and the mean, as shares; None where there are none."""
+    if not has_batteries(view):
+        return None
+    charge = view.snapshot.robots.charge
+    return float(np.min(charge)) / FULL, float(np.mean(charge)) / FULL

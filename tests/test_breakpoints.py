@@ -13,7 +13,6 @@ from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.resolve import resolve
-from automaton.world.condition import PERCENT
 from automaton.world.state import ACTION_NAMES, NIL
 from automaton.world.waiting import (
     CAUSES,
@@ -61,7 +60,10 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
     values = {
         "battery": fleet.charge[robot] / 10_000,
         "charging": int(ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.level[robot] > 0),
-        "in_line": int(CAUSES[fleet.cause[robot]].name == "charger"),
+        "in_line": int(
+            fleet.ticket[robot] != 0
+            and fleet.stand[robot] not in (fleet.cell[robot], fleet.claim[robot])
+        ),
         "empty": int(CAUSES[fleet.cause[robot]].name == "empty battery"),
         "broken": int(CAUSES[fleet.cause[robot]].name == "broken down"),
         "towed": int(fleet.status[robot] in (5, 6)),
@@ -72,7 +74,6 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "loaded": int(fleet.load[robot] != NIL),
         "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
         "slowed": int(fleet.lost[robot, DRIVING_SLOWLY]),
-        "charge": int(fleet.charge[robot]) // PERCENT,
         "steps": int(fleet.route_length[robot]),
     }
     return values[field] if field in values else int(getattr(fleet, field)[robot])

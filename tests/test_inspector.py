@@ -21,7 +21,6 @@ from panel_stage import (
 )
 from textual.pilot import Pilot
 
-from automaton.world.condition import FULL
 from automaton.world.state import NIL
 from tui.widgets.inspector import Inspector
 
@@ -49,14 +48,6 @@ def test_a_robot_is_told_with_all_that_it_does(width: int) -> None:
         "last events 593 picks up load 6 536 takes order 6 527 sets load 5 down",
     ):
         assert words in said_then
-
-
-def test_the_charge_of_a_robot_is_told_where_it_has_a_battery() -> None:
-    view = moment(600, "depots")
-    charge = view.snapshot.robots.charge[2] / FULL
-    assert 0 < charge < 1
-    assert f"battery {100 * charge:.0f} % priority" in shown(Inspector(), of_robot(view, 2), WIDE)
-    assert "battery" not in shown(Inspector(), of_robot(busy(), 2), WIDE)
 
 
 def test_a_waiting_robot_names_cell_and_blocker() -> None:

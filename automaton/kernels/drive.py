@@ -161,7 +161,7 @@ def drive_without_route(world, record, i):
             return
         robots.try_drop[i] = 0
         begin(world, i, TRY_DROP, world.rules.duration[TRY_DROP])
-        robots.did[i] = DID_TRY_DROP
+        robots.did[i] = np.int64(robots.did[i]) | DID_TRY_DROP
     elif robots.withdrawing[i] == 0 and robots.cell[i] == robots.stand[i]:
         do_goal(world, record, i)
     elif robots.withdrawing[i] == 0 and robots.stand[i] != NIL:

@@ -1,7 +1,7 @@
 """Energy: what operations take from batteries, charging, and the lines before chargers.
 
 An operation is paid when it begins. A robot that lacks what its next one takes is exhausted: it
-does nothing in this tick and is out of order after it (automaton.kernels.faults).
+does nothing in this tick and is out of order from the next one on (automaton.kernels.faults).
 """
 
 import numpy as np

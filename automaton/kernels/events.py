@@ -57,7 +57,7 @@ def note_events(world, watch):
         action = action_of(did)
         if did & LEFT_BAY:
             event(world, watch, OUT_OF_BAY, identity, NIL, NIL)
-        visited = action == DID_PICK and robots.load[i] == NIL
+        visited = action == DID_PICK and robots.load[i] == NIL  # it had only to come
         if order != before and before != NIL and action != DID_DROP and not visited:
             event(world, watch, GAVE_BACK, identity, before, NIL)
         if order != before and order != NIL:
@@ -95,9 +95,9 @@ def event(world, watch, code, robot, subject, value):
 @kernel
 def note_action(world, watch, i, identity, action):
     """The events of an operation that robot i began."""
-    if action == DID_PICK and world.robots.load[i] == NIL:  # it had only to come
-        before = np.int64(watch.order_before[i])
-        event(world, watch, DELIVERED_AT, identity, before, np.int64(world.robots.cell[i]))
+    if action == DID_PICK and world.robots.load[i] == NIL:
+        visited = np.int64(watch.order_before[i])
+        event(world, watch, DELIVERED_AT, identity, visited, np.int64(world.robots.cell[i]))
     elif action == DID_PICK:
         order = np.int64(world.robots.load[i])
         event(world, watch, PICKED_UP, identity, order, np.int64(world.robots.cell[i]))

@@ -55,8 +55,8 @@ from automaton.world.state import (
 
 
 @kernel
-def begin_faults(world, record):
-    """At the start of a tick: robots fail, are towed, and come back."""
+def break_down_and_repair(world, record):
+    """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
     clock, faults = world.clock, world.rules.faults
     while clock[NEXT_FAULT] < faults.shape[0] and faults[clock[NEXT_FAULT], 0] <= clock[TICK]:
         fail(world, np.int64(world.robots.at_index[faults[clock[NEXT_FAULT], 1]]))
@@ -65,6 +65,7 @@ def begin_faults(world, record):
         draw_faults(world)
     if clock[OUT]:
         tow_and_repair(world, record)
+        take_all_out(world, record)
 
 
 @kernel
@@ -102,15 +103,15 @@ def tow_and_repair(world, record):
 
 
 @kernel
-def end_faults(world, record):
-    """At the end of a tick: robots whose operation is over, or that lack energy, go out of order."""
+def take_all_out(world, record):
+    """Robots that fail and whose operation is over, or that lacked energy, go out of order."""
     robots = world.robots
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
         if status == EXHAUSTED or (status == FAILING and robots.busy[i] == 0):
             take_out(world, record, i, EMPTY if status == EXHAUSTED else BROKEN)
-        elif status == EMPTY or status == BROKEN:
+        if robots.status[i] == EMPTY or robots.status[i] == BROKEN:
             world.tally.ticks[i, OUT_OF_ORDER, 0] += 1
 
 

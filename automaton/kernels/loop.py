@@ -1,7 +1,7 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
     faults -> orders -> zoning -> charging -> allocation -> charging -> routing -> right of way
-           -> motion -> faults -> record -> observe
+           -> motion -> record -> observe
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
@@ -31,7 +31,7 @@ from automaton.kernels.digest import digest_world
 from automaton.kernels.drive import drive, leave_bays, settle
 from automaton.kernels.energy import hold_back
 from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
-from automaton.kernels.faults import begin_faults, end_faults
+from automaton.kernels.faults import break_down_and_repair
 from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
 from automaton.kernels.operations import MOST_CHANGES
@@ -46,7 +46,6 @@ from automaton.world.state import (
     DIGEST_EVERY,
     FINISHED,
     OBSERVING,
-    OUT,
     PHASE,
     RECORDED,
     RECORDING,
@@ -95,7 +94,7 @@ def ticks(
         clock[TICK] += 1
         world.robots.did[:] = 0
         if world.rules.may_fail:
-            begin_faults(world, record)
+            break_down_and_repair(world, record)
         release_orders(world)
         for phase in range(PHASES):
             layer = SEQUENCE[phase]
@@ -115,8 +114,6 @@ def ticks(
                 end_turn(world, memories[layer], vaults[layer], batch, turn)
         clock[PHASE] = 0
         motion(world, record)
-        if clock[OUT]:
-            end_faults(world, record)
         if clock[RECORDING]:
             write_record(world, record)
         if clock[OBSERVING]:

@@ -35,7 +35,7 @@ from automaton.recording.codes import (
     INTO_BAY,
     LEFT_BAY,
 )
-from automaton.world.condition import EMPTY
+from automaton.world.condition import EMPTY, EXHAUSTED
 from automaton.world.state import (
     GOAL_NONE,
     IN_LINE,
@@ -226,8 +226,8 @@ def find_wait(world, watch, i, want, did):
     watch.blocker[U(i)] = NIL
     watch.wanted[U(i)] = NIL
     watch.scratch.entry[U(i)] = NIL
-    if robots.status[U(i)] >= EMPTY:
-        return NO_ENERGY if robots.status[U(i)] == EMPTY else FAULT
+    if robots.status[U(i)] >= EXHAUSTED:
+        return NO_ENERGY if robots.status[U(i)] <= EMPTY else FAULT
     if robots.action[U(i)] == IN_LINE and robots.ticket[U(i)] and did == DID_BLOCKED:
         direction = np.int64(robots.route[U(i), U(robots.at[U(i)])])
         return wait_for(world, watch, i, np.int64(robots.stand[U(i)]), direction, CHARGER_HELD)

@@ -57,7 +57,7 @@ def price(world, i, action, ticks):
 
 @kernel
 def exhaust(world, i):
-    """The battery of robot i lacks what it needs: it goes out of order at the end of this tick."""
+    """The battery of robot i lacks what it needs: it is out of order from the next tick on."""
     if world.robots.status[i] == RUNNING:
         world.clock[OUT] += 1
     if world.robots.status[i] <= EXHAUSTED:

@@ -21,6 +21,7 @@ from automaton.recording.codes import (
     DID_WITHDRAW,
     DURATION,
     INTO_BAY,
+    LEFT_LOAD,
     MOVE_EAST,
     MOVE_NORTH,
     STATUS,
@@ -167,13 +168,11 @@ class Energy:
         return dearest
 
 
-def parted_faults(rows: Rows) -> tuple[Rows, Rows, Rows]:
-    """The changes of a tick: robots towed or back, what robots do, robots that go out of order."""
-    first = 0
-    while first < len(rows) and rows[first][1] == STATUS and rows[first][3] not in (EMPTY, BROKEN):
-        first += 1
-    last = next(
-        (k for k, row in enumerate(rows) if row[1] == STATUS and row[3] in (EMPTY, BROKEN)),
-        len(rows),
-    )
-    return rows[:first], rows[first:last], rows[last:]
+def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
+    """The changes of a tick: robots that go out of order, are towed or come back, then the others."""
+    told = [k for k, row in enumerate(rows) if row[1] in (STATUS, LEFT_LOAD)]
+    if not told:
+        return [], rows
+    # The order of a load that was left is given back right after it.
+    first = told[-1] + (2 if rows[told[-1]][1] == LEFT_LOAD else 1)
+    return rows[:first], rows[first:]

@@ -63,7 +63,7 @@ ACTS: Final = (  # by code of recorded action
     *("pick", "drop", "try_drop", "wait", "blocked", "withdraw", "bay_blocked", "illegal"),
     "charge",
 )
-FAILING: Final = 1  # a recorded status
+FAILING: Final = (1, 2)  # recorded statuses: it fails, or lacks energy
 MOST_VIOLATIONS: Final = 100
 
 
@@ -174,8 +174,8 @@ class Validator:
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         leaves = any(did & LEFT_BAY for _, did in acts)
-        back, rows, failed = parted_faults(rows)
-        self._change_status(tick, back)
+        faults, rows = parted_faults(rows)
+        self._change_status(tick, faults)
         self.loads.release(tick)
         self.motion.look(acts)
         placed = self.motion.open_bays(tick, acts) if leaves else set()
@@ -184,7 +184,6 @@ class Validator:
         lengths = self.loads.apply(tick, before, acts)
         self.motion.execute(tick, acts, lengths, placed)
         self.loads.arrive(tick, after, acts)
-        self._change_status(tick, failed)
         self.loads.check_parked(tick, acts)
         self.report.ticks = tick
 
@@ -236,10 +235,10 @@ class Validator:
                 self._compare(f"{part}.{name}", values, content[part][name].tolist())
 
     def _statuses(self, content: dict[str, Any]) -> list[int]:
-        """Statuses as replayed; what fails in a moment is in order as far as actions tell."""
+        """Statuses as replayed; who fails next is in order as far as actions tell."""
         recorded = content["robots"]["status"].tolist()
         pairs = zip(self.energy.status, recorded, strict=True)
-        return [theirs if mine == 0 and theirs == FAILING else mine for mine, theirs in pairs]
+        return [theirs if mine == 0 and theirs in FAILING else mine for mine, theirs in pairs]
 
     def _compare(self, name: str, replayed: list[int], recorded: list[int]) -> None:
         if replayed == recorded:

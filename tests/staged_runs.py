@@ -11,7 +11,16 @@ from automaton.history.chronicle import Chronicle, Event
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Pick, Resolved
-from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
+from automaton.scenario.schema import (
+    Battery,
+    Durations,
+    Faults,
+    Fleet,
+    Orders,
+    Scenario,
+    Stop,
+    WorldRules,
+)
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
@@ -40,6 +49,8 @@ class Staged:
         storage: Sequence[int] | None = None,
         start: Any = None,
         waits: tuple[int, int, int, int, int] = (1, 1, 1, 1, 255),
+        battery: Battery | None = None,
+        faults: Faults | None = None,
     ) -> None:
         self.plan = draw_floor(picture.strip("\n"))
         start = start or self.plan.starts or "bays"
@@ -51,6 +62,8 @@ class Staged:
             durations=durations or Durations(),
             orders=Orders(generator="drawn-loads"),
             world=rules or WorldRules(following=following),
+            battery=battery,
+            faults=faults or Faults(),
             stop=Stop(when="never", at_most=10_000),
         )
         self.answers: Any = (strategies or {}).get("right_of_way")

@@ -6,7 +6,7 @@ Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x 
 import numpy as np
 
 from automaton.auctions.bids import award, bid
-from automaton.auctions.market import INF
+from automaton.auctions.market import BIDS, INF, MESSAGES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -82,6 +82,7 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
         scratch.sold[k] = NIL
         for r in range(robots):
             offer = bid(work, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
+            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
             if turned:
                 space.cost[k, r] = offer
             else:
@@ -96,4 +97,5 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
         award(work, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
+    scratch.count[MESSAGES] += scratch.count[BIDS] + given
     return given

@@ -63,7 +63,7 @@ CURVE = ((0.0, 10.0), (50.0, 4.0), (80.0, 1.0))
 
 def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
     battery = Battery(drain=Drain(move=1.0), charge=CURVE, start=35.0)
-    run = Powered("c.", battery=battery, start=(4,))
+    run = Powered("c.", battery=battery, start=(5,))
     assert run.at("A") == (0, 0)
     run.send_to_charge("A", "", level=86)
     charges = [run.tick().charge("A") for _ in range(13)]
@@ -75,7 +75,7 @@ def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
 
 def test_a_battery_is_never_more_than_full() -> None:
     battery = Battery(drain=Drain(move=1.0), charge=30.0, start=50.0)
-    run = Powered("c.", battery=battery, start=(4,))
+    run = Powered("c.", battery=battery, start=(5,))
     run.send_to_charge("A", "", level=100)
     assert [run.tick().charge("A") for _ in range(3)] == [80, 100, 100]
     assert run.world.tally.charged[0] == 500_000
@@ -108,7 +108,8 @@ def test_first_come_first_served_in_cells_for_any_number(gap: int) -> None:
     run, served = waiting_three(LINE, gap + 1)
     assert served == ["C", "B", "A"]
     assert all(run.at(name) == (4, 0) for name in "ABC")
-    assert run.world.tally.ticks[:, IN_LINE, 0].tolist() == [4, 2, 0]
+    # Each charges for three ticks and leaves in the fourth.
+    assert run.world.tally.ticks[:, IN_LINE, 0].tolist() == [8, 4, 0]
 
 
 def test_robots_in_a_line_draw_no_waits() -> None:
@@ -123,19 +124,24 @@ def test_the_first_in_a_narrow_lane_is_served_first() -> None:
     assert served == ["C", "B", "A"]
 
 
-# The charger c is a dead end: who has charged meets whoever comes next, head-on.
+# The charger c ends a narrow lane: who has charged meets whoever waits at its door, head-on.
 DEAD_END = """
-c..t.t
-##.###
+c.~~t
+##~~t
 """
-DRAIN = {"drain": {"move": 2.0}, "charge": 5.0}
-TRIPS = {"generator": "stations", "count": 12}
+DRAIN = {"drain": {"move": 1.0}, "charge": 5.0, "start": 50.0, "reserve": 25.0}
+TRIPS = {"generator": "stations", "count": 30}
 
 
 def dead_end(seed: int, right_of_way: str) -> object:
     strategy = {"allocation": "auction", "charging": "insertion", "right_of_way": right_of_way}
     resolved = scene(
-        DEAD_END, [(2, 1), (4, 0)], battery=DRAIN, orders=TRIPS, strategy=strategy, seed=seed
+        DEAD_END,
+        [(2, 1), (3, 1)],
+        battery=DRAIN,
+        orders=TRIPS,
+        strategy=strategy,
+        seed=seed,
     )
     run, recorder = recorded_run(resolved)
     assert validate_stored(recorder.recording()).valid

@@ -72,9 +72,8 @@ def test_the_rate_is_a_probability_of_each_tick_on_the_floor() -> None:
     )
     run = Simulation(resolved)
     run.run()
-    # Towed at once and back after a tick: about 2 ticks of 102 are lost; then they stand at home,
-    # off the floor, and do not fail again.
-    assert run.world.tally.out[:, 1].tolist() == [1] * 50
+    # Towed and back, they are off the floor, and do not fail again: 1 - 0.99^400 = 98 % of 50.
+    assert run.world.tally.out[:, 1].max() == 1 and run.world.tally.out[:, 1].sum() >= 46
     other = Simulation(resolved, seed=2)
     other.run(until=50)
     assert 10 <= other.world.tally.out[:, 1].sum() <= 30, "1 - 0.99^50 = 39 % of 50"
@@ -125,7 +124,8 @@ def test_a_load_on_the_floor_is_in_the_picture() -> None:
 
 def test_an_order_not_yet_picked_up_is_given_back() -> None:
     faults = {"list": [{"robot": 0, "at": 2}], "tow_after": None}
-    resolved = scene(LANE, [(3, 0), (3, 1)], orders=ONE, strategy=STRATEGY, faults=faults)
+    strategy = {"allocation": "first-come", "right_of_way": "withdraw"}  # round the broken one
+    resolved = scene(LANE, [(3, 0), (3, 1)], orders=ONE, strategy=strategy, faults=faults)
     run = Simulation(resolved)
     run.run(until=1)
     assert run.world.orders.by[0] == 0

@@ -229,7 +229,7 @@ class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
 
     first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
     last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
-    until: Tick
+    until: Annotated[Tick, Meta(description="a tick")]
 
 
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -121,10 +121,13 @@ def test_robots_start_on_free_cells_of_their_own(
 
 
 ORDERS = [
-    ("[{from: [0, 0], to: [5, 0]}]", "an order begins at a shelf or a dock; [0, 0] is a turntable"),
+    (
+        "[{from: [0, 0], to: [5, 0]}]",
+        "begins at a shelf, a dock or a station; [0, 0] is a turntable",
+    ),
     (
         "[{from: [1, 1], to: [0, 0]}]",
-        "an order ends at a shelf, a destination or a rack; [0, 0] is",
+        "ends at a shelf, a destination, a rack or a station; [0, 0] is",
     ),
     ("[{from: [1, 1], to: [1, 1]}]", "ends where it begins"),
     ("[{from: [1, 1], to: [9, 0]}]", "[9, 0] lies outside the floor"),
@@ -234,7 +237,7 @@ def test_what_is_no_scenario_is_refused(tmp_path: Path, text: str | bytes, words
 def test_a_missing_file_or_name_is_explained(tmp_path: Path) -> None:
     for name, words in [
         ("tabeltop-1", "did you mean 'tabletop-1'?"),
-        ("zzz", "there are crossing, tabletop-1"),
+        ("zzz", "there are crossing, depots"),
         ("zzz.yaml", "zzz.yaml: no such file"),
         (str(tmp_path), "is a folder"),
         (os.devnull, "not a regular file"),

@@ -174,7 +174,7 @@ REPRODUCTION: Final = Reproduction(
     averaged=(),
     claims=CLAIMS,
     remarks=REMARKS,
-    seeds=20,
+    seeds=40,
     claims_title="Claims",
     remarks_title="Remarks",
 )

@@ -134,6 +134,26 @@ def test_a_robot_that_parks_on_a_charger_is_warned_of() -> None:
     assert parked([(0, 0), (1, 1)], picture="c..t\nc..t") == "", "there is one for each"
 
 
+@pytest.mark.parametrize("scenario", ["depots", "depots-line", "depots-full"])
+def test_an_order_beyond_the_range_of_a_battery_is_warned_of(scenario: str) -> None:
+    """From pos_2 to 4 there are 6 cells, from 16 back 12, and 14 between them: 32 moves of 3 %."""
+    assert doubts(resolve(scenario)) == []
+    said = doubts(resolve(scenario, ["battery.reserve=5"]))
+    if scenario == "depots-full":
+        assert said == [], "there is a charger near every station"
+        assert doubts(resolve(scenario, ["battery.reserve=20"])) == []
+        return
+    assert said == [
+        "an order from [0, 2] to [8, 8] takes 96 % of a battery, from a charger and back to one, and "
+        "above the reserve there are 95 %: a robot that comes from a charger never does it"
+    ]
+    strands = "strategy.charging={name: insertion, never_strand: false}"
+    assert doubts(resolve(scenario, ["battery.reserve=5", strands])) == []
+    assert doubts(resolve(scenario, ["battery.reserve=5", "orders.generator=visits"])) == []
+    loaded = doubts(resolve(scenario, ["battery.drain.loaded=1.5"]))
+    assert "takes 117 % of a battery" in loaded[0]
+
+
 def test_check_and_run_say_it_and_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = ("--set", "fleet.start=[[4, 0], [2, 0], [6, 0], [2, 1]]")
     for command in ("check", "run"):

@@ -33,16 +33,26 @@ class Result(NamedTuple):
     metrics: dict[str, float | int]
 
 
+Job = tuple[Resolved, int]  # a scenario and a seed
+Conduct = Callable[[Simulation], dict[str, float | int]]  # runs to the end; returns the figures
+
+
 class Chunk(NamedTuple):
-    """Work for one call of a worker: a scenario, by its number, and some of its seeds."""
+    """Work for one call of a worker: some runs, and the number of the first."""
 
-    number: int
-    resolved: Resolved
-    seeds: tuple[int, ...]
+    first: int
+    jobs: tuple[Job, ...]
+    conduct: Conduct
 
 
-Batches = Generator[tuple[int, list[Result]], None, None]  # a scenario's number and its results
+Batches = Generator[tuple[int, list[Result]], None, None]  # the first run's number and the results
 OnDone = Callable[[int], None]  # called with the runs just done
+
+
+def conducted(simulation: Simulation) -> dict[str, float | int]:
+    """Run to the end; the metrics of the run."""
+    run_to_end(simulation)
+    return metrics_of(simulation)
 
 
 def cores() -> int:
@@ -63,37 +73,47 @@ def run_all(
     `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
     that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt.
     """
+    jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
+    results = run_jobs(jobs, workers, on_done)
+    return [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds) or 1)]
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+    conduct: Conduct = conducted,
+) -> list[Result]:
+    """Run each scenario with its seed; like `run_all`. `conduct`: a function of a module."""
     workers = cores() if workers is None else workers
-    chunks = list(_chunks(scenarios, seeds, workers))
-    results: list[dict[int, Result]] = [{} for _ in scenarios]
+    chunks = list(_chunks(jobs, workers, conduct))
+    results: list[Result | None] = [None] * len(jobs)
     workers = min(workers, len(chunks))
     run = _run_here(chunks) if workers <= 1 else _run_spread(chunks, workers)
     with closing(run) as done:  # whatever is raised in here, no process is left behind
-        for number, batch in done:
-            results[number].update((result.seed, result) for result in batch)
+        for first, batch in done:
+            results[first : first + len(batch)] = batch
             if on_done is not None:
                 on_done(len(batch))
-    return [[found[seed] for seed in seeds] for found in results]
+    return [result for result in results if result is not None]
 
 
 def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
     """The runs of a chunk; this is what a worker does. Raises InputError for a failing strategy."""
     batch = []
-    for seed in chunk.seeds:
-        with strategies_blamed(chunk.resolved):
-            simulation = Simulation(chunk.resolved, seed)
-            run_to_end(simulation)
-        finished = simulation.finished or chunk.resolved.scenario.stop.when == "never"
-        batch.append(Result(seed, finished, simulation.digest, metrics_of(simulation)))
-    return chunk.number, batch
+    for resolved, seed in chunk.jobs:
+        with strategies_blamed(resolved):
+            simulation = Simulation(resolved, seed)
+            figures = chunk.conduct(simulation)
+        finished = simulation.finished or resolved.scenario.stop.when == "never"
+        batch.append(Result(seed, finished, simulation.digest, figures))
+    return chunk.first, batch
 
 
-def _chunks(scenarios: Sequence[Resolved], seeds: Sequence[int], workers: int) -> Iterator[Chunk]:
-    runs = len(scenarios) * len(seeds)
-    size = max(1, min(LARGEST_CHUNK, runs // (CHUNKS_PER_WORKER * workers)))
-    for number, resolved in enumerate(scenarios):
-        for begin in range(0, len(seeds), size):
-            yield Chunk(number, resolved, tuple(seeds[begin : begin + size]))
+def _chunks(jobs: Sequence[Job], workers: int, conduct: Conduct) -> Iterator[Chunk]:
+    size = max(1, min(LARGEST_CHUNK, len(jobs) // (CHUNKS_PER_WORKER * workers)))
+    for first in range(0, len(jobs), size):
+        yield Chunk(first, tuple(jobs[first : first + size]), conduct)
 
 
 def _run_here(chunks: Sequence[Chunk]) -> Batches:
@@ -125,12 +145,12 @@ def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
 def _warm(chunks: Sequence[Chunk]) -> None:
     """Compile, or find in the cache, whatever the workers will load."""
     seen = set()
-    for chunk in chunks:
-        names = tuple(pick.name for pick in chunk.resolved.picks.values())
+    for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
+        names = tuple(pick.name for pick in resolved.picks.values())
         if names not in seen:
             seen.add(names)
-            with strategies_blamed(chunk.resolved):
-                Simulation(chunk.resolved, chunk.seeds[0])
+            with strategies_blamed(resolved):
+                Simulation(resolved, seed)
 
 
 @contextmanager

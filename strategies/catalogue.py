@@ -242,7 +242,8 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         Meta(
             description="sequential: one by one, the winner bids anew; arrival: each order to the "
             "lowest bid as it came; parallel: all at once; combinatorial: bundles, small cases; "
-            "genetic, exact: the benchmarks of the paper; assignment: one order for each robot."
+            "genetic, exact: the benchmarks of the paper, exact without batteries and with the "
+            "ten oldest orders; assignment: one order for each robot."
         ),
     ] = "sequential"
     bid: Annotated[
@@ -293,6 +294,21 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         Annotated[int, Meta(ge=0, le=1_000_000)] | None,
         Meta(description="a robot so many ticks late gives its list back; null: never"),
     ] = None
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """The optimum is known for small fleets alone, and without charging."""
+        robots = scenario.fleet.robots
+        if self.auction == "exact" and scenario.battery is not None:
+            return "auction exact knows no charging; combinatorial does, or leave out the battery"
+        if self.auction in ("exact", "combinatorial") and robots > MOST_BUNDLING:
+            return (
+                f"auction {self.auction} tries all ways to split orders among at most "
+                f"{MOST_BUNDLING} robots, and fleet.robots is {robots}"
+            )
+        return None
+
+
+MOST_BUNDLING = 16  # robots whose bundles are all tried
 
 
 CATALOGUE: dict[str, dict[str, Entry]] = {

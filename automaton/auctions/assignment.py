@@ -82,6 +82,7 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
         scratch.sold[k] = NIL
         for r in range(robots):
             offer = bid(work, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
+            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
             if turned:
                 space.cost[k, r] = offer
             else:
@@ -96,8 +97,5 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
         award(work, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
-    for k in range(count):
-        for r in range(robots):
-            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
     scratch.count[MESSAGES] += scratch.count[BIDS] + given
     return given

@@ -29,7 +29,7 @@ def bid(work, battery, fleet, scratch, r, task, rule, epsilon):
         return np.int64(INF)
     scratch.count[BIDS] += 1
     position, cost = insertion_quote(work, battery, fleet, scratch, r, task)
-    if cost >= INF:
+    if cost >= INF or fleet.cost[r] >= INF:
         return np.int64(INF)
     if rule == MIX:
         return MIXED * cost - epsilon * fleet.cost[r]

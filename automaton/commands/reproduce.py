@@ -35,6 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="run these instead of the published ones",
     )
     parser.add_argument(
+        "--tables", default="", metavar="A,B", help="only these, where tables have names"
+    )
+    parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
     )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
@@ -50,11 +53,11 @@ def run(args: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise InputError(f"{option} must be at least 1, not {value}")
     reproduction = find(args.name)
-    names = (name.strip() for name in args.strategies.split(","))
-    strategies = list(dict.fromkeys(name for name in names if name))
+    strategies, tables = listed(args.strategies), listed(args.tables)
     with progress() as (on_start, on_done):
         seeds = args.seeds or reproduction.seeds
-        reproduced = reproduce(reproduction, seeds, strategies, args.workers, on_start, on_done)
+        listeners = on_start, on_done
+        reproduced = reproduce(reproduction, seeds, strategies, args.workers, *listeners, tables)
     samples, printed = reproduced.samples(), reproduced.published()
     judged = [judge(claim, samples, printed) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
@@ -71,6 +74,12 @@ def run(args: argparse.Namespace) -> int:
         print(f"automaton: {unfinished}", file=sys.stderr)
         return 1
     return 0
+
+
+def listed(text: str) -> list[str]:
+    """The names in a list with commas, each once."""
+    names = (name.strip() for name in text.split(","))
+    return list(dict.fromkeys(name for name in names if name))
 
 
 @contextlib.contextmanager

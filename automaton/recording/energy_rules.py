@@ -110,7 +110,7 @@ class Energy:
         if price > self.charge[r]:
             text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
             self.complain(tick, "energy", [r], self.motion.cell[r], text)
-        self.charge[r] -= price
+        self.charge[r] -= min(price, self.charge[r])
 
     def _stand(self, r: int, price: int) -> None:
         self.charge[r] -= min(price, self.charge[r])

@@ -119,7 +119,7 @@ class Loads:
         did = {r: code & ACTION_MASK for r, code in acts}
         handled: set[int] = set()
         for _, code, subject, value in rows:
-            if not self._exists(code, subject, value):
+            if not self.exists(code, subject, value):
                 self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
             elif code == DURATION:
                 lengths[subject] = value
@@ -140,7 +140,7 @@ class Loads:
                     self._check_arrival(tick, r, name)
         handled: set[int] = set()
         for _, code, subject, value in rows:
-            if self._exists(code, subject, value):
+            if self.exists(code, subject, value):
                 self._change(tick, code, subject, value, did)
                 handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
             else:
@@ -168,7 +168,8 @@ class Loads:
             text = "handles its load on arrival, but none of its moves ends in this tick"
             self.complain(tick, "arrival", [r], cell, text)
 
-    def _exists(self, code: int, subject: int, value: int) -> bool:
+    def exists(self, code: int, subject: int, value: int) -> bool:
+        """Whether a change names things that there are."""
         robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
         limits = {
             ORDER_BY: (orders, robots),

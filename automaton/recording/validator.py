@@ -64,6 +64,7 @@ ACTS: Final = (  # by code of recorded action
     "charge",
 )
 FAILING: Final = (1, 2)  # recorded statuses: it fails, or lacks energy
+STATUSES: Final = (0, 3, 4, 5, 6)  # that changes name
 MOST_VIOLATIONS: Final = 100
 
 
@@ -191,9 +192,10 @@ class Validator:
         """Robots go out of order, with what follows for their loads and orders, or come back."""
         for row in rows:
             _, code, subject, value = row
-            if code == STATUS and 0 <= subject < len(self.motion.home):
+            known = self.loads.exists(code, subject, value)
+            if known and code == STATUS and value in STATUSES:
                 self.energy.become(tick, subject, value)
-            elif code == LEFT_LOAD and 0 <= subject < len(self.motion.home):
+            elif known and code == LEFT_LOAD:
                 self.loads.leave(tick, subject, value)
             elif code in (ORDER_BY, SLOT_BY) and value == NONE:
                 self.loads.apply(tick, [row], [])

@@ -24,6 +24,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.reproductions.auctions",
         "sequential auctions with charging in the bids (De Ryck et al., sections 4 and 5)",
     ),
+    "auctions-floor": (
+        "automaton.reproductions.living_auctions",
+        "auctions, batteries, lines and failures in the living world: beyond the paper",
+    ),
 }
 
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
-from automaton.errors import InputError
+from automaton.errors import InputError, alternatives, nearest
 from automaton.parallel import OnDone, Result, run_all
 from automaton.reproductions.claims import Claim
 from automaton.scenario.resolve import resolve
@@ -74,6 +74,7 @@ class Table:
     panels: tuple[tuple[str, ...], ...]  # metrics, grouped as they are printed
     published: Callable[[Key, str], float | None]  # the printed figure of a case and metric
     title: str = ""  # where a reproduction has several tables
+    name: str = ""  # by which it can be chosen
     run: Runner = run_scenarios
     repetition: str = "run"  # what is repeated
     per_seed: int = 1  # repetitions
@@ -217,6 +218,20 @@ class Reproduced:
         return dict(figure for table in self.tables for figure in table.published())
 
 
+def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Table, ...]:
+    """The tables with these names, all without names. Raises InputError for an unknown one."""
+    known = {table.name: table for table in reproduction.tables if table.name}
+    for name in names:
+        if not known:
+            raise InputError(f"{reproduction.name} has no tables to choose: leave out --tables")
+        if name not in known:
+            raise InputError(
+                f"{reproduction.name} has no table '{name}'{nearest(name, known)}; "
+                f"there is {alternatives(known)}"
+            )
+    return tuple(known[name] for name in names) or reproduction.tables
+
+
 def reproduce(
     reproduction: Reproduction,
     seeds: int,
@@ -224,14 +239,16 @@ def reproduce(
     workers: int | None = None,
     on_start: Callable[[int], Any] | None = None,
     on_done: OnDone | None = None,
+    tables: Sequence[str] = (),
 ) -> Reproduced:
-    """Make all tables with seeds 1..`seeds`.
+    """Make all tables, or those with these names, with seeds 1..`seeds`.
 
     `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
     InputError for an unknown strategy before anything runs, and where there is none to choose.
     """
     if strategies and not reproduction.strategies:
         raise InputError(f"{reproduction.name} compares no strategies: leave out --strategies")
+    reproduction = replace(reproduction, tables=tables_named(reproduction, tables))
     chosen = tuple(strategies) or reproduction.strategies
     cases = [table.cases(chosen) for table in reproduction.tables]
     if on_start is not None:

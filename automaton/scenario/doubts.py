@@ -2,20 +2,102 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from automaton.scenario.resolve import Resolved
-from automaton.world.cells import UNLIMITED
+from automaton.world.cells import CHARGER, STATION, UNLIMITED
+from automaton.world.reach import steps_from
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
 
 
+NO_STRATEGY = "none"
+KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
+MOST_STATIONS = 100  # between which all ways are measured
+
+
 def doubts(resolved: Resolved) -> list[str]:
     """A sentence for each."""
+    found = (nothing_to_avoid(resolved), parks_on_charger(resolved), out_of_range(resolved))
+    return [sentence for sentence in found if sentence]
+
+
+def nothing_to_avoid(resolved: Resolved) -> str:
+    """Avoiding traffic where no robot slows another."""
     world, routing = resolved.scenario.world, resolved.picks["routing"].name
     plan = resolved.plan
     crowds = bool((plan.capacity[plan.drivable()] == UNLIMITED).all())
     if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
-        return [
+        return (
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
             "and world.slowdown is none, so no robot slows another; say world.slowdown: zones"
-        ]
+        )
+    return ""
+
+
+def parks_on_charger(resolved: Resolved) -> str:
+    """A robot parks where it begins: on a charger it is in the way of those that must charge."""
+    scenario, plan, start = resolved.scenario, resolved.plan, resolved.start
+    robots, chargers = scenario.fleet.robots, int(np.count_nonzero(plan.kind == CHARGER))
+    if resolved.picks["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
+        return ""
+    if scenario.fleet.when_done != "park" or chargers >= robots:
+        return ""
+    for robot, cell in enumerate(start):
+        if plan.kind.flat[cell] == CHARGER:
+            x, y = plan.xy(cell)
+            return (
+                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
+                f"need: {robots} robots share {chargers}; let it begin beside it"
+            )
+    return ""
+
+
+def out_of_range(resolved: Resolved) -> str:
+    """An order that takes more than a full battery, from a charger and back to one, above the reserve.
+
+    By the moves alone: with turns and handling it takes more.
+    """
+    scenario, plan, pick = resolved.scenario, resolved.plan, resolved.picks["charging"]
+    battery = scenario.battery
+    if battery is None or pick.name not in KEEPS_WAY_BACK:
+        return ""
+    pairs = station_pairs(resolved)
+    if not pairs or not getattr(pick.parameters, "never_strand", True):
+        return ""
+    chargers = np.flatnonzero(plan.kind == CHARGER).tolist()
+    there, back = steps_from(plan, chargers), steps_from(plan, chargers, backwards=True)
+    move = battery.drain.move * scenario.durations.move
+    dearest, way = 0.0, pairs[0]
+    for source in dict.fromkeys(source for source, _ in pairs):
+        ahead = steps_from(plan, [source])
+        for target in (target for begin, target in pairs if begin == source):
+            empty, loaded = int(there[source] + back[target]), int(ahead[target])
+            cost = move * (empty + battery.drain.loaded * loaded)
+            if cost > dearest:
+                dearest, way = cost, (source, target)
+    least = 100 - battery.reserve
+    if dearest <= least:
+        return ""
+    (x, y), (to_x, to_y) = (plan.xy(cell) for cell in way)
+    return (
+        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
+        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from a "
+        "charger never does it"
+    )
+
+
+def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
+    """Flat cells of stations between which orders may lead."""
+    orders, plan = resolved.scenario.orders, resolved.plan
+    stations = np.flatnonzero(plan.kind == STATION).tolist()
+    if orders.listed is not None:
+        ends = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
+        return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
+    if len(stations) > MOST_STATIONS:
+        return []
+    if orders.generator == "visits":
+        return [(cell, cell) for cell in stations]
+    if orders.generator == "stations":
+        return [(a, b) for a in stations for b in stations if a != b]
     return []

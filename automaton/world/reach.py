@@ -59,6 +59,27 @@ def reached(plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool 
     return either
 
 
+def steps_from(
+    plan: FloorPlan, starts: Iterable[int], backwards: bool = False
+) -> npt.NDArray[np.int32]:
+    """(cells,) moves from the nearest start to each cell, or from there to it; NIL: no way.
+
+    Turns are free here, so no robot needs fewer moves.
+    """
+    exits = backward_exits(plan) if backwards else plan.exits.reshape(-1)
+    front = np.array(sorted(set(starts)), np.int64)
+    found = np.full(exits.size, NIL, np.int32)
+    moves = 0
+    while front.size:
+        found[front] = moves
+        moves += 1
+        offsets = enumerate((1, plan.stride, -1, -plan.stride))
+        ahead = [front[exits[front] >> d & 1 != 0] + offset for d, offset in offsets]
+        front = np.unique(np.concatenate(ahead))
+        front = front[found[front] == NIL]
+    return found
+
+
 @lru_cache(maxsize=16)
 def slot_access(plan: FloorPlan) -> npt.NDArray[np.int32]:
     """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.

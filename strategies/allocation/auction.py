@@ -22,11 +22,20 @@ from automaton.auctions.bundle_space import (
     population_for,
 )
 from automaton.auctions.bundles import combinatorial
+from automaton.auctions.exact import exact
 from automaton.auctions.genetic import genetic
 from automaton.auctions.local_search import improve
-from automaton.auctions.market import BIDS, FULL, MESSAGES, NO_CHARGING
+from automaton.auctions.market import BIDS, FULL, INF, MESSAGES, NO_CHARGING
+from automaton.auctions.quotes import settle_all
 from automaton.auctions.sequential import by_arrival, parallel, sequential
-from automaton.auctions.session import enter_plans, find_items, hear, mark_planned, open_session
+from automaton.auctions.session import (
+    PLANNED,
+    enter_plans,
+    find_items,
+    hear,
+    mark_planned,
+    open_session,
+)
 from automaton.auctions.site import site_for
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
 from automaton.strategy.kernels import announce_first_compilation
@@ -43,8 +52,9 @@ WINNERS: Final = {
     "regret": REGRET,
 }
 MOST_LISTED: Final = 1000  # orders in all lists together: bounds the memory of a market
-MOST_BUNDLED: Final = 10  # items of a combinatorial auction
+MOST_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
 MOST_BRED: Final = 12  # and of a genetic one
+MOST_SOLD: Final = {"combinatorial": MOST_BUNDLED, "exact": MOST_BUNDLED, "genetic": MOST_BRED}
 BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
 
 # memory.own
@@ -88,7 +98,7 @@ class Auction(Strategy):
     def _prepared(self, robots: int) -> Any:
         """What the kind of auction works in besides the market."""
         kind, horizon = self.parameters.auction, self.parameters.horizon
-        if kind == "combinatorial":
+        if kind in ("combinatorial", "exact"):
             return bundles_for(robots, min(horizon, MOST_BUNDLED))
         if kind == "genetic":
             return population_for(robots, min(horizon, MOST_BRED), self._limit + horizon)
@@ -109,11 +119,20 @@ class Auction(Strategy):
         memory.shared[SINCE] = since
         if count and (count != memory.shared[LEFT] or has_empty_list(view, asked, given)):
             done = announce_first_compilation("auctions", 25)
+            if self.parameters.auction == "exact":  # it knows no lists to begin with
+                count = self._take_back(view, given, since)
             for center, items in self._auctioneers(view, memory, int(count)):
                 self._sell(view, given, memory, space, center, items)
             done()
             memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
         serve(view, asked, given, memory, DUE)
+
+    def _take_back(self, view: World, given: Any, since: int) -> int:
+        """Put all that is planned up for sale again; returns how many orders are."""
+        given.planned[:] = 0
+        given.order_taken[given.order_taken == PLANNED] = 0
+        count, _ = find_items(view, given, since, self._sellable)
+        return int(count)
 
     def _auctioneers(
         self, view: World, memory: Memory, count: int
@@ -153,7 +172,7 @@ class Auction(Strategy):
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
         parameters, site = self.parameters, self._site
-        most = {"combinatorial": MOST_BUNDLED, "genetic": MOST_BRED}.get(parameters.auction)
+        most = MOST_SOLD.get(parameters.auction)
         items = items[:most]
         radius = NIL if parameters.radius is None else parameters.radius
         center = NIL if parameters.region == "order" else center
@@ -176,31 +195,39 @@ class Auction(Strategy):
 
     def _hold(self, view: World, memory: Memory, count: int) -> None:
         """Sell so many items of the market by the rules of the scenario."""
-        given, site, tools = self.parameters, self._site, self._tools
+        given, site = self.parameters, self._site
         market = (site.work, site.battery, site.fleet, site.scratch)
         rule, epsilon = RULES[given.bid], self._epsilon(view, count)
-        if given.auction == "sequential":
-            winner = WINNERS[given.winner]
-            sequential(*market, site.item, count, rule, epsilon, winner, 0)
-        elif given.auction == "arrival":
+        if given.auction == "arrival":
             by_arrival(*market, site.item, count, rule, epsilon)
         elif given.auction == "parallel":
             parallel(*market, site.item, count, rule, epsilon)
-        elif given.auction == "combinatorial":
-            combinatorial(*market, tools, site.item, count, epsilon)
         elif given.auction == "assignment":
-            assign_once(*market, tools, site.item, count, rule, epsilon)
-        else:
-            self._breed(view, market, count, epsilon, memory)
+            assign_once(*market, self._tools, site.item, count, rule, epsilon)
+        elif given.auction == "sequential" or not self._allot(view, market, memory, count, epsilon):
+            winner = WINNERS[given.winner]
+            sequential(*market, site.item, count, rule, epsilon, winner, 0)
         if given.improve:
             improve(*market, epsilon)
 
-    def _breed(self, view: World, market: Any, count: int, epsilon: int, memory: Memory) -> None:
-        site, robots = self._site, len(view.robots.cell)
-        turns = generations(robots, count)
-        seed = np.uint64(int(view.rules.seed) + int(memory.own[:, HELD].sum()))
-        with np.errstate(over="ignore"):
-            genetic(*market, self._tools, site.item, count, epsilon, turns, 0, seed)
+    def _allot(self, view: World, market: Any, memory: Memory, count: int, epsilon: int) -> bool:
+        """Look at whole allotments; False, with the lists as before, if none does every item."""
+        fleet, tools, item = self._site.fleet, self._tools, self._site.item
+        before = fleet.order.copy(), fleet.length.copy()
+        if self.parameters.auction == "combinatorial":
+            value = combinatorial(*market, tools, item, count, epsilon)
+        elif self.parameters.auction == "exact":
+            value = exact(*market, tools, item, count, epsilon)
+        else:
+            seed = np.uint64(int(view.rules.seed) + int(memory.own[:, HELD].sum()))
+            turns = generations(len(view.robots.cell), count)
+            with np.errstate(over="ignore"):
+                value = genetic(*market, tools, item, count, epsilon, turns, 0, seed)
+        if value < INF:
+            return True
+        fleet.order[:], fleet.length[:] = before
+        settle_all(*market)
+        return False
 
     def _epsilon(self, view: World, count: int) -> int:
         """Thousandths of MiniSum in the bids of this auction."""

@@ -1,0 +1,319 @@
+"""The options of `auction` in the world: each changes the run, and does what it says."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import Any
+
+import pytest
+from powered import scene
+
+from automaton.auctions.sequential import objective
+from automaton.errors import InputError
+from automaton.metrics import metrics_of
+from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.validator import validate_stored
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.world.state import ALLOCATION, DELIVERED, NIL, TICK
+from strategies.allocation.auction import ROLE, ROUND
+
+EIGHT = "orders={generator: stations, count: 8}"
+FIFTY = "orders={generator: stations, count: 50, interval: 30}"
+NO_BATTERY = ("battery=null", "strategy.charging=none")
+
+
+def auction(options: str, *settings: str, name: str = "depots", seed: int = 1) -> Simulation:
+    """A run, not begun yet, with these options of the auction."""
+    chosen = f"strategy.allocation={{name: auction{', ' if options else ''}{options}}}"
+    return Simulation(resolve(name, [chosen, *settings]), seed)
+
+
+def lists(run: Simulation) -> list[list[int]]:
+    """What each robot has taken and plans to do."""
+    robots = run.world.robots
+    return [
+        [int(robots.order[i])] * int(robots.order[i] != NIL)
+        + robots.plan[i, : robots.planned[i]].tolist()
+        for i in robots.at_index
+    ]
+
+
+def sold_at_once(options: str, *settings: str, seed: int = 1) -> Simulation:
+    """A run after its first tick, in which eight orders were sold to full batteries."""
+    run = auction(options, EIGHT, *settings, seed=seed)
+    run.run(until=1)
+    return run
+
+
+def value(run: Simulation) -> int:
+    """What the last auction made of the lists: the objective for epsilon = 0.5."""
+    return int(objective(run._strategies[ALLOCATION]._site.fleet, 500))  # type: ignore[union-attr]
+
+
+# Kinds of auctions, and what they count.
+
+
+def test_bids_and_messages_of_the_kinds_are_counted() -> None:
+    counted = {kind: sold_at_once(f"auction: {kind}").counted for kind in COUNTS}
+    assert {kind: (c["bids"], c["messages"]) for kind, c in counted.items()} == COUNTS
+    assert all(c["auctions"] == 1 for c in counted.values())
+
+
+COUNTS = {  # 4 robots hear of 8 orders; a message for each, for each bid, and for each sale
+    "sequential": (32 + 28, 32 + 60 + 8),  # after each sale the winner bids for what is left
+    "arrival": (32, 32 + 32 + 8),
+    "parallel": (32, 32 + 32 + 8),
+    "assignment": (32, 32 + 32 + 4),
+    "combinatorial": (4 * 255, 32 + 1020 + 4),
+}
+
+
+def test_one_shot_assignment_gives_each_robot_one_order_at_a_time() -> None:
+    assert [len(one) for one in lists(sold_at_once("auction: assignment"))] == [1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_nothing_beats_the_exact_allotment_and_search_never_worsens_one(seed: int) -> None:
+    kinds = ("sequential", "arrival", "parallel", "combinatorial", "genetic", "exact")
+    found = {
+        kind: value(sold_at_once(f"auction: {kind}", *NO_BATTERY, seed=seed)) for kind in kinds
+    }
+    assert found["exact"] == min(found.values())
+    for kind in kinds:
+        searched = value(sold_at_once(f"auction: {kind}, improve: true", *NO_BATTERY, seed=seed))
+        assert found["exact"] <= searched <= found[kind]
+
+
+def test_search_after_the_auction_makes_shorter_lists() -> None:
+    plain = [value(sold_at_once("", seed=seed)) for seed in range(1, 11)]
+    searched = [value(sold_at_once("improve: true", seed=seed)) for seed in range(1, 11)]
+    assert all(after <= before for after, before in zip(searched, plain, strict=True))
+    assert sum(searched) < 0.97 * sum(plain)
+
+
+KINDS = (
+    "bid: average",
+    "bid: average-paper",
+    "epsilon: 0",
+    "epsilon: 1",
+    "epsilon: load",
+    "epsilon: {from: 1, to: 0, until: 1000}",
+    "winner: difference",
+    "winner: regret",
+    "improve: true",
+    "limit: 1",
+    "horizon: 1",
+    "auction: arrival",
+    "auction: parallel",
+    "auction: combinatorial",
+    "auction: genetic",
+    "auction: assignment",
+    "auctioneer: fixed",
+    "auctioneer: token, radius: 3",
+    "auctioneer: time, radius: 3",
+    "region: order, radius: 3",
+    "reauction_after: 0",
+)
+
+
+def test_every_option_makes_another_run_and_all_deliver_everything() -> None:
+    digests = {}
+    for options in ("", *KINDS):
+        resolved = auction(options, FIFTY).resolved
+        recorder = MemoryRecorder(resolved)
+        run = Simulation(resolved, on_record=recorder)
+        run.run()
+        figures = metrics_of(run)
+        assert run.finished and (figures["ran_empty"], figures["illegal_answers"]) == (0, 0), (
+            options
+        )
+        assert validate_stored(recorder.recording()).valid
+        digests.setdefault(run.digest, []).append(options)
+    assert [same for same in digests.values() if len(same) > 1] == []
+
+
+def test_fewest_bidders_first_makes_a_difference_where_not_all_bid() -> None:
+    many = "orders={generator: stations, count: 40}"
+    for heard, same in (("", True), (", region: order, radius: 4", False)):
+        runs = [auction(f"winner: {winner}{heard}", many) for winner in ("lowest", "fewest")]
+        for run in runs:
+            run.run(until=1)
+        assert (lists(runs[0]) == lists(runs[1])) == same
+
+
+# Lists, and how many are sold.
+
+
+@pytest.mark.parametrize("limit", [1, 3])
+def test_no_list_is_longer_than_the_limit(limit: int) -> None:
+    run = auction(f"limit: {limit}", name="depots-full")
+    longest = 0
+    while run.tick < 1500:
+        run.run(until=run.tick + 1)
+        longest = max(longest, int(run.world.robots.planned.max()))
+    assert longest == limit
+
+
+@pytest.mark.parametrize("horizon", [1, 5])
+def test_an_auction_sells_no_more_orders_than_its_horizon(horizon: int) -> None:
+    sold = sorted(chain.from_iterable(lists(sold_at_once(f"horizon: {horizon}"))))
+    assert sold == list(range(horizon))
+
+
+# Epsilon.
+
+
+def same_run(one: str, other: str, *settings: str) -> bool:
+    digests = set()
+    for options in (one, other):
+        run = auction(options, *settings)
+        run.run()
+        digests.add(run.digest)
+    return len(digests) == 1
+
+
+def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
+    assert same_run("epsilon: {from: 0, to: 1, until: 1}", "epsilon: 1", FIFTY)
+    assert same_run("epsilon: {from: 0.3, to: 0.3, until: 700}", "epsilon: 0.3", FIFTY)
+    run = auction("epsilon: {from: 0.2, to: 0.6, until: 1000}", FIFTY)
+    strategy: Any = run._strategies[ALLOCATION]
+    found = []
+    for tick in (0, 500, 1000, 9000):
+        run.world.clock[TICK] = tick
+        found.append(strategy._epsilon(run.view, 1))
+    assert found == [200, 400, 600, 600]
+
+
+def test_load_makes_epsilon_grow_with_the_orders_for_each_robot() -> None:
+    lines = (f"{{from: [0, 2], to: [8, 8], at: {at}}}" for at in range(0, 3000, 300))
+    one_by_one = f"orders={{list: [{', '.join(lines)}]}}"
+    assert same_run("epsilon: load", "epsilon: 0.083", one_by_one), "1 of 3 x 4"
+    at_once = "orders={generator: stations, count: 12}"
+    assert same_run("epsilon: load", "epsilon: 1", at_once), "12 of 3 x 4"
+
+
+# Auctioneers and who hears them.
+
+
+def test_whoever_the_auctioneer_is_the_result_is_the_same_if_all_hear_it() -> None:
+    assert same_run("", "auctioneer: token", FIFTY)
+    assert same_run("", "auctioneer: time", FIFTY)
+    assert same_run("", "auctioneer: fixed, auctioneers: 1", FIFTY)
+
+
+def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() -> None:
+    run = auction("auctioneer: token", FIFTY)
+    shared = run.memories[ALLOCATION].shared
+    held = set()
+    for until in range(1, 900, 10):
+        run.run(until=until)
+        assert shared[ROLE] == shared[ROUND] % 4
+        held.add(int(shared[ROLE]))
+    assert held == {0, 1, 2, 3}
+    run = auction("auctioneer: time, term: 250", FIFTY)
+    shared = run.memories[ALLOCATION].shared
+    for tick in range(1, 1200):
+        rounds = int(shared[ROUND])
+        run.run(until=tick)
+        assert shared[ROUND] == rounds or shared[ROLE] == tick // 250 % 4
+
+
+def test_fixed_auctioneers_sell_the_orders_nearest_to_them() -> None:
+    """Two hold an auction each where one would hold one."""
+    assert sold_at_once("auctioneer: fixed, auctioneers: 1").counted["auctions"] == 1
+    two = sold_at_once("auctioneer: fixed, auctioneers: 2")
+    assert two.counted["auctions"] == 2
+    assert two.counted["bids"] < 60, "two short auctions take fewer bids than a long one"
+
+
+ROAD = "t..........."
+
+
+def road(options: dict[str, Any], *robots: int) -> Simulation:
+    """One order at the left end, robots at these columns."""
+    resolved = scene(
+        ROAD,
+        [(x, 0) for x in robots],
+        orders={"list": [{"from": [0, 0], "to": [0, 0]}]},
+        strategy={"allocation": {"name": "auction", **options}, "right_of_way": "wait"},
+    )
+    run = Simulation(resolved)
+    run.run(until=1)
+    return run
+
+
+@pytest.mark.parametrize(("column", "rounds"), [(1, 1), (2, 2), (3, 3), (4, 3), (5, 4), (8, 4)])
+def test_a_region_is_doubled_until_somebody_bids(column: int, rounds: int) -> None:
+    """Radius 1, 2, 4, 8: each round is an auction; only those who hear cost messages."""
+    run = road({"region": "order", "radius": 1}, column)
+    assert run.counted == {"auctions": rounds, "bids": 1, "messages": 3}
+    assert run.world.orders.by[0] == 0
+
+
+def test_a_region_leaves_out_robots_that_are_far_away() -> None:
+    everybody = road({}, 2, 9, 10)
+    near = road({"region": "order", "radius": 3}, 2, 9, 10)
+    assert everybody.counted == {"auctions": 1, "bids": 3, "messages": 3 + 3 + 1}
+    assert near.counted == {"auctions": 1, "bids": 1, "messages": 1 + 1 + 1}
+
+
+def test_around_an_auctioneer_those_hear_it_who_are_near_to_it() -> None:
+    """The second of two robots has the token first: around it there is nobody else."""
+    run = road({"auctioneer": "token", "radius": 2}, 2, 9)
+    assert run.counted == {"auctions": 1, "bids": 1, "messages": 3}
+    assert run.world.orders.by[0] == 1, "though the other one is nearer"
+
+
+# Late robots.
+
+
+def test_a_late_robot_gives_its_list_back() -> None:
+    late = ("world.extra_tick=1.0", "durations.move=2", EIGHT, *NO_BATTERY)
+    runs = [auction(f"reauction_after: {after}", *late) for after in ("null", "100000", "0")]
+    for run in runs:
+        run.run()
+        assert run.finished
+    assert runs[0].digest == runs[1].digest, "so late is nobody"
+    assert runs[0].counted["auctions"] == 1
+    assert runs[2].counted["auctions"] > 2
+
+
+def test_who_is_on_time_keeps_its_list() -> None:
+    assert same_run("reauction_after: 0", "", EIGHT, *NO_BATTERY)
+
+
+# What cannot be done.
+
+IMPOSSIBLE = (  # 16 to 14 and to a charger takes more than a battery holds above the reserve
+    "orders={list: [{from: [8, 8], to: [0, 8]}, {from: [0, 2], to: [4, 5]}, "
+    "{from: [8, 2], to: [4, 5]}, {from: [4, 5], to: [0, 5]}]}",
+    "battery.reserve=25",
+    "stop.at_most=3000",
+)
+
+
+@pytest.mark.parametrize("kind", ["sequential", "combinatorial", "genetic", "assignment"])
+def test_an_order_that_nobody_can_do_does_not_keep_the_others_from_being_done(kind: str) -> None:
+    run = auction(f"auction: {kind}", *IMPOSSIBLE)
+    run.run()
+    state = run.world.orders.state
+    assert (state[1:] == DELIVERED).all() and state[0] != DELIVERED
+    assert (run.world.tally.out == 0).all()
+
+
+def test_kinds_that_cannot_do_a_scenario_say_so() -> None:
+    with pytest.raises(InputError, match="auction exact knows no charging"):
+        auction("auction: exact")
+    for kind in ("exact", "combinatorial"):
+        with pytest.raises(InputError, match=r"at most 16 robots, and fleet\.robots is 17"):
+            auction(f"auction: {kind}", *NO_BATTERY, "fleet.robots=17", "fleet.start=random")
+
+
+def test_all_of_a_large_fleet_s_orders_are_sold() -> None:
+    """Beyond the depots: the same auction in a warehouse of racks."""
+    settings = ["strategy.allocation=auction", "fleet.robots=20", "stop.at_most=400"]
+    run = Simulation(resolve("warehouse-100", settings))
+    run.run()
+    assert metrics_of(run)["delivered"] > 15
+    assert metrics_of(run)["illegal_answers"] == 0

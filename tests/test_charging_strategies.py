@@ -1,0 +1,208 @@
+"""Charging strategies in the world: when a robot is sent to a charger, to which, and for how long."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from powered import recorded_run, scene
+
+from automaton.metrics import metrics_of
+from automaton.recording.validator import validate_stored
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.world.condition import FULL, PERCENT, RAN_EMPTY
+from automaton.world.state import CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
+
+# The charger is at the left end, stations in the middle and at the right end.
+ROAD = "c~~~~t~~~~t"
+TRIP = {"from": [5, 0], "to": [10, 0]}
+
+
+def road(
+    charging: Any, *orders: dict[str, Any], has: float = 100.0, reserve: float = 0
+) -> Simulation:
+    """A run of one robot from (3, 0) on the road: a move takes 2 %, a tick at the charger gives 5 %."""
+    rules = {"drain": {"move": 2.0}, "charge": 5.0, "start": has, "reserve": reserve}
+    strategy = {"allocation": "auction", "charging": charging, "right_of_way": "wait"}
+    resolved = scene(
+        ROAD, [(3, 0)], orders={"list": list(orders or (TRIP,))}, battery=rules, strategy=strategy
+    )
+    run, recorder = recorded_run(resolved)
+    assert validate_stored(recorder.recording()).valid
+    return run
+
+
+def stays(run: Simulation, robot: int = 0) -> int:
+    return int(run.world.tally.times[robot, CHARGE, 0])
+
+
+def charged(run: Simulation, robot: int = 0) -> float:
+    return float(run.world.tally.charged[robot]) / PERCENT
+
+
+def test_insertion_charges_as_much_as_the_list_needs() -> None:
+    """From (3, 0): 3 cells to the charger, 10 to the end with the pick on the way, 10 back: 46 %."""
+    run = road("insertion", has=20.0)
+    assert run.finished and stays(run) == 1
+    # It arrives with 14 %, and 10 cells there and 10 back take 40 %: 26 % are missing, 6 ticks.
+    assert charged(run) == 30
+    assert run.world.robots.charge[0] / PERCENT == 14 + 30 - 20
+
+
+def test_without_never_strand_it_does_not_keep_the_way_back() -> None:
+    run = road({"name": "insertion", "never_strand": False}, has=10.0)
+    assert run.finished and charged(run) == 20, "4 %, and the 20 % of the way there"
+
+
+def test_a_reserve_is_never_touched() -> None:
+    run = road("insertion", has=30.0, reserve=10.0)
+    assert run.finished
+    assert run.world.robots.charge[0] / PERCENT >= 10 + 20, "and the way back to the charger"
+
+
+def test_a_robot_that_can_do_its_list_does_not_charge() -> None:
+    run = road("insertion", has=60.0)
+    assert run.finished and stays(run) == 0
+
+
+def test_fill_up_charges_up_to_its_target() -> None:
+    for target in (100, 80):
+        run = road({"name": "fill-up", "target": target}, has=20.0)
+        assert run.finished and stays(run) == 1
+        assert run.world.robots.charge[0] / PERCENT == pytest.approx(target + 0 - 20, abs=5)
+
+
+def test_the_threshold_charges_full_before_a_leg_that_would_end_below_it() -> None:
+    """20 % at the start: after the task it would have 6 %."""
+    for mode in ("look", "safe"):
+        run = road({"name": "threshold", "mode": mode}, has=20.0)
+        assert run.finished and stays(run) == 1
+        assert run.world.robots.charge[0] == FULL - 20 * PERCENT
+    run = road({"name": "threshold", "threshold": 0, "mode": "look"}, has=20.0)
+    assert run.finished and stays(run) == 0
+
+
+def test_safe_also_charges_where_no_charger_could_be_reached_afterwards() -> None:
+    """With 35 % it ends at (10, 0) with 21 %, above 20 %; the way back takes 20 %. With 33 % not."""
+    runs = {
+        (mode, start): stays(
+            road(
+                {"name": "threshold", "mode": mode, "threshold": 15},
+                has=start,
+            )
+        )
+        for mode in ("look", "safe")
+        for start in (35.0, 33.0)
+    }
+    assert runs == {("look", 35.0): 0, ("safe", 35.0): 0, ("look", 33.0): 0, ("safe", 33.0): 1}
+
+
+def test_a_robot_that_took_an_order_gives_it_back_to_charge_first() -> None:
+    rules = {"drain": {"move": 2.0}, "charge": 5.0, "start": 20.0}
+    strategy = {"allocation": "first-come", "charging": "insertion", "right_of_way": "wait"}
+    resolved = scene(ROAD, [(3, 0)], orders={"list": [TRIP]}, battery=rules, strategy=strategy)
+    run = Simulation(resolved)
+    run.run(until=1)
+    robots = run.world.robots
+    assert robots.goal[0] == GOAL_CHARGE and robots.order[0] == NIL
+    assert run.world.orders.by[0] == NIL, "others may have it meanwhile"
+    run.run()
+    assert run.finished and stays(run) == 1
+
+
+def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> None:
+    """Where waiting takes energy, a robot that parks far away goes to charge in time."""
+    rules = {"drain": {"move": 2.0, "wait": 0.1}, "charge": 5.0}
+    strategy = {"allocation": "auction", "charging": "insertion", "right_of_way": "wait"}
+    resolved = scene(
+        ROAD,
+        [(10, 0)],
+        orders={"list": [TRIP | {"at": 4000}]},
+        battery=rules,
+        strategy=strategy,
+        stop={"when": "delivered", "at_most": 6000},
+    )
+    run = Simulation(resolved)
+    run.run()
+    assert run.finished and run.world.tally.out[0, RAN_EMPTY] == 0
+    assert stays(run) >= 4
+    with_none = Simulation(
+        scene(
+            ROAD, [(10, 0)], orders={"list": [TRIP | {"at": 4000}]}, battery=rules,
+            strategy={**strategy, "charging": "none"}, faults={"tow_after": None},
+            stop={"when": "delivered", "at_most": 6000},
+        )
+    )  # fmt: skip
+    with_none.run()
+    assert with_none.world.tally.out[0, RAN_EMPTY] == 1
+
+
+def test_opportunity_charges_when_there_is_nothing_to_do_and_is_called_away() -> None:
+    later = TRIP | {"at": 8}
+    runs = {name: road(name, later, has=70.0) for name in ("opportunity", "insertion")}
+    assert stays(runs["insertion"]) == 0
+    run = runs["opportunity"]
+    assert stays(run) == 1
+    assert run.world.orders.dispatched[0] == 8, "it leaves at once for an order that it can do"
+    assert 0 < charged(run) < 30, "before it is full"
+
+
+def test_opportunity_stays_for_an_order_that_it_cannot_finish() -> None:
+    run = road("opportunity", TRIP | {"at": 6}, has=20.0)
+    assert run.finished and stays(run) >= 1
+    assert run.world.tally.out[0, RAN_EMPTY] == 0
+
+
+TWO = """
+c~~~~t~~~~c
+~~~~~t~~~~~
+"""
+
+
+def two_chargers(charging: Any) -> list[tuple[int, int]]:
+    """A, at the left charger, gives its order back to charge; B, which takes it, must, too."""
+    rules = {"drain": {"move": 2.0}, "charge": 1.0, "start": 12.0}
+    strategy = {"allocation": "first-come", "charging": charging, "right_of_way": "wait"}
+    order = {"from": [5, 0], "to": [5, 1]}
+    resolved = scene(
+        TWO, [(1, 0), (4, 0)], orders={"list": [order]}, battery=rules, strategy=strategy
+    )
+    run = Simulation(resolved)
+    run.run(until=3)
+    assert (run.world.robots.goal == GOAL_CHARGE).all()
+    return [resolved.plan.xy(int(stand)) for stand in run.world.robots.stand]
+
+
+def test_of_two_chargers_a_robot_takes_the_shorter_line() -> None:
+    assert two_chargers({"name": "insertion", "queues": False}) == [(0, 0), (0, 0)]
+    assert two_chargers("insertion") == [(0, 0), (10, 0)]
+
+
+@pytest.mark.parametrize(
+    "charging",
+    [
+        "insertion",
+        "{name: insertion, mode: joint}",
+        "fill-up",
+        "{name: fill-up, target: 80}",
+        "opportunity",
+    ],
+)
+@pytest.mark.parametrize("scenario", ["depots", "depots-full", "depots-line"])
+def test_no_robot_runs_empty_and_every_order_is_delivered(scenario: str, charging: str) -> None:
+    for seed in (1, 2):
+        settings = [f"strategy.charging={charging}", "orders.count=60"]
+        run, recorder = recorded_run(resolve(scenario, settings), seed=seed)
+        figures = metrics_of(run)
+        assert run.finished and figures["delivered"] == 60
+        assert (figures["ran_empty"], figures["illegal_answers"]) == (0, 0)
+        assert validate_stored(recorder.recording()).valid
+
+
+def test_an_empty_list_needs_no_charger() -> None:
+    """With a robot on its way to pick up, the goal stays; only those that must go are sent."""
+    run = Simulation(resolve("depots", ["orders.count=10"]), seed=1)
+    run.run(until=1)
+    assert (run.world.robots.goal == GOAL_PICK).any()
+    assert (run.world.robots.goal != GOAL_CHARGE).all(), "all batteries are full"

@@ -1,0 +1,177 @@
+"""Robots that go out of order: when, what becomes of their orders and loads, and when they are back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from powered import MOVES, Powered, recorded_run, scene
+
+from automaton.picture import picture_of, world_from
+from automaton.recording.validator import validate_stored
+from automaton.scenario.schema import Durations, Fault, Faults
+from automaton.simulation import Simulation
+from automaton.world.condition import BROKEN, FULL, GONE, RUNNING, TOWED
+from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING
+
+
+def failing(at: int, **rules: Any) -> Faults:
+    return Faults(listed=(Fault(robot=0, at=at),), **rules)
+
+
+def statuses(run: Powered, ticks: int) -> list[int]:
+    return [run.tick().status("A") for _ in range(ticks)]
+
+
+def test_a_robot_fails_when_what_it_does_is_over() -> None:
+    run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), faults=failing(2))
+    run.tick(2)
+    assert run.status("A") not in (RUNNING, BROKEN), "it is on its way, and will fail"
+    run.tick()
+    assert (run.status("A"), run.at("A")) == (BROKEN, (1, 0))
+    run.tick(100)
+    assert run.at("A") == (1, 0)
+
+
+def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
+    run = Powered("A....", faults=failing(2, tow_after=3, repair=4), battery=MOVES)
+    run.world.robots.charge[0] = FULL // 2
+    assert statuses(run, 10) == [RUNNING, *[BROKEN] * 3, *[TOWED] * 4, RUNNING, RUNNING]
+    assert run.world.robots.cell[0] == NIL, "off the floor, at home"
+    assert run.world.robots.charge[0] == FULL
+    assert run.world.tally.out[0].tolist() == [0, 1, 1]
+
+
+def test_null_means_never() -> None:
+    stays = Powered("A....", faults=failing(1, tow_after=None))
+    assert statuses(stays, 400)[-1] == BROKEN and stays.at("A") == (0, 0)
+    gone = Powered("A....", faults=failing(1, tow_after=2, repair=None))
+    assert statuses(gone, 2000)[-1] == GONE
+
+
+def test_a_broken_robot_is_in_the_way_until_it_is_towed() -> None:
+    run = Powered(
+        "A.B..", {"A": "EEEE"}, faults=Faults(listed=(Fault(robot=1, at=1),), tow_after=20)
+    )
+    run.tick(19)
+    assert run.at("A") == (1, 0)
+    run.tick(20)
+    assert run.at("A") == (4, 0)
+
+
+def test_the_rate_is_a_probability_of_each_tick_on_the_floor() -> None:
+    robots = [(x, 0) for x in range(50)]
+    strategy = {"allocation": "first-come", "right_of_way": "wait"}
+    resolved = scene(
+        "t" + "~" * 48 + "t",
+        robots,
+        strategy=strategy,
+        orders={"list": [{"from": [0, 0], "to": [49, 0], "at": 1_000_000}]},
+        faults={"rate": 0.01, "tow_after": 1, "repair": 1},
+        stop={"when": "never", "at_most": 400},
+    )
+    run = Simulation(resolved)
+    run.run()
+    # Towed and back, they are off the floor, and do not fail again: 1 - 0.99^400 = 98 % of 50.
+    assert run.world.tally.out[:, 1].max() == 1 and run.world.tally.out[:, 1].sum() >= 46
+    other = Simulation(resolved, seed=2)
+    other.run(until=50)
+    assert 10 <= other.world.tally.out[:, 1].sum() <= 30, "1 - 0.99^50 = 39 % of 50"
+
+
+LANE = """
+t...t
+.....
+"""
+ONE = {"list": [{"from": [0, 0], "to": [4, 0]}]}
+STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
+
+
+def lane(at: int, **faults: Any) -> Any:
+    """A carries the load of (0, 0) to (4, 0) and fails at a tick; B is far away."""
+    rules = {"list": [{"robot": 0, "at": at}], **faults}
+    return scene(LANE, [(0, 0), (4, 1)], orders=ONE, strategy=STRATEGY, faults=rules)
+
+
+@pytest.mark.parametrize("tow_after", [None, 1, 3, 20])
+def test_a_load_left_on_the_floor_is_delivered_by_another(tow_after: int | None) -> None:
+    """Beside the broken robot, or where it was after the tow."""
+    run, recorder = recorded_run(lane(4, tow_after=tow_after, repair=None))
+    orders = run.world.orders
+    assert run.finished and orders.state[0] == DELIVERED
+    assert orders.legs[0] == 2, "picked up by A, and by B"
+    assert run.world.slots.cell[run.world.slots.spare :].tolist() == [NIL] * 2, (
+        "both are spare again"
+    )
+    assert validate_stored(recorder.recording()).valid
+
+
+def test_a_load_on_the_floor_is_in_the_picture() -> None:
+    resolved = lane(4, tow_after=None)
+    run = Simulation(resolved)
+    run.run(until=4)
+    order = run.world.orders
+    assert (order.state[0], order.by[0]) == (WAITING, NIL)
+    picture = picture_of(run)
+    assert "order 0 lies at (3, 0) as load 0 for (4, 0)" in picture
+    assert "broken down" in picture
+    again = world_from(picture, resolved)
+    assert again.digest == run.digest
+    for each in (run, again):
+        each.run()
+    assert again.digest == run.digest, "and goes on in the same way"
+
+
+def test_an_order_not_yet_picked_up_is_given_back() -> None:
+    faults = {"list": [{"robot": 0, "at": 2}], "tow_after": None}
+    strategy = {"allocation": "first-come", "right_of_way": "withdraw"}  # round the broken one
+    resolved = scene(LANE, [(3, 0), (3, 1)], orders=ONE, strategy=strategy, faults=faults)
+    run = Simulation(resolved)
+    run.run(until=1)
+    assert run.world.orders.by[0] == 0
+    run.run(until=3)
+    assert run.world.orders.by[0] == 1, "B takes it at once"
+    run.run()
+    assert run.finished and run.world.orders.legs[0] == 1
+
+
+def test_the_list_of_a_robot_that_fails_is_sold_again() -> None:
+    orders = {"list": [{"from": [0, 0], "to": [4, 0]}] * 6}
+    resolved = scene(
+        LANE,
+        [(1, 0), (4, 1)],
+        orders=orders,
+        strategy={"allocation": "auction", "right_of_way": "wait"},
+        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 2, "repair": None},
+    )
+    run = Simulation(resolved)
+    run.run(until=1)
+    planned = run.world.robots.planned
+    assert planned[0] > 0
+    run.run(until=4)
+    assert planned[0] == 0
+    run.run()
+    assert run.finished and (run.world.orders.state == DELIVERED).all()
+
+
+def test_a_robot_in_its_bay_fails_and_comes_back_there() -> None:
+    run = Powered("b..\nb..", faults=failing(3, tow_after=5, repair=4))
+    run.tick(3)
+    assert run.status("A") == TOWED, "it is in nobody's way: towed at once"
+    assert statuses(run, 4)[-1] == RUNNING
+    assert run.world.tally.out[0].tolist() == [0, 1, 0], "nobody had to tow it off the floor"
+
+
+def test_a_load_is_carried_on_if_its_robot_was_alone_in_a_corner() -> None:
+    """Where no robot gets to a cell beside it, the load stays on the robot, and comes back with it."""
+    resolved = scene(
+        "t.t",
+        [(0, 0)],
+        orders={"list": [{"from": [0, 0], "to": [2, 0]}]},
+        strategy=STRATEGY,
+        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 3, "repair": 5},
+    )
+    run = Simulation(resolved)
+    run.run()
+    assert run.finished and run.world.orders.state[0] == DELIVERED
+    assert CARRIED not in run.world.orders.state

@@ -154,11 +154,11 @@ def small(budget: int) -> LiveRun:
 
 def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("automaton.history.run.KEYFRAME_S", 0.0)
-    run, whole = small(4000), live(*FLEET)
+    run, whole = small(6000), live(*FLEET)
     run.show(1300, 99)
     whole.show(1300, 99)
     store = run.journal._store
-    assert store._bytes <= 4000 and 0 < run.journal.first <= run.first < 1300
+    assert store._bytes <= 6000 and 0 < run.journal.first <= run.first < 1300
     assert run.keyframes.ticks[0] == run.first
     run.show(1299, 99)  # what is not in a frame yet goes into one, which may cost the oldest
     for tick in (1299, run.first, run.first + 1, 1100, 1300):

@@ -73,7 +73,7 @@ def test_stations_are_seen_near_and_far_and_named():
     scene = stage(drawn("t.." + "." * 37 + "t"))
     for zoom, sign in (("3x1", "⌂"), ("1x1", "⌂"), ("half", "⠛"), ("braille 1", "⠁")):
         codes, camera = composed(scene, zoom)
-        assert (text(codes)[0], ink(codes[0, 0])) == (sign, styles.DOCK), zoom
+        assert (text(codes)[0], ink(codes[0, 0])) == (sign, styles.STATION), zoom
         entries = {entry.meaning: entry for entry in legend(scene, camera.zoom, UNICODE)}
         assert signs(np.array(entries["station"].signs)).tolist()[0] in (sign, "⣿")
     codes, camera = composed(scene, "1x1")

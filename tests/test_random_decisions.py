@@ -136,7 +136,7 @@ def rules(draw: Any) -> WorldRules:
 
 @st.composite
 def batteries(draw: Any) -> Battery | None:
-    if draw(st.booleans()):
+    if draw(st.integers(0, 2)):
         return None
     rates = st.sampled_from([0.0, 0.5, 3.0, 10.0, 40.0])
     names = ("move", "turn", "pick", "drop", "try_drop", "wait")
@@ -148,7 +148,7 @@ def batteries(draw: Any) -> Battery | None:
 
 @st.composite
 def faults(draw: Any, robots: int) -> Faults:
-    if draw(st.booleans()):
+    if draw(st.integers(0, 2)):
         return Faults()
     found = st.builds(Fault, robot=st.integers(0, robots - 1), at=st.integers(1, TICKS))
     return Faults(  # type: ignore[arg-type]

@@ -93,7 +93,9 @@ class Keyframes:
         frame = self._frames[bisect_right(self.ticks, self.before(tick)) - 1]
         for name, array in state_arrays(world, watch):
             where, values = frame.arrays[name]
-            if where is None:
+            if array.shape != (values if where is None else self._base[name]).shape:
+                array[...] = 0  # the rules of this tick have other zones than those of the keyframe
+            elif where is None:
                 np.copyto(array, values)
             else:
                 np.copyto(array, self._base[name])
@@ -105,6 +107,8 @@ class Keyframes:
 
 
 def _delta(array: Array, base: Array) -> Delta:
+    if array.shape != base.shape:  # a branch has other zones
+        return Delta(None, array.copy())
     where = np.flatnonzero(array.reshape(-1) != base.reshape(-1)).astype(np.int32)
     values = array.reshape(-1)[where]
     if where.nbytes + values.nbytes < array.nbytes:

@@ -236,7 +236,7 @@ CHARGING: Final = Table(
 
 OBJECTIVE: Final = Table(
     title="Figure 6a: seconds with charging in the bids, or by threshold after the genetic tour",
-    cases=cases([{"robots with a battery": 1, "tasks": n} for n in (6, 8, 10)]),
+    cases=cases([{"robots with a battery": "one", "tasks": n} for n in (6, 8, 10)]),
     panels=(("SSI r0", "SSI r20", "GA look", "GA safe"),),
     published=nothing_printed,
     run=runner(

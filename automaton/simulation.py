@@ -92,6 +92,8 @@ class Simulation:
                 }
         if after is not None:
             take_over(self.world, self.watch, after)
+            if self.resolved.picks["allocation"].name != after.resolved.picks["allocation"].name:
+                self.world.robots.planned[:] = 0  # nobody goes on with them
             self.look_for_end()
         self._memories = [self._memory(strategy) for strategy in self._strategies]
         if after is not None and strategies is None:

@@ -232,6 +232,10 @@ class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     until: Annotated[Tick, Meta(description="tick from which it stays")]
 
 
+LISTED = 8  # orders in a robot's list, unless the fleet is too large for so many
+MOST_LISTED = 1000  # orders in all lists together: bounds the memory of a market
+
+
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How orders are sold to robots, and by whom."""
 
@@ -270,7 +274,7 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
     improve: Annotated[bool, Meta(description="local search over all lists after each auction")] = (
         False
     )
-    limit: Annotated[int, Meta(ge=1, le=64, description="orders in a robot's list")] = 8
+    limit: Annotated[int, Meta(ge=1, le=64, description="orders in a robot's list")] = LISTED
     horizon: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
     auctioneer: Annotated[
         Literal["central", "fixed", "time", "token"],
@@ -295,9 +299,38 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         Meta(description="a robot so many ticks late gives its list back; null: never"),
     ] = None
 
+    def __post_init__(self) -> None:
+        asked_for = {
+            "auctioneers is for auctioneer fixed": self.auctioneers != 2
+            and self.auctioneer != "fixed",
+            "term is for auctioneer time": self.term != 100 and self.auctioneer != "time",
+            "winner is for auction sequential": self.winner != "lowest"
+            and self.auction != "sequential",
+            "region order needs a radius": self.region == "order" and self.radius is None,
+            "radius needs region order, or an auctioneer that is not central": self.radius
+            is not None
+            and self.region == "auctioneer"
+            and self.auctioneer == "central",
+        }
+        for sentence, wrong in asked_for.items():
+            if wrong:
+                raise ValueError(sentence)
+
     def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
         robots = scenario.fleet.robots
+        if scenario.information != "everything":
+            return (
+                "an auction needs information: everything; who hears of an order is limited by its own "
+                "radius and region"
+            )
+        if robots > MOST_LISTED or (robots * self.limit > MOST_LISTED and self.limit > LISTED):
+            return (
+                f"{robots:,} lists of {self.limit} orders are too many for one market: robots x limit "
+                f"may be {MOST_LISTED:,}"
+            )
+        if self.auctioneer == "fixed" and self.auctioneers > robots:
+            return f"auctioneers is {self.auctioneers}, and fleet.robots is {robots}"
         if self.auction == "exact" and scenario.battery is not None:
             return "auction exact knows no charging; combinatorial does, or leave out the battery"
         if self.auction in ("exact", "combinatorial") and robots > MOST_BUNDLING:

@@ -108,7 +108,7 @@ class RandomCharging(RandomStrategy):
     def act(self, view, dice, i, k, given, reason, space):
         eager = view.robots.parked[i] or dice.below(6) == 0
         chargers = np.flatnonzero(view.grid.kind == CHARGER).tolist()
-        if eager and view.robots.order[i] == NIL and chargers:
+        if eager and view.robots.order[i] == NIL and chargers and view.rules.battery:
             given.stand[k] = dice.among(chargers)
             given.level[k] = 1 + dice.below(FULL)
             given.yields[k] = dice.below(2)

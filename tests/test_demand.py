@@ -56,7 +56,9 @@ def released(*settings: str, seed: int = 3) -> Any:
 
 
 def test_with_an_interval_one_order_comes_in_a_tick_at_most_and_the_first_at_once() -> None:
-    ticks = released("orders={generator: stations, count: 4000, interval: 25}")
+    ticks = released(
+        "orders={generator: stations, count: 4000, interval: 25}", "stop.at_most=200000"
+    )
     gaps = np.diff(ticks)
     assert ticks[0] == 0 and gaps.min() == 1
     # Geometric: mean 25, standard deviation 24.5.

@@ -23,14 +23,14 @@ def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
     run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), battery=battery)
     run.tick(6)
     assert (run.at("A"), run.charge("A"), run.status("A")) == ((2, 0), 2, RUNNING)
-    run.tick()  # the third move would take 3 %
+    run.tick(2)  # the third move would take 3 %
     robots = run.world.robots
     assert run.status("A") == EMPTY
     assert (run.at("A"), robots.claim[0], robots.busy[0]) == ((2, 0), NIL, 0)
     assert run.charge("A") == 2, "what it cannot use it keeps"
     run.tick(50)
     assert run.at("A") == (2, 0)
-    assert run.world.tally.ticks[0, OUT_OF_ORDER, 0] == 50
+    assert run.world.tally.ticks[0, OUT_OF_ORDER, 0] == 51
 
 
 def test_standing_takes_what_the_scenario_says_until_nothing_is_left() -> None:

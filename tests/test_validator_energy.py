@@ -72,7 +72,7 @@ def test_waits_and_standing_still_are_paid_too() -> None:
 
 def test_a_robot_with_energy_is_not_empty() -> None:
     report = played(floor(battery=BATTERY), {}, changes=[(1, STATUS, 0, EMPTY)])
-    assert rules(report) == ["energy"] and "is out of energy with 245000 units" in texts(report)
+    assert rules(report) == ["energy"] and "is out of energy with 250000 units" in texts(report)
 
 
 # Faults.

@@ -8,11 +8,11 @@ import numpy as np
 
 from automaton.auctions.market import INF, NO_CHARGING
 from automaton.auctions.quotes import quote
-from automaton.auctions.site import count_queues, enter_task, survey
+from automaton.auctions.site import charging_time, count_queues, enter_task, survey
 from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell
 from automaton.world.condition import FULL
-from automaton.world.state import FREE, GOAL_CHARGE, NIL, PERIODIC, WAIT
+from automaton.world.state import FREE, GOAL_CHARGE, NIL, PERIODIC, WAIT, WAITING
 
 PATIENCE = FULL // 20  # what an idle robot keeps beyond the way to a charger, where waiting costs
 
@@ -33,12 +33,39 @@ def choose_charging(view, asked, given, site, space, idle_below):
             site.cell[home] = robots.home[i]
             site.cell[home + 1] = robots.home[i]
         survey(view, space, site, 1, max(tasks, 1))
-        count_queues(view, space, site, i)
+        count_queues(view, site, i)
+        count_earlier(view, asked, given, site, k)
         compare_queues(site.battery.wait)
         if tasks:
             charge_for_list(view, given, site, k, tasks)
         elif asked.reason[k] != FREE or idle_below > 0:
             charge_when_idle(view, given, site, k, np.int64(home), idle_below)
+
+
+@kernel
+def count_earlier(view, asked, given, site, k):
+    """Whom earlier answers of the batch send to a charger comes before robot k of it, too."""
+    if site.queues == 0:
+        return
+    for earlier in range(k):
+        if given.stand[earlier] >= 0:
+            j = np.int64(asked.robot[earlier])
+            level = np.int64(given.level[earlier])
+            site.battery.wait[view.chargers.at[given.stand[earlier]]] += charging_time(
+                view, np.int64(view.robots.charge[j]), level
+            )
+
+
+@kernel
+def best_charger(site, charge):
+    """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
+    best, least = np.int64(NIL), np.int64(INF)
+    for c in range(site.battery.charger.shape[0]):
+        place = site.battery.charger[c]
+        ticks = np.int64(site.work.ticks[0, place]) + site.battery.wait[c]
+        if site.work.energy[0, place] <= charge and ticks < least:
+            best, least = np.int64(c), ticks
+    return best
 
 
 @kernel
@@ -70,7 +97,8 @@ def enter_list(view, space, site, i):
         tasks += 1
     for p in range(robots.planned[i]):
         order = np.int64(robots.plan[i, p])
-        if orders.by[order] == NIL and tasks < site.order.shape[0]:
+        waits = orders.state[order] == WAITING and orders.by[order] == NIL
+        if waits and tasks < site.order.shape[0]:
             enter_task(view, space, site, tasks, order)
             tasks += 1
     for task in range(tasks):
@@ -90,7 +118,7 @@ def charge_for_list(view, given, site, k, tasks):
         length -= 1
         cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
     if cost >= INF:
-        nearest = np.int64(site.battery.nearest[0])
+        nearest = best_charger(site, charge)
         if nearest != NIL and charge < FULL:
             send(view, given, k, nearest, FULL, 0)
     elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
@@ -105,14 +133,17 @@ def charge_when_idle(view, given, site, k, home, idle_below):
     """
     battery, energy = site.battery, site.work.energy
     charge = np.int64(site.fleet.charge[0])
-    nearest = np.int64(battery.nearest[0])
+    nearest = best_charger(site, charge)
     if nearest == NIL or battery.policy == NO_CHARGING:
         return
-    patience = PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0
+    low = battery.reserve + (PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0)
     later = charge - energy[0, home] - battery.reach[home]
     now = charge - battery.reach[0]
+    filled = FULL - energy[battery.charger[nearest], home] - battery.reach[home]
+    at_home = energy[0, home] == 0
     stands_there = site.work.ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
-    if charge < FULL and (stands_there or min(later, now) < battery.reserve + patience):
+    worth_it = not at_home or filled >= low  # else it would be back as empty as it is
+    if charge < FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, given, k, nearest, FULL, 1)
     elif charge < idle_below:
         free = free_charger(view, given, site, k)

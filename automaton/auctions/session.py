@@ -6,6 +6,7 @@ what an earlier session of the same tick has put there counts.
 
 import numpy as np
 
+from automaton.auctions.market import INF
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.site import count_queues, enter_robot, enter_task, survey
 from automaton.compiled import kernel
@@ -79,7 +80,8 @@ def open_session(view, given, space, site, sellable, count):
     tasks = np.int64(0)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        if robots.status[i] != RUNNING:
+        hidden = robots.cell[i] == NIL and robots.home[i] == NIL  # beyond what may be seen
+        if robots.status[i] != RUNNING or hidden:
             continue
         r = taking_part
         enter_robot(view, space, site, r, i)
@@ -97,15 +99,19 @@ def open_session(view, given, space, site, sellable, count):
         enter_task(view, space, site, tasks, np.int64(sellable[k]))
         site.item[k] = tasks
         tasks += 1
+    fleet.heard[:taking_part, :tasks] = 1
     survey(view, space, site, taking_part, tasks)
-    count_queues(view, space, site, NIL)
+    count_queues(view, site, NIL)
     settle_all(site.work, site.battery, fleet, site.scratch)
     return taking_part
 
 
 @kernel
-def enter_plans(view, given, site, robots, memory, due):
-    """Write the lists of the market into the plans, and when each robot is due for its next order."""
+def enter_plans(view, given, site, robots, memory, due, asked):
+    """Write the lists of the market into the plans, and when each is to be done.
+
+    With limited sight the robot that is asked remembers its own alone.
+    """
     fleet = site.fleet
     for r in range(robots):
         i = np.int64(site.robot[r])
@@ -115,7 +121,9 @@ def enter_plans(view, given, site, robots, memory, due):
             order = np.int64(site.order[fleet.order[r, k]])
             given.plan[i, k] = order
             given.order_taken[order] = PLANNED
-        memory.own[i, due] = view.clock[TICK] + fleet.ready[r]
+        if view.rules.radius == NIL or i == asked:
+            known = length > 0 and fleet.cost[r] < INF
+            memory.own[i, due] = view.clock[TICK] + fleet.cost[r] if known else 0
 
 
 @kernel

@@ -117,10 +117,10 @@ def enter_task(view, space, site, task, order):
     loaded = rate_of_driving(rules, view.grid.headings, 1)
     picking, dropping = np.int64(rules.duration[PICK]), np.int64(rules.duration[DROP])
     work.inside[task] = min(drive + picking + (dropping if slot != target else 0), CAPPED)
-    energy = drive * loaded + picking * rules.drain[PICK, 0]
+    energy = drive * loaded + max(picking, 1) * rules.drain[PICK, 0]
     if slot != target:
         energy += max(dropping, 1) * rules.drain[DROP, 1]
-    work.use[task] = min(energy + rules.drain[PICK, 0], CAPPED)
+    work.use[task] = min(energy, CAPPED)
 
 
 @kernel
@@ -197,16 +197,19 @@ def survey(view, space, site, robots, tasks):
     chargers = view.chargers.cell.shape[0]
     first_task = site.fleet.place.shape[0] + chargers
     rate = rate_of_driving(view.rules, view.grid.headings, 0)
-    for a in range(first_task + 2 * tasks):
-        if robots <= a < site.fleet.place.shape[0]:
-            continue
-        start = np.int64(site.cell[a])
-        for b in range(site.fleet.place.shape[0], first_task + 2 * tasks):
-            ticks = longest_way(view, space, start, np.int64(site.cell[b]))
-            work.ticks[a, b] = ticks
-            work.energy[a, b] = min(ticks * rate, CAPPED)
+    places = first_task + 2 * tasks
+    for b in range(site.fleet.place.shape[0], places):  # one distance field after another
+        end = np.int64(site.cell[b])
+        for a in range(places):
+            if a < robots or a >= site.fleet.place.shape[0]:
+                ticks = longest_way(view, space, np.int64(site.cell[a]), end)
+                work.ticks[a, b] = ticks
+                work.energy[a, b] = min(ticks * rate, CAPPED)
+    for a in range(places):
         battery.nearest[a] = NIL
         battery.reach[a] = INF
+        if robots <= a < site.fleet.place.shape[0]:
+            continue
         for c in range(chargers):
             energy = np.int64(work.energy[a, battery.charger[c]])
             if energy < battery.reach[a] and energy < CAPPED:
@@ -215,7 +218,7 @@ def survey(view, space, site, robots, tasks):
 
 
 @kernel
-def count_queues(view, space, site, besides):
+def count_queues(view, site, besides):
     """How long a robot waits at each charger for those that were sent there before, but for one."""
     wait, robots = site.battery.wait, view.robots
     for c in range(wait.shape[0]):

@@ -182,8 +182,7 @@ def clear_answers(asked, answers, layer):
         given = answers.allocation
         given.order_taken[:] = 0
         given.slot_taken[:] = 0
-        if given.plan.shape[1]:
-            given.planned[:] = KEEP
+        given.planned[:] = KEEP
         for k in range(n):
             given.verb[k] = KEEP
             given.order[k] = NIL

@@ -85,8 +85,7 @@ def commit_zoning(world, record, asked, answers):
 def commit_allocation(world, record, asked, answers):
     robots = world.robots
     given = answers.allocation
-    if robots.plan.shape[1]:
-        commit_plans(world, given)
+    commit_plans(world, asked, given)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         verb = given.verb[k]
@@ -115,12 +114,18 @@ def commit_allocation(world, record, asked, answers):
 
 
 @kernel
-def commit_plans(world, given):
-    """Enter the orders that robots are to do next; a plan with one that nobody may take is illegal."""
+def may_plan(world, asked, i):
+    """Whether the plan of robot i may be made now: with limited sight only its own decision does."""
+    return world.rules.radius == NIL or asked.robot[0] == i
+
+
+@kernel
+def commit_plans(world, asked, given):
+    """Enter the orders that robots are to do next; a plan with one that does not wait is illegal."""
     robots, orders = world.robots, world.orders
     for i in range(robots.cell.shape[0]):
         count = np.int64(given.planned[i])
-        if count == KEEP:
+        if count == KEEP or not may_plan(world, asked, i):
             continue
         legal = 0 <= count <= robots.plan.shape[1]
         for k in range(count if legal else 0):

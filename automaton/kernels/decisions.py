@@ -12,7 +12,7 @@ orders), routing (steps, then 31 directions of 2 bits each; -1 for an illegal ro
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.commit import is_drivable
+from automaton.kernels.commit import is_drivable, may_plan
 from automaton.world.state import (
     ALLOCATION,
     CHARGING,
@@ -53,8 +53,8 @@ def most_words(longest_route, longest_plan):
 @kernel
 def keep_decisions(world, record, asked, answers, layer):
     """Append the answers of one call, before they are committed."""
-    if layer == ALLOCATION and world.robots.plan.shape[1]:
-        keep_plans(world, record, answers.allocation)
+    if layer == ALLOCATION:
+        keep_plans(world, record, asked, answers.allocation)
     for k in range(asked.count[0]):
         at = world.clock[DECIDED]
         size = put(world, record.decisions, at + 2, asked, answers, layer, k)
@@ -66,12 +66,12 @@ def keep_decisions(world, record, asked, answers, layer):
 
 
 @kernel
-def keep_plans(world, record, given):
+def keep_plans(world, record, asked, given):
     """Append the plans that allocation made, by identity."""
     for identity in range(world.robots.cell.shape[0]):
         i = np.int64(world.robots.at_index[identity])
         count = np.int64(given.planned[i])
-        if count == KEEP:
+        if count == KEEP or not may_plan(world, asked, i):
             continue
         count = count if 0 <= count <= world.robots.plan.shape[1] else ILLEGAL_PLAN
         at = world.clock[DECIDED]
@@ -165,9 +165,11 @@ def repeat(view, asked, answers, memory, space):
     key = key_of(view)
     words = memory.shared
     at, end = memory.own[0, CURSOR], memory.own[0, END]
-    if layer == ALLOCATION:
-        at = repeat_plans(view, answers.allocation, words, at, end, key)
     for k in range(asked.count[0]):
+        if (
+            layer == ALLOCATION
+        ):  # of robots that were asked one by one, each plan stands by its answer
+            at = repeat_plans(view, answers.allocation, words, at, end, key)
         # Earlier ticks, and other layers of this one.
         while at + 1 < end and words[at] < key:
             at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))

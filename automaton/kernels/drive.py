@@ -23,6 +23,7 @@ from automaton.kernels.motion import (
 from automaton.kernels.operations import (
     begin,
     drop_route,
+    entry_heading,
     lose_tick,
     need_allocation,
     need_route,
@@ -79,16 +80,6 @@ from automaton.world.state import (
     UNPARKED,
     WAIT,
 )
-
-
-@kernel
-def entry_heading(grid, cell):
-    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
-    rule = np.int64(grid.rule[cell])
-    for direction in (1, 3, 0, 2):
-        if (rule >> direction) & 1:
-            return direction & (grid.headings - 1)
-    return 0
 
 
 @kernel

@@ -10,13 +10,12 @@ from automaton.compiled import kernel
 from automaton.kernels.motion import LIVE, U, has_room
 from automaton.kernels.operations import exhaust, lose_tick, need_allocation, pay, price
 from automaton.recording.codes import DID_BLOCKED, DID_CHARGE
-from automaton.world.condition import EXHAUSTED, FULL, RUNNING
+from automaton.world.condition import EXHAUSTED, FULL
 from automaton.world.state import (
     CHARGE,
     FREE,
     GOAL_CHARGE,
     GOAL_NONE,
-    HOLD_NONE,
     IDLE,
     IN_LINE,
     MOVE,
@@ -88,7 +87,10 @@ def hold_back(world):
         chargers.way_out[charger] = NIL
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        if robots.busy[U(i)] or robots.cell[U(i)] == NIL or robots.status[U(i)] > EXHAUSTED:
+        if robots.cell[U(i)] == NIL or robots.status[U(i)] > EXHAUSTED:
+            continue
+        note_way_out(world, i)
+        if robots.busy[U(i)]:
             continue
         live = np.int64(world.traffic.want[U(i)]) & LIVE
         if live and robots.charge[i] < price(world, i, MOVE, np.int64(world.traffic.span[i])):
@@ -96,17 +98,24 @@ def hold_back(world):
             exhaust(world, i)
         if world.traffic.want[U(i)] == 0:
             pay(world, i, price(world, i, IDLE, 1))
-        elif live:
-            charger = np.int64(chargers.at[robots.cell[U(i)]])
-            if charger != NIL:
-                direction = np.int64(world.traffic.want[U(i)]) & 3
-                chargers.way_out[charger] = robots.cell[U(i)] + world.grid.offset[direction]
-            elif is_at_door(world, i):
-                stand_in_line(world, i)
+        elif live and is_at_door(world, i):
+            stand_in_line(world, i)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.ticket[U(i)] and robots.busy[U(i)] == 0 and world.traffic.want[U(i)] & LIVE:
             wait_for_turn(world, i)
+
+
+@kernel
+def note_way_out(world, i):
+    """A robot in a charger, with its charging done, is about to drive out into this cell."""
+    robots, chargers = world.robots, world.chargers
+    charger = np.int64(chargers.at[U(robots.cell[U(i)])])
+    if charger == NIL or robots.goal[U(i)] == GOAL_CHARGE or robots.claim[U(i)] != NIL:
+        return
+    if robots.at[U(i)] < robots.length[U(i)]:
+        direction = np.int64(robots.route[U(i), U(robots.at[U(i)])])
+        chargers.way_out[charger] = robots.cell[U(i)] + world.grid.offset[U(direction)]
 
 
 @kernel
@@ -145,16 +154,8 @@ def wait_for_turn(world, i):
     room = has_room(world.traffic.occupancy, np.int64(robots.stand[i]), direction)
     one = np.int64(world.grid.rule[robots.cell[i]]) >> 5 & 3 == 1
     head_on = one and chargers.way_out[charger] == robots.cell[i]
-    if robots.ticket[i] == chargers.first[charger] and (room or head_on):
+    if head_on or (room and robots.ticket[i] == chargers.first[charger]):
         return
     world.traffic.want[i] = 0
-    robots.blocked[i] = 0
-    robots.hold[i] = HOLD_NONE
     lose_tick(world, i, IN_LINE)
     robots.did[i] = np.int64(robots.did[i]) | DID_BLOCKED
-
-
-@kernel
-def is_running(robots, i):
-    """Whether robot i is in order."""
-    return robots.status[i] == RUNNING

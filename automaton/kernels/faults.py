@@ -14,6 +14,7 @@ from automaton.kernels.motion import vacate
 from automaton.kernels.operations import (
     allocation_done,
     drop_route,
+    entry_heading,
     need_allocation,
     no_route_needed,
     no_way_needed,
@@ -212,11 +213,19 @@ def open_slot(world, slot, cell):
 
 @kernel
 def tow(world, record, i):
-    """Robot i is taken off the floor; it comes back at its home, or never."""
+    """Robot i is taken off the floor; it comes back at its home, or never.
+
+    The home of a robot that leaves the floor where it is done is where it was towed from.
+    """
     robots, rules = world.robots, world.rules
     if robots.cell[i] != NIL:
         vacate(world.traffic.occupancy, np.int64(robots.cell[i]), np.int64(robots.travel[i]))
+        if rules.leave:
+            robots.home[i] = robots.cell[i]
         robots.cell[i] = NIL
+        heading = entry_heading(world.grid, np.int64(robots.home[i]))
+        robots.heading[i] = heading
+        robots.travel[i] = heading
         world.tally.out[i, WAS_TOWED] += 1
     if robots.parked[i] == 0:
         robots.parked[i] = 1

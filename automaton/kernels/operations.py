@@ -296,3 +296,13 @@ def set_goal(world, i, goal, stand):
     world.robots.goal[i] = goal
     world.robots.stand[i] = stand
     need_route(world, i, PLAN)
+
+
+@kernel
+def entry_heading(grid, cell):
+    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
+    rule = np.int64(grid.rule[cell])
+    for direction in (1, 3, 0, 2):
+        if (rule >> direction) & 1:
+            return direction & (grid.headings - 1)
+    return 0

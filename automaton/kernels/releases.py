@@ -21,11 +21,14 @@ def release_orders(world):
 
 
 @kernel
-def draw_releases(out, chance, seed):
-    """out[k] = tick of order k: each tick after the one before has `chance` of 2**32 to be it."""
+def draw_releases(out, chance, seed, last):
+    """out[k] = tick of order k: each tick after the one before has `chance` of 2**32 to be it.
+
+    Those that would come after tick `last` stand at it.
+    """
     tick = 0
     for k in range(1, out.shape[0]):
-        tick += 1
-        while np.int64(draw(seed, RELEASES, tick, 0) >> np.uint64(32)) >= chance:
+        tick = min(tick + 1, last)
+        while tick < last and np.int64(draw(seed, RELEASES, tick, 0) >> np.uint64(32)) >= chance:
             tick += 1
         out[k] = tick

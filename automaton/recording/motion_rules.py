@@ -280,6 +280,8 @@ class Motion:
         """Robot r is off the floor, at home."""
         if self.cell[r] != NONE:
             self._give(r, self.cell[r], self.travel[r])
+            self.home[r] = self.cell[r] if self.leave else self.home[r]
+            self.heading[r] = self.travel[r] = self.entry_heading(self.home[r])
         self.cell[r], self.parked[r] = NONE, True
 
     def busy(self, tick: int) -> list[int]:

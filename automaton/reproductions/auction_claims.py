@@ -26,8 +26,8 @@ REMARKS: Final = (
     "For two robots, m^n allotments are fewer than what the genetic algorithm tries; that the optimum is "
     "slower (Figure 5) needs all (n + m - 1)! / (m - 1)! sequences.",
     "Robots 5 and 6 share depots 1 and 2 with robots 1 and 2; robot 4 starts at an added depot 17.",
-    "Ratios of the same 20 seeds differ by about 0.02 from those of others; the standard error is beside "
-    "each. The auction's ratio for two robots, 1.057, comes from 900 task sets.",
+    "Ratios of 20 seeds differ by about 0.02 from those of others; the standard error is beside each. "
+    "100 seeds are 900 task sets for each number of robots.",
     "In the last table a robot without a plan is towed to the charger, at driving speed, and charged "
     "fully, which is a rosy view of a rescue.",
     "With a tapering curve single stops are exact; where one stop cannot do, several are placed as for a "

@@ -9,6 +9,7 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.scenario.document import Document
+from automaton.scenario.feasibility import check_energy
 from automaton.scenario.overrides import override
 from automaton.scenario.resolve import Resolved, naming_files, picks_of
 from automaton.scenario.schema import Scenario
@@ -31,5 +32,6 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             raise InputError(
                 f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
             )
+    check_energy(document, scenario, resolved.plan)
     picks = picks_of(document, scenario, resolved.plan)
     return replace(resolved, scenario=naming_files(scenario, picks), picks=picks)

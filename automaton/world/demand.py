@@ -85,7 +85,8 @@ def release_ticks(scenario: Scenario, count: int, seed: int) -> Array:
     released = np.zeros(count, np.int64)
     if orders.interval:
         with np.errstate(over="ignore"):
-            draw_releases(released, round(2**32 / orders.interval), np.uint64(seed))
+            chance = round(2**32 / orders.interval)
+            draw_releases(released, chance, np.uint64(seed), scenario.stop.at_most + 1)
     return released
 
 

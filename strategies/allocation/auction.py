@@ -41,8 +41,8 @@ from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
 from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
-from strategies.allocation.lists import has_empty_list, late_lists, serve
-from strategies.catalogue import Auctions, EpsilonSchedule
+from strategies.allocation.lists import has_empty_list, serve
+from strategies.catalogue import MOST_LISTED, Auctions, EpsilonSchedule
 
 RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
 WINNERS: Final = {
@@ -51,7 +51,6 @@ WINNERS: Final = {
     "fewest": FEWEST,
     "regret": REGRET,
 }
-MOST_LISTED: Final = 1000  # orders in all lists together: bounds the memory of a market
 MOST_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
 MOST_BRED: Final = 12  # and of a genetic one
 MOST_SOLD: Final = {"combinatorial": MOST_BUNDLED, "exact": MOST_BUNDLED, "genetic": MOST_BRED}
@@ -61,7 +60,7 @@ BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
 HELD = 0  # auctions, bids and messages, in the row of a robot that was asked when they were held
 BID = 1
 SENT = 2
-DUE = 3  # tick at which a robot was to be free for its next order
+DUE = 3  # tick at which its list was to be done
 
 # memory.shared
 SINCE = 0  # entries of orders.coming before it are delivered
@@ -83,25 +82,28 @@ class Auction(Strategy):
         robots, most = view.robots.plan.shape
         given = self.parameters
         self._limit = min(given.limit, most, max(1, MOST_LISTED // robots))
-        tasks = robots * self._limit + given.horizon
+        # A branch brings the plans of another strategy.
+        planned = view.robots.planned
+        tasks = max(robots * self._limit, int(planned.sum())) + given.horizon
+        longest = max(self._limit, int(planned.max())) + given.horizon
         charging = self.colleagues.get("charging")
         policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": FULL}
         queues = True
         quoted: Any = getattr(charging, "policy", None)
         if view.rules.battery and quoted is not None:
             policy, queues = quoted(), bool(getattr(charging, "queues", True))
-        self._site = site_for(view, robots, tasks, self._limit + given.horizon, policy, queues)
+        self._site = site_for(view, robots, tasks, longest, policy, queues)
         self._sellable = np.zeros(given.horizon, np.int32)
-        self._tools = self._prepared(robots)
+        self._tools = self._prepared(robots, longest)
         return memory_of(view, own=4, shared=4)
 
-    def _prepared(self, robots: int) -> Any:
+    def _prepared(self, robots: int, longest: int) -> Any:
         """What the kind of auction works in besides the market."""
         kind, horizon = self.parameters.auction, self.parameters.horizon
         if kind in ("combinatorial", "exact"):
             return bundles_for(robots, min(horizon, MOST_BUNDLED))
         if kind == "genetic":
-            return population_for(robots, min(horizon, MOST_BRED), self._limit + horizon)
+            return population_for(robots, min(horizon, MOST_BRED), longest)
         if kind == "assignment":
             return assignment_for(max(robots, horizon))
         return None
@@ -113,7 +115,7 @@ class Auction(Strategy):
         given = answers.allocation
         self._counted = int(asked.robot[0])
         if self.parameters.reauction_after is not None:
-            late_lists(view, asked, given, memory, DUE, self.parameters.reauction_after)
+            self._take_back_late(view, given, memory, space, self.parameters.reauction_after)
         mark_planned(view, given)
         count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since
@@ -126,6 +128,21 @@ class Auction(Strategy):
             done()
             memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
         serve(view, asked, given, memory, DUE)
+
+    def _take_back_late(
+        self, view: World, given: Any, memory: Memory, space: Workspace, tolerance: int
+    ) -> None:
+        """Lists that will be done so much later than was foreseen are for sale again."""
+        if not (memory.own[:, DUE] > 0).any():
+            return
+        site = self._site
+        robots = open_session(view, given, space, site, self._sellable, 0)
+        for r in range(robots):
+            i = int(site.robot[r])
+            due = int(memory.own[i, DUE])
+            done = int(view.clock[TICK]) + int(site.fleet.cost[r])
+            if due and site.fleet.length[r] and done > due + tolerance:
+                given.planned[i] = memory.own[i, DUE] = 0
 
     def _take_back(self, view: World, given: Any, since: int) -> int:
         """Put all that is planned up for sale again; returns how many orders are."""
@@ -183,7 +200,7 @@ class Auction(Strategy):
             site.fleet.room[:robots], site.fleet.room[robots:] = self._limit, 0
             hear(view, site, robots, len(items), center, radius)
             self._hold(view, memory, len(items))
-            enter_plans(view, given, site, robots, memory, DUE)
+            enter_plans(view, given, site, robots, memory, DUE, self._counted)
             counts = memory.own[self._counted]
             counts[HELD] += 1
             counts[BID] += site.scratch.count[BIDS]

@@ -1,9 +1,9 @@
-"""Robots with a list of orders ahead of them: what each does next, and whose list is late."""
+"""Robots with a list of orders ahead of them: what each does next."""
 
 import numpy as np
 
 from automaton.strategy.kernels import kernel
-from automaton.world.state import KEEP, NIL, PARK, PERIODIC, PICKED, TICK, WAITING
+from automaton.world.state import KEEP, NIL, PARK, PERIODIC, PICKED, WAITING
 from strategies.allocation.independent import deliver, take_order
 
 
@@ -61,16 +61,3 @@ def has_empty_list(view, asked, given):
             if planned_count(view, given, i) == 0:
                 return True
     return False
-
-
-@kernel
-def late_lists(view, asked, given, memory, due, tolerance):
-    """Robots that are free later than was foreseen give their lists back."""
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        expected = memory.own[i, due]
-        if asked.reason[k] in (PICKED, PERIODIC) or expected == 0:
-            continue
-        if view.clock[TICK] > expected + tolerance and planned_count(view, given, i) > 0:
-            given.planned[i] = 0
-            memory.own[i, due] = 0

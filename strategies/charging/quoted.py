@@ -14,11 +14,11 @@ from automaton.auctions.market import FILL_UP, FULL, HIERARCHICAL, JOINT, LOOK, 
 from automaton.auctions.site import site_for
 from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy
-from automaton.world.state import WAIT, Answers, Asked, Memory, Workspace, World
+from automaton.world.state import Answers, Asked, Memory, Workspace, World
 from strategies.catalogue import FillUp, Insertion, Opportunity, Threshold
 
 PERCENT = FULL // 100
-IDLE_CHECKS = 50  # ticks between two looks at idle robots, where waiting takes energy
+IDLE_CHECKS = 50  # ticks between two looks at idle robots
 
 
 class Quoted(Strategy):
@@ -43,7 +43,6 @@ class Quoted(Strategy):
         """No memory; room for the list of one robot."""
         longest = view.robots.plan.shape[1] + 1
         self._site = site_for(view, 1, longest, longest, self.policy(), self.queues)
-        self._idle_costs = bool(view.rules.drain[WAIT].any())
         return super().reset(view)
 
     def decide(

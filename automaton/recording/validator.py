@@ -63,7 +63,8 @@ ACTS: Final = (  # by code of recorded action
     *("pick", "drop", "try_drop", "wait", "blocked", "withdraw", "bay_blocked", "illegal"),
     "charge",
 )
-FAILING: Final = (1, 2)  # recorded statuses: it fails, or lacks energy
+EXHAUSTED: Final = 2  # a recorded status
+FAILING: Final = (1, EXHAUSTED)  # recorded statuses: it fails, or lacks energy
 STATUSES: Final = (0, 3, 4, 5, 6)  # that changes name
 MOST_VIOLATIONS: Final = 100
 
@@ -225,7 +226,7 @@ class Validator:
                 "busy": motion.busy(tick),
                 "load": loads.load,
                 "order": loads.order,
-                "parked": [int(parked) for parked in motion.parked],
+                "parked": self._parked(content),
                 "charge": self.energy.charge,
                 "status": self._statuses(content),
             },
@@ -235,6 +236,12 @@ class Validator:
         for part, arrays in expected.items():
             for name, values in arrays.items():
                 self._compare(f"{part}.{name}", values, content[part][name].tolist())
+
+    def _parked(self, content: dict[str, Any]) -> list[int]:
+        """Who is parked as replayed; one that was about to leave and lacked energy is not any more."""
+        recorded = content["robots"]["status"].tolist()
+        pairs = zip(self.motion.parked, recorded, strict=True)
+        return [int(parked and status != EXHAUSTED) for parked, status in pairs]
 
     def _statuses(self, content: dict[str, Any]) -> list[int]:
         """Statuses as replayed; who fails next is in order as far as actions tell."""

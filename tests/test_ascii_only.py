@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -54,8 +56,15 @@ def test_control_codes_pass() -> None:
     assert AsciiOnly().apply([control], Color(0, 0, 0)) == [control]
 
 
-def test_no_byte_beyond_ascii_leaves_the_viewer(tmp_path: Path) -> None:
-    scenario, state = tmp_path / "floor.yaml", tmp_path / "Zustände"
+@pytest.fixture
+def short_path() -> Iterator[Path]:
+    """A folder whose path fits into a toast as a whole."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def test_no_byte_beyond_ascii_leaves_the_viewer(short_path: Path) -> None:
+    scenario, state = short_path / "floor.yaml", short_path / "Zustände"
     scenario.write_text(NAMED, encoding="utf-8")
     arguments = ("watch", str(scenario), "--ascii", "--at", "40", "--read-only")
     size = {"rows": 36, "columns": 120}

@@ -43,7 +43,8 @@ def holding(run: LiveRun, text: str) -> list[int]:
 def living() -> LiveRun:
     """Robots on batteries that fail, with orders ahead of them; robot 3 has hardly any energy."""
     faults = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
-    run = LiveRun(resolve("depots", ["battery.start=[40, 40, 40, 5]", faults]), 1)
+    battery = ["battery.start=[40, 40, 40, 5]", "battery.drain.wait=0.02"]
+    run = LiveRun(resolve("depots", [*battery, faults]), 1)
     run.show(700, 99)
     return run
 

@@ -272,6 +272,8 @@ def test_both_legs_are_planned_when_the_task_begins(tmp_path: Path) -> None:
 def test_every_scenario_is_driven_to_its_end(name: str, routing: str, information: str) -> None:
     """However its robots are stored: with their identities reversed it is the same run."""
     settings = [f"strategy.routing={routing}", f"information={information}"]
+    if name.startswith("depots") and information != "everything":
+        settings.append("strategy.allocation=first-come")  # auctions need to see everything
     resolved = resolve(name, settings)
     digests = set()
     for step in (1, -1):

@@ -238,10 +238,11 @@ class Validator:
                 self._compare(f"{part}.{name}", values, content[part][name].tolist())
 
     def _parked(self, content: dict[str, Any]) -> list[int]:
-        """Who is parked as replayed; one that was about to leave and lacked energy is not any more."""
-        recorded = content["robots"]["status"].tolist()
-        pairs = zip(self.motion.parked, recorded, strict=True)
-        return [int(parked and status != EXHAUSTED) for parked, status in pairs]
+        """Who is parked as replayed; actions do not tell of one that lacked energy as it set out."""
+        robots = content["robots"]
+        told = zip(robots["parked"].tolist(), robots["status"].tolist(), strict=True)
+        pairs = zip(self.motion.parked, told, strict=True)
+        return [theirs if status == EXHAUSTED else int(mine) for mine, (theirs, status) in pairs]
 
     def _statuses(self, content: dict[str, Any]) -> list[int]:
         """Statuses as replayed; who fails next is in order as far as actions tell."""

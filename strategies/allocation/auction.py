@@ -42,7 +42,7 @@ from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
 from strategies.allocation.lists import has_empty_list, serve
-from strategies.catalogue import MOST_LISTED, Auctions, EpsilonSchedule
+from strategies.allocation.parameters import MOST_LISTED, Auctions, EpsilonSchedule
 
 RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
 WINNERS: Final = {

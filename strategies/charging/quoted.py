@@ -15,7 +15,7 @@ from automaton.auctions.site import site_for
 from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy
 from automaton.world.state import Answers, Asked, Memory, Workspace, World
-from strategies.catalogue import FillUp, Insertion, Opportunity, Threshold
+from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 
 PERCENT = FULL // 100
 IDLE_CHECKS = 50  # ticks between two looks at idle robots

@@ -1,0 +1,134 @@
+"""The parameters of auctions. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from automaton.scenario.schema import Scenario
+from automaton.world.plan import FloorPlan
+
+Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
+
+
+class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """An epsilon that goes evenly from one value to another."""
+
+    first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
+    last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
+    until: Annotated[Tick, Meta(description="tick from which it stays")]
+
+
+LISTED = 8  # orders in a robot's list, unless the fleet is too large for so many
+MOST_LISTED = 1000  # orders in all lists together: bounds the memory of a market
+
+
+class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How orders are sold to robots, and by whom."""
+
+    auction: Annotated[
+        Literal[
+            "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
+        ],
+        Meta(
+            description="sequential: one by one, the winner bids anew; arrival: each order to the "
+            "lowest bid as it came; parallel: all at once; combinatorial: bundles, small cases; "
+            "genetic, exact: the benchmarks of the paper, exact without batteries and with the "
+            "ten oldest orders; assignment: one order for each robot."
+        ),
+    ] = "sequential"
+    bid: Annotated[
+        Literal["mixed", "average", "average-paper"],
+        Meta(
+            description="mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: what an order "
+            "adds to the sum of arrival times; average-paper: the mean arrival time."
+        ),
+    ] = "mixed"
+    epsilon: Annotated[
+        Fraction | EpsilonSchedule | Literal["load"],
+        Meta(
+            description="1 is MiniSum, 0 MiniMax; {from, to, until} changes it with time; load: the "
+            "more orders wait for each robot, the nearer to 1."
+        ),
+    ] = 0.5
+    winner: Annotated[
+        Literal["lowest", "difference", "fewest", "regret"],
+        Meta(
+            description="sequential: which order is sold next: that of the lowest bid (LB), of the "
+            "biggest difference (BD), with the fewest bidders (FB), or of the largest regret."
+        ),
+    ] = "lowest"
+    improve: Annotated[bool, Meta(description="local search over all lists after each auction")] = (
+        False
+    )
+    limit: Annotated[int, Meta(ge=1, le=64, description="orders in a robot's list")] = LISTED
+    horizon: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
+    auctioneer: Annotated[
+        Literal["central", "fixed", "time", "token"],
+        Meta(
+            description="central: one that all hear; fixed: `auctioneers` robots, each sells the "
+            "orders nearest to it; time, token: one robot at a time, passed on after `term` ticks, "
+            "or after each auction."
+        ),
+    ] = "central"
+    auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
+    term: Annotated[int, Meta(ge=1, le=1_000_000, description="time: ticks")] = 100
+    region: Annotated[
+        Literal["auctioneer", "order"],
+        Meta(description="who hears an order: robots around its auctioneer, or around the order"),
+    ] = "auctioneer"
+    radius: Annotated[
+        Annotated[int, Meta(ge=1, le=100_000)] | None,
+        Meta(description="in cells; doubled while nobody bids; null: all hear everything"),
+    ] = None
+    reauction_after: Annotated[
+        Annotated[int, Meta(ge=0, le=1_000_000)] | None,
+        Meta(description="a robot so many ticks late gives its list back; null: never"),
+    ] = None
+
+    def __post_init__(self) -> None:
+        asked_for = {
+            "auctioneers is for auctioneer fixed": self.auctioneers != 2
+            and self.auctioneer != "fixed",
+            "term is for auctioneer time": self.term != 100 and self.auctioneer != "time",
+            "winner is for auction sequential": self.winner != "lowest"
+            and self.auction != "sequential",
+            "region order needs a radius": self.region == "order" and self.radius is None,
+            "radius needs region order, or an auctioneer that is not central": self.radius
+            is not None
+            and self.region == "auctioneer"
+            and self.auctioneer == "central",
+        }
+        for sentence, wrong in asked_for.items():
+            if wrong:
+                raise ValueError(sentence)
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """The optimum is known for small fleets alone, and without charging."""
+        robots = scenario.fleet.robots
+        if scenario.information != "everything":
+            return (
+                "an auction needs information: everything; who hears of an order is limited by its own "
+                "radius and region"
+            )
+        if robots > MOST_LISTED or (robots * self.limit > MOST_LISTED and self.limit > LISTED):
+            return (
+                f"{robots:,} lists of {self.limit} orders are too many for one market: robots x limit "
+                f"may be {MOST_LISTED:,}"
+            )
+        if self.auctioneer == "fixed" and self.auctioneers > robots:
+            return f"auctioneers is {self.auctioneers}, and fleet.robots is {robots}"
+        if self.auction == "exact" and scenario.battery is not None:
+            return "auction exact knows no charging; combinatorial does, or leave out the battery"
+        if self.auction in ("exact", "combinatorial") and robots > MOST_BUNDLING:
+            return (
+                f"auction {self.auction} tries all ways to split orders among at most "
+                f"{MOST_BUNDLING} robots, and fleet.robots is {robots}"
+            )
+        return None
+
+
+MOST_BUNDLING = 16  # robots whose bundles are all tried

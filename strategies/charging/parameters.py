@@ -1,0 +1,58 @@
+"""The parameters of the charging strategies. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+Percent = Annotated[float, Meta(ge=0, le=100)]
+
+
+class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What quotes of charging reckon with."""
+
+    queues: Annotated[
+        bool, Meta(description="robots sent to a charger before make it cost more")
+    ] = True
+
+
+class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How charging is put into a list of orders."""
+
+    mode: Annotated[
+        Literal["hierarchical", "joint"],
+        Meta(
+            description="hierarchical: an order goes where it adds least, then charging; joint: "
+            "where both together cost least."
+        ),
+    ] = "hierarchical"
+    never_strand: Annotated[
+        bool, Meta(description="at the end of a list a charger can still be reached")
+    ] = True
+
+
+class FillUp(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How far batteries are filled."""
+
+    target: Annotated[Percent, Meta(description="percent")] = 100.0
+
+
+class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When a battery counts as low."""
+
+    threshold: Annotated[Percent, Meta(description="percent")] = 20.0
+    mode: Annotated[
+        Literal["look", "safe"],
+        Meta(
+            description="look: charge before a task that would end below the threshold; safe: also "
+            "before one from whose end no charger could be reached"
+        ),
+    ] = "safe"
+
+
+class Opportunity(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When an idle robot charges."""
+
+    below: Annotated[Percent, Meta(description="percent")] = 80.0

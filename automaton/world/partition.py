@@ -1,0 +1,60 @@
+"""Zones that robots serve: the roads between stations, a zone design, and who does what in it.
+
+P critical points, S stations, Z zones, M segments (at most one for each station), s slots, m orders,
+n robots. A station is a slot of its own, or a group of slots (shelves, racks) that are served from
+near the same point. NIL (-1) means none. Without a zoning strategy all arrays are empty.
+Source of the terms: Keith & La, "Dynamic Zoning of Industrial Environments with Autonomous Mobile
+Robots", after Ho & Liao.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from automaton.struct import Struct
+
+Array = NDArray[Any]
+
+SAID: Final = 8  # numbers that a robot tells whoever is in range
+
+
+class Roads(Struct):
+    """Critical points (stations, crossings, corners, dead ends) and the straight ways between them."""
+
+    cell: Array  # (P,) int32: flat cell
+    next: Array  # (P, 4) int32: the point that driving E, S, W, N leads to, or NIL
+    step: Array  # (P, 4) int32: cells to it
+    station: Array  # (P,) int32: the station at the point, or NIL
+    point: Array  # (S,) int32: the point of each station
+    hop: Array  # (P, P) int32: the next point on the shortest way to another one, or NIL
+    between: Array  # (S, S) int32: cells of the shortest way, whatever the zones are
+
+
+class Design(Struct):
+    """A zone design; a segment is a path of points from one station of its zone to another."""
+
+    zone: Array  # (S,) int32: the zone of each station
+    segments: Array  # (1,) int64: how many are in use; the first ones
+    owner: Array  # (M,) int32: zone of a segment
+    ends: Array  # (M, 2) int32: the stations that it joins
+    points: Array  # (M,) int32: how many points it has, both ends included
+    path: Array  # (M, P) int32: its points
+    held: Array  # (P,) int32: the zone whose stations or segments a point belongs to, or NIL
+    transfer: Array  # (Z, Z, S) uint8: 1 = a transfer station between two zones; symmetric
+
+
+class Partition(Struct):
+    """What a world knows of zones."""
+
+    roads: Roads
+    design: Design
+    station_of: Array  # (s,) int32: the station of a slot, or NIL
+    server: Array  # (Z,) int32: identity of the robot that serves a zone
+    queue: Array  # (m,) int32: the zone in whose queue an order is, or NIL: it is in none yet
+    stop: Array  # (m,) int32: the slot where the robot sets it down, a transfer station or its target
+    since: Array  # (m,) int32: tick from which its age counts
+    direct: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
+    halt: Array  # (n,) int64: robots stand still until this tick
+    said: Array  # (n, SAID) int64: what each robot tells those in range

@@ -13,7 +13,7 @@ from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import Entry, NoParameters
 from automaton.world.cells import DOCK
 from automaton.world.plan import FloorPlan
-from strategies.allocation.parameters import Auctions
+from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 
 Span = Annotated[
@@ -215,6 +215,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.allocation.first_come:FirstCome",
             NoParameters,
             "oldest unreserved order, carried to its destination",
+        ),
+        "shortest-job": Entry(
+            "strategies.allocation.shortest_job:ShortestJob",
+            ShortestJob,
+            "shortest job first with aging, in the robot's zone if there are zones (Keith & La)",
         ),
         "auction": Entry(
             "strategies.allocation.auction:Auction",

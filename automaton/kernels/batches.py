@@ -20,6 +20,7 @@ from automaton.world.state import (
     NEEDING_CHARGING,
     NEEDING_ROUTE,
     NEEDING_WAY,
+    NEWS,
     NIL,
     PERIODIC,
     PHASE,
@@ -29,7 +30,10 @@ from automaton.world.state import (
     SEEN_CHANGES,
     STUCK,
     TICK,
+    UNQUEUED,
+    WAKING,
     WITHDRAWING,
+    ZONING,
 )
 
 
@@ -50,14 +54,30 @@ def append(asked, i, reason):
 
 @kernel
 def batch_everybody(world, asked, layer):
-    """All robots, on the ticks that a layer asked for; used by zoning."""
+    """Zoning: all robots, when an order is in no queue yet or the tick is due; or those to be woken."""
+    robots, clock = world.robots, world.clock
     asked.count[0] = 0
-    if not is_due(world, layer):
+    everybody = is_due(world, layer)
+    zoned = world.zoning.wake.shape[0] > 0
+    if zoned and clock[UNQUEUED]:
+        clock[UNQUEUED] = 0
+        everybody = True
+    if not everybody and not (zoned and 0 <= clock[WAKING] <= clock[TICK]):
         return False
-    for identity in range(world.robots.cell.shape[0]):
-        append(asked, world.robots.at_index[identity], PERIODIC)
+    earliest = np.int64(NIL)
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        wake = np.int64(world.zoning.wake[i]) if zoned else np.int64(NIL)
+        due = wake != NIL and wake <= clock[TICK]
+        if due:
+            world.zoning.wake[i] = NIL
+        elif wake != NIL and (earliest == NIL or wake < earliest):
+            earliest = wake
+        if everybody or due:
+            append(asked, i, PERIODIC if due or not zoned else NEWS)
+    clock[WAKING] = earliest
     world.tally.asked[layer] += 1
-    return True
+    return asked.count[0] > 0
 
 
 @kernel
@@ -199,9 +219,17 @@ def clear_answers(asked, answers, layer):
             answers.right_of_way.value[k] = 0
             answers.right_of_way.release[k] = 0
             answers.right_of_way.priority[k] = KEEP
-    else:
+    elif layer == ZONING:
+        answers.zoning.redesigned[0] = 0
+        answers.zoning.queued[0] = 0
+        answers.zoning.server[:] = KEEP
         for k in range(n):
             answers.zoning.zone[k] = KEEP
+            answers.zoning.halt[k] = KEEP
+            answers.zoning.again[k] = KEEP
+            answers.zoning.tells[k] = 0
+    else:
+        for k in range(n):
             answers.charging.stand[k] = KEEP
             answers.charging.level[k] = 0
             answers.charging.yields[k] = 0

@@ -23,7 +23,7 @@ from automaton.kernels.operations import (
     reserve_slot,
     set_goal,
 )
-from automaton.recording.codes import DID_WAIT, DID_WITHDRAW, DURATION, ZONE
+from automaton.recording.codes import DID_WAIT, DID_WITHDRAW, DURATION
 from automaton.world.condition import EXHAUSTED
 from automaton.world.state import (
     ALLOCATION,
@@ -69,16 +69,6 @@ def serves(world, stand, slot):
         if world.slots.access[slot, direction] == stand:
             return True
     return False
-
-
-@kernel
-def commit_zoning(world, record, asked, answers):
-    for k in range(asked.count[0]):
-        zone = answers.zoning.zone[k]
-        i = np.int64(asked.robot[k])
-        if zone != KEEP and zone != world.robots.zone[i]:
-            world.robots.zone[i] = zone
-            note(world.clock, record, ZONE, world.robots.identity[i], zone)
 
 
 @kernel
@@ -212,8 +202,8 @@ def choose_slot(world, record, i, slot, stand, try_drop):
     """Reserve the slot where robot i will set its load down."""
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, stand, slot)
-    if legal and slots.endless[slot]:
-        legal = slot == world.orders.target[robots.load[i]]
+    if legal and slots.endless[slot]:  # at a station a load may lie on its way
+        legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:
         legal = slots.content[slot] == NIL and may_have(slots.by[slot], robots.identity[i])
     if not legal:

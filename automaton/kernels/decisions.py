@@ -3,16 +3,17 @@
     tick * 8 + phase (entry of SEQUENCE) | identity * 65,536 + number of values | values ...
 
 in the order in which they entered the world; robots that were asked and got KEEP are left out.
-Values: zoning (zone), charging (stand, level, yields), allocation (verb, order, slot, stand,
-try_drop, ask_again) and, before these answers, plans (PLAN_WORDS times the number of orders, the
-orders), routing (steps, then 31 directions of 2 bits each; -1 for an illegal route), right of way
-(verb, value, release, priority).
+Values: zoning (automaton.kernels.zoning_decisions), charging (stand, level, yields), allocation
+(verb, order, slot, stand, try_drop, ask_again) and, before these answers, plans (PLAN_WORDS times
+the number of orders, the orders), routing (steps, then 31 directions of 2 bits each; -1 for an
+illegal route), right of way (verb, value, release, priority).
 """
 
 import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.commit import is_drivable, may_plan
+from automaton.kernels.zoning_decisions import keep_zoning, repeat_zoning
 from automaton.world.state import (
     ALLOCATION,
     CHARGING,
@@ -53,6 +54,9 @@ def most_words(longest_route, longest_plan):
 @kernel
 def keep_decisions(world, record, asked, answers, layer):
     """Append the answers of one call, before they are committed."""
+    if layer == ZONING:
+        keep_zoning(world, record, asked, answers.zoning, key_of(world))
+        return
     if layer == ALLOCATION:
         keep_plans(world, record, asked, answers.allocation)
     for k in range(asked.count[0]):
@@ -114,9 +118,6 @@ def first_other_tick(words, others):
 @kernel
 def put(world, words, at, asked, answers, layer, k):
     """Write the values of answer k; returns how many there are, 0 for KEEP."""
-    if layer == ZONING:
-        words[at] = answers.zoning.zone[k]
-        return 0 if answers.zoning.zone[k] == KEEP else 1
     if layer == CHARGING:
         words[at] = answers.charging.stand[k]
         words[at + 1] = answers.charging.level[k]
@@ -165,6 +166,9 @@ def repeat(view, asked, answers, memory, space):
     key = key_of(view)
     words = memory.shared
     at, end = memory.own[0, CURSOR], memory.own[0, END]
+    if layer == ZONING:
+        memory.own[0, CURSOR] = repeat_zoning(view, asked, answers.zoning, words, at, end, key)
+        return
     for k in range(asked.count[0]):
         if (
             layer == ALLOCATION
@@ -221,9 +225,7 @@ def fewest_values(layer):
 @kernel
 def give(words, at, size, answers, layer, k):
     """Enter so many recorded values as answer k."""
-    if layer == ZONING:
-        answers.zoning.zone[k] = words[at]
-    elif layer == CHARGING:
+    if layer == CHARGING:
         answers.charging.stand[k] = words[at]
         answers.charging.level[k] = words[at + 1]
         answers.charging.yields[k] = words[at + 2]

@@ -19,12 +19,20 @@ ROBOT_FIELDS = (
 ).split()
 ORDER_FIELDS = "state place source target by released delivered legs".split()
 SLOT_FIELDS = "content by cell".split()
+STATION_FIELDS = "first last until".split()
+WORK_FIELDS = "behind came done".split()
+ZONING_FIELDS = "design queue stop direct leg server halt wake said".split()
 ROBOT_COUNT = len(ROBOT_FIELDS)
 ORDER_COUNT = len(ORDER_FIELDS)
+SLOT_COUNT = len(SLOT_FIELDS)
+STATION_COUNT = len(STATION_FIELDS)
+WORK_COUNT = len(WORK_FIELDS)
 DIGEST_NAMES = (
     *(f"robots.{name}" for name in ROBOT_FIELDS),
     *(f"orders.{name}" for name in ORDER_FIELDS),
     *(f"slots.{name}" for name in SLOT_FIELDS),
+    *(f"stations.{name}" for name in (*STATION_FIELDS, *WORK_FIELDS)),
+    *(f"zoning.{name}" for name in ZONING_FIELDS),
     "tick",
 )
 
@@ -63,7 +71,68 @@ def digest_world(world, out, v):
         v[1] = world.slots.by[i]
         v[2] = world.slots.cell[i]
         add_element(out, first, 3, v, i)
+    first += SLOT_COUNT
+    s = world.stations
+    for k in range(s.first.shape[0]):
+        v[0] = s.first[k]
+        v[1] = s.last[k]
+        v[2] = s.until[k]
+        add_element(out, first, 3, v, k)
+    first += STATION_COUNT
+    for j in range(s.done.shape[0]):
+        v[0] = s.behind[j]
+        v[1] = s.came[j]
+        v[2] = s.done[j]
+        add_element(out, first, 3, v, j)
+    digest_zoning(world, out, first + WORK_COUNT)
     out[out.shape[0] - 1] = mix(np.uint64(world.clock[TICK]))
+
+
+@kernel
+def add_value(out, array, element, value):
+    """Add one value of an array to its digest."""
+    address = mix((np.uint64(array) << np.uint64(40)) ^ np.uint64(element))
+    out[array] += mix(address ^ np.uint64(value))
+
+
+@kernel
+def digest_zoning(world, out, first):
+    """Arrays by robot go by identity, the others by index."""
+    zoning = world.zoning
+    if zoning.queue.shape[0] == 0:
+        return
+    out[first] = np.uint64(design_sum(zoning.design))
+    for order in range(zoning.queue.shape[0]):
+        add_value(out, first + 1, order, np.int64(zoning.queue[order]))
+        add_value(out, first + 2, order, np.int64(zoning.stop[order]))
+        add_value(out, first + 3, order, np.int64(zoning.direct[order]))
+        add_value(out, first + 4, order, np.int64(zoning.leg[order]))
+    for zone in range(zoning.server.shape[0]):
+        add_value(out, first + 5, zone, np.int64(zoning.server[zone]))
+    for i in range(zoning.halt.shape[0]):
+        identity = np.int64(world.robots.identity[i])
+        add_value(out, first + 6, identity, zoning.halt[i])
+        add_value(out, first + 7, identity, zoning.wake[i])
+        for word in range(zoning.said.shape[1]):
+            element = identity * zoning.said.shape[1] + word
+            add_value(out, first + 8, element, zoning.said[i, word])
+
+
+@kernel
+def design_sum(design):
+    """A hash of a design."""
+    total = np.uint64(design.segments[0])
+    for station in range(design.zone.shape[0]):
+        total = mix(total ^ np.uint64(np.int64(design.zone[station])))
+    for segment in range(design.segments[0]):
+        total = mix(total ^ np.uint64(design.owner[segment]))
+        for k in range(design.points[segment]):
+            total = mix(total ^ np.uint64(design.path[segment, k]))
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            for station in range(design.zone.shape[0]):
+                total = mix(total ^ np.uint64(design.transfer[a, b, station]))
+    return total
 
 
 @kernel

@@ -25,7 +25,8 @@ TRIALS = 12
 LEGS = 13
 TASK_SETS = 14
 GENES = 15
-STRATEGY = 16  # plug-ins use this one and above
+HANDLING = 16
+STRATEGY = 32  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _A = np.uint64(0xBF58476D1CE4E5B9)

@@ -7,7 +7,7 @@ outcome of the moves and runs the waits and retries that right of way has set.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import WAITS, draw_between
+from automaton.kernels.draws import HANDLING, WAITS, draw_between
 from automaton.kernels.energy import affords, charge_up
 from automaton.kernels.motion import (
     ARRIVED,
@@ -63,6 +63,7 @@ from automaton.world.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    HALTED,
     HOLD_ASK,
     HOLD_NONE,
     HOLD_WAITED,
@@ -90,6 +91,8 @@ def leave_bays(world):
         i = np.int64(robots.at_index[identity])
         if robots.parked[i] == 0 or robots.busy[i] or robots.goal[i] in (GOAL_NONE, GOAL_PARK):
             continue
+        if world.clock[HALTED] >= world.clock[TICK] and world.zoning.halt[i] >= world.clock[TICK]:
+            continue
         if robots.at[i] >= robots.length[i] and robots.stand[i] != robots.home[i]:
             continue  # its route is still to come
         if robots.cell[i] == NIL:
@@ -106,6 +109,19 @@ def leave_bays(world):
             robots.did[i] = LEFT_BAY
         robots.parked[i] = 0
         world.clock[UNPARKED] += 1
+
+
+@kernel
+def stand_still(world, record):
+    """Robots that zoning halts wait from now on until it lets them go."""
+    robots, tick = world.robots, world.clock[TICK]
+    for identity in range(robots.cell.shape[0]):
+        i = np.int64(robots.at_index[identity])
+        ticks = world.zoning.halt[i] - tick + 1
+        if ticks > 0 and robots.busy[i] == 0 and robots.parked[i] == 0 and robots.cell[i] != NIL:
+            begin(world, i, WAIT, ticks)
+            robots.did[i] = DID_WAIT
+            note(world.clock, record, DURATION, identity, ticks)
 
 
 @kernel
@@ -168,16 +184,28 @@ def do_goal(world, record, i):
     goal = robots.goal[i]
     if goal == GOAL_PICK and affords(world, i, PICK):
         robots.blocked[i] = 0
-        pick_up(world, record, i, max(np.int64(world.rules.duration[PICK]), 1))
+        pick_up(world, record, i, handling_time(world, record, i, PICK))
         robots.did[i] = flags | DID_PICK
     elif goal == GOAL_DROP and affords(world, i, DROP):
         robots.blocked[i] = 0
-        set_down(world, record, i, max(np.int64(world.rules.duration[DROP]), 1))
+        set_down(world, record, i, handling_time(world, record, i, DROP))
         robots.did[i] = flags | DID_DROP
     elif goal == GOAL_PARK:
         world.traffic.want[i] = ARRIVED
     elif goal == GOAL_CHARGE:
         charge_up(world, i)
+
+
+@kernel
+def handling_time(world, record, i, action):
+    """Ticks of a pick or a drop that begins now, delay included."""
+    ticks = max(np.int64(world.rules.duration[action]), 1)
+    if world.rules.delay:
+        identity = np.int64(world.robots.identity[i])
+        tick = world.clock[TICK]
+        ticks += draw_between(0, world.rules.delay, world.rules.seed, HANDLING, tick, identity)
+        note(world.clock, record, DURATION, identity, ticks)
+    return ticks
 
 
 @kernel

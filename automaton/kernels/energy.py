@@ -13,6 +13,7 @@ from automaton.recording.codes import DID_BLOCKED, DID_CHARGE
 from automaton.world.condition import EXHAUSTED, FULL
 from automaton.world.state import (
     CHARGE,
+    DROP,
     FREE,
     GOAL_CHARGE,
     GOAL_NONE,
@@ -20,6 +21,7 @@ from automaton.world.state import (
     IN_LINE,
     MOVE,
     NIL,
+    PICK,
     TICKETS,
 )
 
@@ -30,6 +32,8 @@ def affords(world, i, action):
     if world.rules.battery == 0:
         return True
     ticks = max(np.int64(world.rules.duration[action]), 1)
+    if action == PICK or action == DROP:
+        ticks += world.rules.delay
     if world.robots.charge[i] < price(world, i, action, ticks):
         exhaust(world, i)
         return False

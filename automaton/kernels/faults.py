@@ -15,6 +15,7 @@ from automaton.kernels.operations import (
     allocation_done,
     drop_route,
     entry_heading,
+    leave_queue,
     need_allocation,
     no_route_needed,
     no_way_needed,
@@ -51,6 +52,7 @@ from automaton.world.state import (
     PICKED,
     TICK,
     UNPARKED,
+    UNQUEUED,
     WAITING,
 )
 
@@ -140,6 +142,7 @@ def take_out(world, record, i, status):
 @kernel
 def become(world, record, i, status):
     world.robots.status[i] = status
+    world.clock[UNQUEUED] += 1
     note(world.clock, record, STATUS, world.robots.identity[i], status)
 
 
@@ -183,6 +186,12 @@ def leave_load(world, record, i):
     robots.load[i] = NIL
     robots.order[i] = NIL
     note(world.clock, record, LEFT_LOAD, robots.identity[i], slot)
+    if world.zoning.queue.shape[0]:  # it counts to the station from where it came
+        came_from = np.int64(world.zoning.leg[order])
+        world.zoning.station_of[slot] = (
+            NIL if came_from == NIL else world.zoning.station_of[came_from]
+        )
+    leave_queue(world, order)
     reserve_order(world, record, order, NIL)
 
 

@@ -1,7 +1,7 @@
 """The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
 
-    faults -> orders -> zoning -> charging -> allocation -> charging -> routing -> right of way
-           -> motion -> record -> observe
+    faults -> orders -> stations -> zoning -> charging -> allocation -> charging -> routing
+           -> right of way -> motion -> record -> observe
 
 A layer is asked when something concerns it: in one call about all the robots concerned, or, with
 limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
@@ -24,11 +24,10 @@ from automaton.kernels.commit import (
     commit_allocation,
     commit_right_of_way,
     commit_routing,
-    commit_zoning,
 )
 from automaton.kernels.decisions import keep_decisions, most_words
 from automaton.kernels.digest import digest_world
-from automaton.kernels.drive import drive, leave_bays, settle
+from automaton.kernels.drive import drive, leave_bays, settle, stand_still
 from automaton.kernels.energy import hold_back
 from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
 from automaton.kernels.faults import break_down_and_repair
@@ -37,7 +36,10 @@ from automaton.kernels.observe import observe
 from automaton.kernels.operations import MOST_CHANGES
 from automaton.kernels.releases import release_orders
 from automaton.kernels.sight import end_turn, take_turn, turns
+from automaton.kernels.stations import work_at_stations
 from automaton.kernels.zones import count_robots, slow_down
+from automaton.kernels.zoning import commit_zoning
+from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.world.state import (
     ALLOCATION,
     CHANGED,
@@ -45,6 +47,7 @@ from automaton.world.state import (
     DECIDED,
     DIGEST_EVERY,
     FINISHED,
+    HALTED,
     OBSERVING,
     PHASE,
     RECORDED,
@@ -58,6 +61,7 @@ from automaton.world.state import (
     UNDELIVERED,
     UNPARKED,
     UNTIL,
+    UNWORKED,
     ZONING,
 )
 from automaton.world.waiting import EVENTS, ROWS
@@ -96,6 +100,8 @@ def ticks(
         if world.rules.may_fail:
             break_down_and_repair(world, record)
         release_orders(world)
+        if world.stations.entering.shape[0]:
+            work_at_stations(world)
         for phase in range(PHASES):
             layer = SEQUENCE[phase]
             clock[PHASE] = phase
@@ -164,6 +170,8 @@ def motion(world, record):
         count_robots(world.grid, world.robots, world.traffic.crowd)
     if world.clock[UNPARKED] < world.robots.cell.shape[0]:
         leave_bays(world)
+    if world.clock[HALTED] >= world.clock[TICK]:
+        stand_still(world, record)
     drive(world, record)
     if world.rules.slowdown or world.rules.extra_tick:
         slow_down(world)
@@ -188,6 +196,7 @@ def is_full(world, record, watch):
         return True
     if (
         clock[DECIDED]
+        + most_zoning_words(world)
         + robots * most_words(world.robots.route.shape[1], world.robots.plan.shape[1])
         > record.decisions.shape[0]
     ):
@@ -211,7 +220,7 @@ def write_record(world, record):
 @kernel
 def is_finished(world):
     clock = world.clock
-    if clock[UNDELIVERED] > 0:
+    if clock[UNDELIVERED] > 0 or clock[UNWORKED] > 0:
         return 0
     if world.rules.stop == STOP_PARKED:
         return 1 if clock[UNPARKED] == 0 else 0

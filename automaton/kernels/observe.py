@@ -38,6 +38,7 @@ from automaton.recording.codes import (
 from automaton.world.condition import EMPTY, EXHAUSTED
 from automaton.world.state import (
     GOAL_NONE,
+    HALTED,
     IN_LINE,
     MOVE,
     NIL,
@@ -61,6 +62,7 @@ from automaton.world.waiting import (
     NO_PLACE,
     NO_ROUTE,
     NOT_WAITING,
+    REDESIGN,
     ROWS,
     UNDECIDED,
     WAIT_DRAWN,
@@ -228,6 +230,9 @@ def find_wait(world, watch, i, want, did):
     watch.scratch.entry[U(i)] = NIL
     if robots.status[U(i)] >= EXHAUSTED:
         return NO_ENERGY if robots.status[U(i)] <= EMPTY else FAULT
+    if world.clock[HALTED] >= world.clock[TICK] and world.zoning.halt[U(i)] >= world.clock[TICK]:
+        if robots.action[U(i)] == WAIT and robots.parked[U(i)] == 0:
+            return REDESIGN
     if robots.action[U(i)] == IN_LINE and robots.ticket[U(i)] and did == DID_BLOCKED:
         direction = np.int64(robots.route[U(i), U(robots.at[U(i)])])
         return wait_for(world, watch, i, np.int64(robots.stand[U(i)]), direction, CHARGER_HELD)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.stations import deliver
 from automaton.recording.codes import DID_ILLEGAL, ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
 from automaton.world.condition import EXHAUSTED, RUNNING
 from automaton.world.state import (
@@ -30,6 +31,7 @@ from automaton.world.state import (
     RECORDING,
     TICK,
     UNDELIVERED,
+    UNQUEUED,
     WAITING,
 )
 
@@ -223,11 +225,24 @@ def pick_up(world, record, i, ticks):
         visit(world, record, i, order)
         return
     empty_slot(world, slot)
+    if world.zoning.queue.shape[0]:
+        world.zoning.leg[order] = slot
     orders.place[order] = NIL
     orders.state[order] = CARRIED
     robots.load[i] = order
     world.clock[CHANGES] += 1
     need_allocation(world, i, PICKED)
+
+
+@kernel
+def leave_queue(world, order):
+    """An order waits anew somewhere: zoning is to say in whose queue it is."""
+    world.clock[UNQUEUED] += 1
+    if world.zoning.queue.shape[0]:
+        world.zoning.queue[order] = NIL
+        world.zoning.stop[order] = NIL
+        world.zoning.direct[order] = 0
+        world.zoning.leg[order] = NIL
 
 
 @kernel
@@ -237,6 +252,7 @@ def visit(world, record, i, order):
     world.orders.state[order] = DELIVERED
     world.orders.delivered[order] = world.clock[TICK]
     world.clock[UNDELIVERED] -= 1
+    deliver(world, order)
     reserve_order(world, record, order, NIL)
     need_allocation(world, i, FREE)
 
@@ -272,8 +288,10 @@ def set_down(world, record, i, ticks):
         orders.state[order] = DELIVERED
         orders.delivered[order] = world.clock[TICK]
         world.clock[UNDELIVERED] -= 1
+        deliver(world, order)
     else:
         orders.state[order] = WAITING
+        leave_queue(world, order)
     if world.slots.endless[slot] == 0:
         world.slots.content[slot] = order
     reserve_order(world, record, order, NIL)

@@ -4,7 +4,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import RELEASES, draw
-from automaton.world.state import CHANGES, NEXT_ORDER, TICK, WAITING
+from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, UNQUEUED, WAITING
 
 
 @kernel
@@ -13,11 +13,12 @@ def release_orders(world):
     orders, clock = world.orders, world.clock
     while clock[NEXT_ORDER] < orders.coming.shape[0]:
         order = np.int64(orders.coming[clock[NEXT_ORDER]])
-        if orders.released[order] > clock[TICK]:
+        if order == NIL or orders.released[order] > clock[TICK]:
             return
         orders.state[order] = WAITING
         clock[NEXT_ORDER] += 1
         clock[CHANGES] += 1
+        clock[UNQUEUED] += 1
 
 
 @kernel

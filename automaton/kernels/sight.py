@@ -2,7 +2,11 @@
 
 rules.radius   NIL          everything: one call for the whole batch
                ORDER_LIST   the order list, and the neighbouring cells (the robot's bumper)
-               r >= 1       the order list, and the robots within r cells (Chebyshev distance)
+               r >= 1       the order list, and the robots within r cells (Chebyshev distance, or
+                            Euclidean with rules.circle)
+
+With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
+the robots that its robot sees.
 
 Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
 a strategy gets its robot's own row of memory only, and no shared memory.
@@ -12,7 +16,9 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.motion import CLAIMS, RULE, U
-from automaton.world.state import ACTIONS, NIL, NO_STEP
+from automaton.world.state import ACTIONS, NEVER, NIL, NO_STEP, UNRELEASED
+
+HIDDEN = -2  # design.held: the point belongs to somebody out of sight
 
 
 @kernel
@@ -63,7 +69,9 @@ def is_seen(world, i, j):
         if place != NIL:
             across = abs(place % width - here % width)
             down = abs(place // width - here // width)
-            if across <= radius and down <= radius:
+            if world.rules.circle and across * across + down * down <= radius * radius:
+                return True
+            if world.rules.circle == 0 and across <= radius and down <= radius:
                 return True
     return False
 
@@ -80,11 +88,118 @@ def look(world, seen, i):
             show(world, seen, j)
             show_cell(world, seen, np.int64(world.robots.cell[j]))
             show_cell(world, seen, np.int64(world.robots.claim[j]))
+    if world.rules.own_zones and world.zoning.queue.shape[0]:
+        look_at_zones(world, seen, i)
     for action in range(ACTIONS):
         for loaded in range(2):
             seen.tally.times[i, action, loaded] = world.tally.times[i, action, loaded]
             seen.tally.ticks[i, action, loaded] = world.tally.ticks[i, action, loaded]
     seen.tally.slowed[i] = world.tally.slowed[i]
+
+
+@kernel
+def zone_is_seen(world, i, zone):
+    """Whether robot i sees the robot that serves a zone."""
+    if zone == NIL:
+        return False
+    server = np.int64(world.zoning.server[zone])
+    return server != NIL and is_seen(world, i, np.int64(world.robots.at_index[server]))
+
+
+@kernel
+def zone_of_order(world, order):
+    """The zone that has an order: in whose queue it is, or in which it lies, or that of its robot."""
+    zoning = world.zoning
+    if zoning.queue[order] != NIL:
+        return np.int64(zoning.queue[order])
+    slot = np.int64(world.orders.place[order])
+    if slot == NIL or zoning.station_of[slot] == NIL:
+        return np.int64(NIL)
+    return np.int64(zoning.design.zone[zoning.station_of[slot]])
+
+
+@kernel
+def look_at_zones(world, seen, i):
+    """Show the zones, queues and stations of robots in sight; the others look as if there were none."""
+    a, b = seen.zoning, world.zoning
+    zones = b.server.shape[0]
+    for zone in range(zones):
+        a.server[zone] = b.server[zone] if zone_is_seen(world, i, zone) else NIL
+    for station in range(b.design.zone.shape[0]):
+        zone = np.int64(b.design.zone[station])
+        shown = zone != NIL and a.server[zone] != NIL
+        a.design.zone[station] = zone if shown else NIL
+    for point in range(b.design.held.shape[0]):
+        zone = np.int64(b.design.held[point])
+        a.design.held[point] = zone if zone == NIL or a.server[zone] != NIL else HIDDEN
+    a.design.segments[0] = b.design.segments[0]
+    for segment in range(b.design.segments[0]):
+        owner = np.int64(b.design.owner[segment])
+        shown = a.server[owner] != NIL
+        a.design.owner[segment] = owner if shown else NIL
+        a.design.points[segment] = b.design.points[segment] if shown else 0
+        for end in range(2):
+            a.design.ends[segment, end] = b.design.ends[segment, end] if shown else NIL
+        for k in range(b.design.points[segment]):
+            a.design.path[segment, k] = b.design.path[segment, k] if shown else NIL
+    for x in range(zones):
+        for y in range(zones):
+            shown = a.server[x] != NIL and a.server[y] != NIL
+            for station in range(b.design.zone.shape[0]):
+                a.design.transfer[x, y, station] = b.design.transfer[x, y, station] if shown else 0
+    look_at_orders(world, seen, i)
+    look_at_works(world, seen)
+    for j in range(b.wake.shape[0]):
+        shown = is_seen(world, i, j)
+        a.halt[j] = b.halt[j] if shown else NIL
+        a.wake[j] = b.wake[j] if j == i else NIL
+        for word in range(b.said.shape[1]):
+            a.said[j, word] = b.said[j, word] if shown else 0
+
+
+@kernel
+def look_at_orders(world, seen, i):
+    """Orders in the zones of robots in sight, or on these robots; others look as if still to come."""
+    a, b, x, y = seen.orders, world.orders, seen.zoning, world.zoning
+    for order in range(b.state.shape[0]):
+        zone = zone_of_order(world, order)
+        shown = zone != NIL and x.server[zone] != NIL
+        by = np.int64(b.by[order])
+        if by != NIL:
+            shown = is_seen(world, i, np.int64(world.robots.at_index[by]))
+        a.state[order] = b.state[order] if shown else UNRELEASED
+        a.place[order] = b.place[order] if shown else NIL
+        a.source[order] = b.source[order] if shown else NIL
+        a.target[order] = b.target[order] if shown else NIL
+        a.by[order] = by if shown else NIL
+        a.released[order] = b.released[order] if shown else NEVER
+        a.dispatched[order] = b.dispatched[order] if shown else NIL
+        a.dispatched_from[order] = b.dispatched_from[order] if shown else NIL
+        a.delivered[order] = b.delivered[order] if shown else NIL
+        a.legs[order] = b.legs[order] if shown else 0
+        x.queue[order] = y.queue[order] if shown else NIL
+        x.stop[order] = y.stop[order] if shown else NIL
+        x.direct[order] = y.direct[order] if shown else 0
+        x.leg[order] = y.leg[order] if shown else NIL
+    for k in range(b.coming.shape[0]):
+        order = np.int64(b.coming[k])
+        a.coming[k] = order if order != NIL and a.state[order] != UNRELEASED else NIL
+
+
+@kernel
+def look_at_works(world, seen):
+    """Lines of stations in the zones of robots in sight."""
+    a, b = seen.stations, world.stations
+    for k in range(b.slot.shape[0]):
+        shown = seen.zoning.design.zone[k] != NIL
+        a.first[k] = b.first[k] if shown else NIL
+        a.last[k] = b.last[k] if shown else NIL
+        a.until[k] = b.until[k] if shown else 0
+    for work in range(b.done.shape[0]):
+        shown = seen.zoning.design.zone[b.station[work]] != NIL
+        a.behind[work] = b.behind[work] if shown else NIL
+        a.came[work] = b.came[work] if shown else NIL
+        a.done[work] = b.done[work] if shown else NIL
 
 
 @kernel

@@ -163,7 +163,11 @@ class Energy:
         if self.battery is None:
             return 0
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
-        prices = [max(rates) * max(1, self.duration.get(n, 1)) for n, rates in self.rates.items()]
+        longer = self.duration["delay"]  # of a pick or a drop
+        prices = [
+            max(rates) * (max(1, self.duration.get(n, 1)) + longer)
+            for n, rates in self.rates.items()
+        ]
         dearest: int = max(prices) * around
         return dearest
 

@@ -49,6 +49,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
             "width": plan.width,
             "height": plan.height,
             "starts": plan.starts,
+            "numbered": plan.numbered,
             **{name: getattr(plan, name) for name in FLOOR_ARRAYS},
         },
         "robots": {
@@ -101,6 +102,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     named = [
         *floor["bays"].reshape(-1),
         *floor["starts"],
+        *floor["numbered"],
         *([] if isinstance(start, str) else start),
     ]
     shapes = {floor[name].shape for name in ("kind", "exits", "capacity", "loads")}
@@ -113,6 +115,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
             width=floor["width"],
             height=floor["height"],
             starts=tuple(floor["starts"]),
+            numbered=tuple(floor["numbered"]),
             **{name: floor[name] for name in FLOOR_ARRAYS},
         ),
         picks={

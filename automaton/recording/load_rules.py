@@ -30,6 +30,7 @@ from automaton.recording.codes import (
 )
 from automaton.recording.motion_rules import Acts, Complaint, Motion
 from automaton.recording.pace_rules import NONE
+from automaton.recording.station_rules import Work
 from automaton.world.cells import KINDS, RACK, STATION
 
 WAITING: Final = 0  # states of an order
@@ -77,8 +78,10 @@ class Loads:
         self.place: list[int] = header["orders"]["source"].tolist()
         released = header["orders"]["released"].tolist()
         self.state = [UNRELEASED if tick else WAITING for tick in released]
+        self.work = Work(header)
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
-        self._coming = [(released[order], order) for order in coming if released[order]]
+        timed = [order for order in coming if released[order] and order not in self.work.ends]
+        self._coming = [(released[order], order) for order in timed]
         self.by = [NONE] * len(self.place)
         self.content = [NONE] * len(self.slot_cell)
         self.reserved = [NONE] * len(self.slot_cell)
@@ -86,6 +89,10 @@ class Loads:
         self.order = [NONE] * len(motion.home)  # reserved or carried by each robot
         self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
+        for order, (start, end) in self.work.ends.items():
+            ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
+            if ends != (start, end):
+                complain(0, "part", [], start, f"order {order} is not the way of its part")
         for order, slot in enumerate(self.place):
             if self.dock[slot] or self.station[slot]:
                 continue
@@ -99,6 +106,8 @@ class Loads:
         """Orders become known."""
         while self._coming and self._coming[-1][0] <= tick:
             self.state[self._coming.pop()[1]] = WAITING
+        for order in self.work.begin(tick):
+            self.state[order] = WAITING
 
     def leave(self, tick: int, r: int, slot: int) -> None:
         """A robot that goes out of order leaves its load in a spare slot in its cell."""
@@ -186,7 +195,12 @@ class Loads:
         return 0 <= subject < subjects and least <= value < values
 
     def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
-        if ticks < 1 or not (code == DID_WAIT or 1 <= code <= MOVE_NORTH):
+        if code in (DID_PICK, DID_DROP):
+            least = self.motion.duration[code]
+            if not least <= ticks <= least + self.motion.given["delay"]:
+                text = f"handles its load for {ticks} ticks, which no rule gives"
+                self.complain(tick, "duration", [r], self.motion.cell[r], text)
+        elif ticks < 1 or not (code == DID_WAIT or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
             self.complain(tick, "duration", [r], self.motion.cell[r], text)
 
@@ -197,7 +211,9 @@ class Loads:
             cell = self.motion.cell[r]
             if code in (DID_PICK, DID_DROP) and r not in handled:
                 self.complain(tick, "load", [r], cell, "handles a load that is not named")
-            elif code == DID_WAIT and r not in lengths:
+            elif (
+                code == DID_WAIT or (code in (DID_PICK, DID_DROP) and self.motion.given["delay"])
+            ) and (r not in lengths):
                 self.complain(tick, "duration", [r], cell, "waits without a duration")
             elif code == DID_TRY_DROP and self.load[r] == NONE:
                 self.complain(tick, "load", [r], cell, "tries to set down without a load")
@@ -266,6 +282,7 @@ class Loads:
         if slot != NONE and slot == self.target[order]:
             self.state[order] = DELIVERED  # it had only to be visited
             self.undelivered -= 1
+            self.work.deliver(tick, order)
             return
         self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
         if slot >= self.spare:
@@ -280,7 +297,8 @@ class Loads:
             return
         self._beside(tick, r, slot)
         if self.endless[slot]:
-            if self.target[order] != slot or self.dock[slot]:
+            on_its_way = self.station[slot]
+            if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
                 self.complain(tick, "load", [r], cell, "sets down where its load must not go")
         else:
             if self.content[slot] != NONE:
@@ -292,6 +310,8 @@ class Loads:
         delivered = slot == self.target[order]
         self.state[order] = DELIVERED if delivered else WAITING
         self.undelivered -= delivered
+        if delivered:
+            self.work.deliver(tick, order)
 
     def check_parked(self, tick: int, acts: Acts) -> None:
         """A robot parks only with nothing to do."""

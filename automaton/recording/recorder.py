@@ -51,6 +51,8 @@ KEYFRAME_ARRAYS = {
     ),
     "orders": ("state", "place", "by", "released", "delivered", "legs"),
     "slots": ("content", "by", "cell"),
+    "stations": ("first", "until", "came", "done"),
+    "zoning": ("server", "queue", "stop", "direct", "halt"),
 }
 
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests

@@ -231,6 +231,7 @@ class Validator:
                 "status": self._statuses(content),
             },
             "orders": {"state": loads.state, "place": loads.place, "by": loads.by},
+            "stations": {"first": loads.work.first(), "done": loads.work.done},
             "slots": {"content": loads.content, "by": loads.reserved, "cell": loads.slot_cell},
         }
         for part, arrays in expected.items():
@@ -271,7 +272,7 @@ class Validator:
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""
         stop = self.header["scenario"]["stop"]["when"]
-        done = self.loads.undelivered == 0 and stop != "never"
+        done = self.loads.undelivered == self.loads.work.undone == 0 and stop != "never"
         finished = done and (stop == "delivered" or all(self.motion.parked))
         for name, value in (("ticks", self.report.ticks), ("finished", finished)):
             if content[name] != value:

@@ -108,9 +108,29 @@ def _listed_start(
     return tuple(plan.cell(x, y) for x, y in cells)
 
 
+def check_parts(document: Document, scenario: Scenario, plan: FloorPlan) -> None:
+    """Parts go through stations that there are, and work is done there. Raises InputError."""
+    count = len(plan.stations())
+    if not count:
+        raise document.error(("layout",), "parts need stations, and the floor has none")
+    there = f"the floor has the stations 1 to {count}"
+    for row, kind in enumerate(scenario.orders.parts or ()):
+        for place, number in enumerate(kind.route):
+            if number > count:
+                keys: Keys = ("orders", "parts", row, "route", place)
+                raise document.error(keys, f"a part goes to station {number}, but {there}")
+    work = scenario.orders.work
+    if isinstance(work, tuple) and len(work) != count:
+        text = f"orders.work lists {_count(len(work), 'station')}, but {there}"
+        raise document.error(("orders", "work"), text)
+
+
 def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     """Orders lead from slots that supply loads to slots that take them. Raises InputError."""
     generator = scenario.orders.generator
+    if scenario.orders.parts is not None:
+        check_parts(document, scenario, floor.plan)
+        return
     if scenario.orders.listed is None:
         for kind in NEEDED.get(generator or "", (SHELF, DESTINATION)):
             if not np.any(floor.plan.kind == kind):
@@ -197,7 +217,10 @@ def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start
             name = KINDS[kind].name
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             raise document.error(("layout",), f"{found} can be served: {why}")
-    slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())} if orders.listed else {}
+    slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())}
+    for number in sorted({number for kind in orders.parts or () for number in kind.route}):
+        if not served[slots[int(plan.stations()[number - 1])]]:
+            raise document.error(("layout",), f"station {number} cannot be served: {why}")
     for index, order in enumerate(orders.listed or ()):
         for name, (x, y) in (("from", order.source), ("to", order.target)):
             cell = plan.cell(x, y)

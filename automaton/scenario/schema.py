@@ -6,6 +6,7 @@ messages. What depends on the floor or on the chosen strategies is checked in `r
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -73,7 +74,7 @@ class Fleet(Part, frozen=True, kw_only=True):
 
 
 class Units(Part, frozen=True, kw_only=True):
-    """What a tick stands for; used by reports only."""
+    """What a tick and a cell stand for: for reports, and strategies that think in minutes."""
 
     tick: Annotated[
         str,
@@ -82,6 +83,11 @@ class Units(Part, frozen=True, kw_only=True):
             pattern=TICK_PATTERN,
         ),
     ] = "1 tick"
+
+    cell: Annotated[
+        Annotated[str, Meta(pattern=TICK_PATTERN)] | None,
+        Meta(description='The side of a cell, such as "2.5 ft": a number above 0 and a name.'),
+    ] = None
 
 
 class Durations(Part, frozen=True, kw_only=True):
@@ -96,6 +102,18 @@ class Durations(Part, frozen=True, kw_only=True):
         TicksOrNone, Meta(description="Set a load down; 0: on arrival, within the move.")
     ] = 1
     try_drop: Annotated[Ticks, Meta(description="Look whether a load can be set down.")] = 1
+    delay: Annotated[
+        int,
+        Meta(
+            ge=0,
+            le=10_000,
+            description="Each pick and each drop takes up to so many ticks more, drawn evenly.",
+        ),
+    ] = 0
+
+    def __post_init__(self) -> None:
+        if self.delay and not (self.pick and self.drop):
+            raise ValueError("delay makes picks and drops longer, so both must take at least 1")
 
 
 class OrderLine(Part, frozen=True, kw_only=True):
@@ -112,8 +130,33 @@ class OrderLine(Part, frozen=True, kw_only=True):
     ] = 0
 
 
+StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
+
+
+class Parts(Part, frozen=True, kw_only=True):
+    """Parts of one type: they are worked on at one station after another."""
+
+    route: Annotated[
+        tuple[StationNumber, ...],
+        Meta(min_length=1, description="The stations that a part goes through, by number."),
+    ]
+    count: Annotated[int, Meta(ge=1, le=1_000_000, description="How many parts there are.")] = 1
+    name: Annotated[Line | None, Meta(description="What reports call them.")] = None
+    at: Annotated[
+        int,
+        Meta(ge=0, le=2_000_000_000, description="The tick in which they come to the first one."),
+    ] = 0
+
+    def __post_init__(self) -> None:
+        for here, then in itertools.pairwise(self.route):
+            if here == then:
+                raise ValueError(
+                    f"a route must lead from one station to another, not {here}, {here}"
+                )
+
+
 class Orders(Part, frozen=True, kw_only=True):
-    """What is to be carried: a generator of orders or a list of them."""
+    """What is to be carried: a generator of orders, a list of them, or parts with routes."""
 
     generator: Annotated[
         Literal["full-shelves", "drawn-loads", "dock-to-rack", "stations", "visits"] | None,
@@ -142,9 +185,27 @@ class Orders(Part, frozen=True, kw_only=True):
         msgspec.field(name="list", default=None)
     )
 
+    parts: Annotated[
+        tuple[Parts, ...] | None,
+        Meta(
+            description="Parts that stations work on, one at a time, in the sequence of their "
+            "coming. Each way from a station to the next one is an order; it becomes known when "
+            "the work at the first is done."
+        ),
+    ] = None
+    work: Annotated[
+        Ticks | tuple[Ticks, ...],
+        Meta(description="Ticks of the work on a part: at all stations, or one by one from 1 on."),
+    ] = 1
+
     def __post_init__(self) -> None:
-        if (self.generator is None) == (self.listed is None):
-            raise ValueError("orders must have either a generator or a list")
+        given = [self.generator, self.listed, self.parts]
+        if sum(form is not None for form in given) != 1:
+            raise ValueError("orders must have either a generator, a list or parts")
+        if self.parts is not None and not self.parts:
+            raise ValueError("parts must hold at least one type of parts")
+        if self.parts is None and self.work != 1:
+            raise ValueError("work belongs to parts")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
         if self.generator in DRAWN and self.count is None:
@@ -281,6 +342,17 @@ class Radius(Part, frozen=True, kw_only=True):
     """A robot knows what lies within this many cells of it."""
 
     radius: Annotated[int, Meta(ge=1, le=10_000, description="In cells.")]
+    shape: Annotated[
+        Literal["square", "circle"],
+        Meta(description="Along rows and columns (Chebyshev), or as the crow flies."),
+    ] = "square"
+    orders: Annotated[
+        Literal["all", "zones"],
+        Meta(
+            description="zones: it knows only the orders and stations in its own zone and in those "
+            "of the robots that it knows."
+        ),
+    ] = "all"
 
 
 class Stop(Part, frozen=True, kw_only=True):

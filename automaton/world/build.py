@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import MOST_EVENTS
 from automaton.kernels.operations import MOST_CHANGES
+from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.scenario.resolve import Resolved
 from automaton.world.battery import first_charges
 from automaton.world.cells import CHARGER
 from automaton.world.demand import build_orders
 from automaton.world.floor import Floor, floor_for, frozen
+from automaton.world.partition import SAID, Partition
+from automaton.world.partitions import build_partition
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_headings, homes, occupy_starts
 from automaton.world.state import (
@@ -22,6 +25,7 @@ from automaton.world.state import (
     DIGEST_EVERY,
     FREE,
     FRESH_ALLOCATION,
+    HALTED,
     NEED_ALLOCATION,
     NEXT_ORDER,
     NIL,
@@ -29,6 +33,9 @@ from automaton.world.state import (
     SEEN_CHANGES,
     UNDELIVERED,
     UNPARKED,
+    UNQUEUED,
+    UNWORKED,
+    WAKING,
     AllocationAnswers,
     Answers,
     Array,
@@ -53,6 +60,7 @@ from automaton.world.waiting import (
     Observation,
     Scratch,
 )
+from automaton.world.work import build_stations
 
 LONGEST_PLAN = 64  # orders of a robot
 PLANNED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
@@ -89,7 +97,12 @@ def build_world(
     robots = build_robots(resolved, floor, occupancy, seed, storage, steps, len(orders.state))
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
+    stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state))
     clock[UNDELIVERED] = len(orders.state)
+    clock[UNWORKED] = len(stations.done)
+    clock[UNQUEUED] = 1  # zoning is asked in the first tick
+    clock[WAKING] = NIL
+    clock[HALTED] = NIL
     clock[NEXT_ORDER] = int(np.count_nonzero(orders.released == 0))
     clock[UNPARKED] = n - int(robots.parked.sum())
     clock[FRESH_ALLOCATION] = n
@@ -112,7 +125,9 @@ def build_world(
         robots=robots,
         orders=orders,
         slots=slots,
+        stations=stations,
         chargers=build_chargers(floor.grid.kind),
+        zoning=build_partition(resolved, floor, slots, stations, len(orders.state)),
         traffic=traffic,
         tally=tally,
         clock=clock,
@@ -229,7 +244,7 @@ def build_buffers(world: World) -> Buffers:
         return np.zeros(n, np.int32)
 
     answers = Answers(
-        zoning=ZoningAnswers(zone=numbers()),
+        zoning=zoning_answers(world.zoning, n),
         charging=ChargingAnswers(stand=numbers(), level=numbers(), yields=numbers()),
         allocation=AllocationAnswers(
             verb=numbers(),
@@ -255,6 +270,30 @@ def build_buffers(world: World) -> Buffers:
     return Buffers(batch, asked, answers)
 
 
+def zoning_answers(zoning: Partition, robots: int) -> ZoningAnswers:
+    """Room for what zoning answers, sized for a partition; tiny without one."""
+
+    def numbers(count: int) -> Array:
+        return np.zeros(count, np.int32)
+
+    orders = len(zoning.queue)
+    return ZoningAnswers(
+        zone=numbers(robots),
+        halt=numbers(robots),
+        again=numbers(robots),
+        tells=np.zeros(robots, np.uint8),
+        said=np.zeros((robots, SAID), np.int64),
+        server=numbers(len(zoning.server)),
+        redesigned=np.zeros(1, np.int64),
+        design=zoning.design.copied(),
+        queued=np.zeros(1, np.int64),
+        order=numbers(orders),
+        queue=numbers(orders),
+        stop=numbers(orders),
+        direct=np.zeros(orders, np.uint8),
+    )
+
+
 def build_sight(world: World, floor: Floor) -> World:
     """What strategies see: the world itself, or, with limited sight, masked copies."""
     if world.rules.radius == NIL:
@@ -263,17 +302,31 @@ def build_sight(world: World, floor: Floor) -> World:
         robots=world.robots.copied(),
         traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy(), floor.grid.zones),
         tally=world.tally.copied(),
+        **own_zone_copies(world),
     )
+
+
+def own_zone_copies(world: World) -> dict[str, Any]:
+    """Masked copies of what robots know of their zones alone, if the scenario says so."""
+    if not world.rules.own_zones:
+        return {}
+    zoning = world.zoning.copied()
+    return {
+        "orders": world.orders.copied(),
+        "stations": world.stations.copied(),
+        "zoning": zoning.replaced(design=world.zoning.design.copied()),
+    }
 
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:
     """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
     n, steps = world.robots.route.shape
     orders = world.robots.plan.shape[1]
+    words = 3 * n * most_words(steps, orders) + 3 * int(most_zoning_words(world))
     rows = MOST_CHANGES * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
     return Record(
         did=np.zeros((max(ticks, 1), n), np.uint8),
-        decisions=np.zeros(3 * n * most_words(steps, orders) if ticks else 1, np.int64),
+        decisions=np.zeros(words if ticks else 1, np.int64),
         changes=np.zeros((rows, 4), np.int64),
         digests=np.zeros((max(ticks, 1), arrays), np.uint64),
         values=np.zeros(arrays, np.int64),

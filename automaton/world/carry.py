@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
 STATIC: Final = ("identity", "at_index", "bay", "route", "plan")
-PARTS: Final = ("robots", "orders", "slots", "tally")
+PARTS: Final = ("robots", "orders", "slots", "stations", "zoning", "tally")
 NOT_CARRIED: Final = {
     "robots": STATIC,
-    "orders": ("source", "target", "coming"),
+    "orders": ("source", "target"),
     "slots": ("spare", "within"),
+    "stations": ("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
+    "zoning": ("roads", "design"),
     "tally": (),
 }
 
@@ -45,6 +47,8 @@ def state_arrays(world: World, watch: Observation) -> Iterator[tuple[str, Array]
         for name in struct._fields:
             if name not in NOT_CARRIED[part]:
                 yield f"{part}.{name}", getattr(struct, name)
+    for name in world.zoning.design._fields:
+        yield f"zoning.design.{name}", getattr(world.zoning.design, name)
     yield "traffic.occupancy", world.traffic.occupancy
     for name in watch._fields:
         if name not in (*BUFFERS, "scratch"):

@@ -18,7 +18,8 @@ from automaton.world.battery import may_fail
 from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.world.floor import Floor
 from automaton.world.reach import around_home
-from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders, Slots
+from automaton.world.state import NEVER, NIL, UNRELEASED, WAITING, Array, Orders, Slots
+from automaton.world.work import part_orders
 
 
 def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
@@ -28,8 +29,11 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tupl
     """
     mask = around_home(resolved.plan, home, resolved.scenario.fleet.kinematics == "rail")
     access = np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
-    source, target = sources_and_targets(resolved, floor, access, seed)
-    released = release_ticks(resolved.scenario, len(source), seed)
+    if resolved.scenario.orders.parts is not None:
+        source, target, released = part_orders(resolved, floor.grid.slot)
+    else:
+        source, target = sources_and_targets(resolved, floor, access, seed)
+        released = release_ticks(resolved.scenario, len(source), seed)
     return orders_of(source, target, released), slots_of(resolved, floor, access, mask, source)
 
 
@@ -44,7 +48,9 @@ def orders_of(source: Array, target: Array, released: Array) -> Orders:
         target=target.astype(np.int32),
         by=nil.copy(),
         released=released.astype(np.int32),
-        coming=np.argsort(released, kind="stable").astype(np.int32),
+        coming=np.where(released == NEVER, NIL, np.argsort(released, kind="stable")).astype(
+            np.int32
+        ),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
         dispatched_heading=np.zeros(m, np.uint8),

@@ -53,8 +53,9 @@ class Partition(Struct):
     station_of: Array  # (s,) int32: the station of a slot, or NIL
     server: Array  # (Z,) int32: identity of the robot that serves a zone
     queue: Array  # (m,) int32: the zone in whose queue an order is, or NIL: it is in none yet
-    stop: Array  # (m,) int32: the slot where the robot sets it down, a transfer station or its target
-    since: Array  # (m,) int32: tick from which its age counts
+    stop: Array  # (m,) int32: the slot where the robot sets it down next, or NIL
     direct: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
-    halt: Array  # (n,) int64: robots stand still until this tick
+    leg: Array  # (m,) int32: the slot from which it was picked up last, or NIL
+    halt: Array  # (n,) int64: a robot stands still up to this tick
+    wake: Array  # (n,) int64: zoning is asked about a robot from this tick on, or NIL
     said: Array  # (n, SAID) int64: what each robot tells those in range

@@ -22,6 +22,7 @@ from automaton.world.cells import (
     KINDS,
     NORTH,
     SOUTH,
+    STATION,
     WEST,
     entries,
 )
@@ -49,6 +50,7 @@ class FloorPlan:
     bays: Cells  # (bays, 2) flat cells (bay, home cell), in reading order
     loads: CellBytes  # (height + 2, width + 2) 1 = a shelf drawn with a load
     starts: tuple[int, ...] = ()  # flat cells of robots drawn in the picture
+    numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
 
     @property
     def stride(self) -> int:
@@ -77,6 +79,12 @@ class FloorPlan:
         columns, rows = np.nonzero(SLOT[self.kind].T)
         return (rows * self.stride + columns).astype(np.int32)
 
+    def stations(self) -> Cells:
+        """Flat cells of the stations 1, 2, ..."""
+        if self.numbered:
+            return np.array(self.numbered, np.int32)
+        return np.flatnonzero(self.kind == STATION).astype(np.int32)
+
     def drivable(self) -> npt.NDArray[np.bool_]:
         """(height + 2, width + 2) mask of the cells that robots stand on."""
         return DRIVABLE[self.kind]
@@ -85,7 +93,9 @@ class FloorPlan:
     def fingerprint(self) -> str:
         """Hash of the contents, equal in every process."""
         parts = (self.kind, self.exits, self.capacity, self.bays, self.loads)
-        digest = hashlib.blake2b(f"{self.width}x{self.height} {self.starts}".encode())
+        digest = hashlib.blake2b(
+            f"{self.width}x{self.height} {self.starts} {self.numbered}".encode()
+        )
         for part in parts:
             digest.update(part.tobytes())
         return digest.hexdigest()[:32]
@@ -108,11 +118,13 @@ def floor_plan(
     capacity: CellBytes | None = None,
     loads: CellBytes | None = None,
     starts: Iterable[int] = (),
+    numbered: Iterable[int] = (),
 ) -> FloorPlan:
     """Derive a floor from what each cell is by itself.
 
     `kind`, `leave`, `capacity`, `loads`: (height + 2, width + 2), border included; `leave` has the
-    directions in which a cell lets robots out, whatever lies there. `starts`: flat cells.
+    directions in which a cell lets robots out, whatever lies there. `starts`: flat cells;
+    `numbered`: those of all stations, in the sequence of their numbers.
     Raises InputError for a bay that opens on no drivable cell.
     """
     exits = derive_exits(kind, leave)
@@ -126,6 +138,7 @@ def floor_plan(
         bays=_bays(kind),
         loads=_frozen(bordered(height, width) if loads is None else loads),
         starts=tuple(int(cell) for cell in starts),
+        numbered=tuple(int(cell) for cell in numbered),
     )
 
 

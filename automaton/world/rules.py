@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from automaton.scenario.schema import Scenario
+from automaton.units import unit
 from automaton.world.battery import (
     charging_curve,
     drain_table,
@@ -17,6 +18,7 @@ from automaton.world.battery import (
 )
 from automaton.world.state import ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
 
+SECONDS = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0, "second": 1.0, "minute": 60.0}
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 
@@ -29,11 +31,18 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         stop=STOPS[scenario.stop.when],
         leave=int(scenario.fleet.when_done == "leave"),
         radius=radius_of(scenario.information),
+        circle=int(getattr(scenario.information, "shape", "square") == "circle"),
+        own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
+        tick_us=tick_length(scenario.units.tick),
+        cell_milli=0
+        if scenario.units.cell is None
+        else round(1000 * unit(scenario.units.cell).size),
         duration=duration_table(scenario.durations),
         wait=np.ones(5, np.int32),
         every=np.zeros(5, np.int32),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick * 2**32),
+        delay=scenario.durations.delay,
         battery=int(scenario.battery is not None),
         drain=drain_table(scenario.battery),
         curve=charging_curve(scenario.battery),
@@ -50,6 +59,13 @@ def radius_of(information: Any) -> int:
     if isinstance(information, str):
         return NIL if information == "everything" else ORDER_LIST
     return int(information.radius)
+
+
+def tick_length(text: str) -> int:
+    """A tick in millionths of a second, 0 if its name is no unit of time."""
+    tick = unit(text)
+    seconds = SECONDS.get(tick.name)
+    return 0 if seconds is None else round(1_000_000 * tick.size * seconds)
 
 
 def duration_table(durations: Any) -> Array:

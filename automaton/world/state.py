@@ -13,6 +13,7 @@ from typing import Any, Final
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
+from automaton.world.partition import Design, Partition
 from automaton.world.route_space import RouteSpace
 
 Array = NDArray[Any]
@@ -53,6 +54,7 @@ WAITING: Final = 0  # on a slot, to be picked up
 CARRIED: Final = 1
 DELIVERED: Final = 2
 UNRELEASED: Final = 3  # it will be known in a later tick
+NEVER: Final = 2**31 - 1  # released: not before a station is done with its part
 
 ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
 
@@ -79,6 +81,7 @@ AROUND: Final = 6  # routing: plan around the robots, a withdrawal is over
 STUCK: Final = 7  # right of way: the retries are used up
 WITHDRAWING: Final = 8  # right of way: the next step of a withdrawal
 TOOK: Final = 9  # charging: it has taken an order
+NEWS: Final = 11  # zoning: an order is in no queue yet, or a robot went out of order or came back
 IDLE_NOW: Final = 10  # charging: allocation has nothing for it
 
 # The machine that runs waits and retries: robots.hold.
@@ -117,7 +120,12 @@ TICKETS: Final = 18  # tickets given out for lines before chargers
 NEXT_FAULT: Final = 19  # row of rules.faults that comes next
 OUT: Final = 20  # robots that are out of order or going to be
 PHASE: Final = 21  # entry of SEQUENCE that is being asked
-CLOCK_SIZE: Final = 22
+UNWORKED: Final = 22  # work at stations that is not done
+NEXT_PART: Final = 23  # entry of stations.entering that comes next
+UNQUEUED: Final = 24  # orders that became known or were set down since zoning was last asked
+HALTED: Final = 25  # the last tick for which zoning made a robot stand still
+WAKING: Final = 26  # the first tick in which zoning asked to be woken, or NIL
+CLOCK_SIZE: Final = 27
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
@@ -146,12 +154,17 @@ class Rules(Struct):
     following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
     stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
     leave: int  # 1: a robot with nothing to do leaves the floor where it stands
-    radius: int  # how far strategies see, cells (Chebyshev); NIL everything, or ORDER_LIST
+    radius: int  # how far strategies see, cells; NIL everything, or ORDER_LIST
+    circle: int  # 1: the radius is Euclid's, 0: Chebyshev's
+    own_zones: int  # 1: only orders and stations in zones of robots that are seen
+    tick_us: int  # a tick in millionths of a second; 0: the scenario does not say
+    cell_milli: int  # a cell's side in thousandths of the scenario's unit of length; 0: none
     duration: Array  # (A,) int32, ticks of each action
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
     extra_tick: int  # of 2**32 moves, how many take a tick more
+    delay: int  # a pick or drop takes up to so many ticks more
     battery: int  # 1: robots run on batteries
     drain: Array  # (A, 2) int32: units of charge that a tick of each action takes; [.., 1] loaded
     curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
@@ -250,6 +263,30 @@ class Chargers(Struct):
     first: Array  # (k,) int64: scratch: the lowest ticket at its door
 
 
+class Stations(Struct):
+    """Work on parts: k stations, one part at a time each, in the sequence of their coming; j works.
+
+    A work is what one station does to one part.
+    """
+
+    at: Array  # (s,) int32: the station that a slot is, or NIL
+    slot: Array  # (k,) int32
+    first: Array  # (k,) int32: the work under way, or NIL
+    last: Array  # (k,) int32: the work at the end of the line, or NIL
+    until: Array  # (k,) int64: tick in which the work under way is done
+    entering: Array  # (p,) int32: the works with which parts begin, by tick
+    station: Array  # (j,) int32
+    ticks: Array  # (j,) int32: how long it takes
+    part: Array  # (j,) int32: the part's number
+    frees: (
+        Array  # (j,) int32: the order that becomes known when it is done; NIL: the part is finished
+    )
+    behind: Array  # (j,) int32: the next work in the line, or NIL
+    came: Array  # (j,) int32: tick in which the part came, or comes; NIL: unknown
+    done: Array  # (j,) int32: tick in which it was done, or NIL
+    arrives: Array  # (m,) int32: the work that begins when an order is delivered, or NIL
+
+
 class Traffic(Struct):
     """Occupancy and the intents of the current tick."""
 
@@ -285,7 +322,9 @@ class World(Struct):
     robots: Robots
     orders: Orders
     slots: Slots
+    stations: Stations
     chargers: Chargers
+    zoning: Partition
     traffic: Traffic
     tally: Tally
     clock: Array  # (CLOCK_SIZE,) int64
@@ -300,7 +339,19 @@ class Asked(Struct):
 
 
 class ZoningAnswers(Struct):
-    zone: Array  # (n,) int32
+    zone: Array  # (n,) int32: the zone that the robot serves first of all
+    halt: Array  # (n,) int32: ticks that it stands still from now on
+    again: Array  # (n,) int32: ticks after which zoning is asked about it again; NIL: when told to
+    tells: Array  # (n,) uint8: 1 = what it says changes, to this row of
+    said: Array  # (n, SAID) int64
+    server: Array  # (Z,) int32, by zone: KEEP, or the identity of the robot that serves it
+    redesigned: Array  # (1,) int64: 1 = the design changes, to
+    design: Design
+    queued: Array  # (1,) int64: how many of the next four are in use
+    order: Array  # (m,) int32: this order
+    queue: Array  # (m,) int32: comes into the queue of this zone
+    stop: Array  # (m,) int32: and is to be set down in this slot
+    direct: Array  # (m,) uint8: 1 = past transfer stations
 
 
 class ChargingAnswers(Struct):

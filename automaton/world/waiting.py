@@ -49,6 +49,7 @@ CHARGER_HELD: Final = 16
 NO_ENERGY: Final = 17
 FAULT: Final = 18
 DRIVING_SLOWLY: Final = 19  # in observation.lost alone: who does is not waiting
+REDESIGN: Final = 20
 UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -133,6 +134,12 @@ CAUSES: Final = (
         "driving slowly",
         "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
         "a move begun in a zone with m robots takes m times as long",
+        False,
+    ),
+    Cause(
+        "redesign",
+        "{robot} stands still while the zones are redesigned",
+        "zoning halts robots while it decides who serves which stations",
         False,
     ),
 )

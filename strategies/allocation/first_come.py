@@ -43,7 +43,7 @@ def next_order(view, given, memory):
         order = np.int64(view.orders.coming[k])
         memory.shared[LOOKED] += 1
         memory.shared[CURSOR] = k + 1
-        if is_open(view, given, order):
+        if order != NIL and is_open(view, given, order):  # NIL: another zone's, out of sight
             return order
     return NIL
 

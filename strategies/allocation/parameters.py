@@ -26,6 +26,17 @@ LISTED = 8  # orders in a robot's list, unless the fleet is too large for so man
 MOST_LISTED = 1000  # orders in all lists together: bounds the memory of a market
 
 
+class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """The weights of a score: age * (waited) - job * (time that it takes)."""
+
+    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of how long it waited")] = (
+        0.5
+    )
+    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of how long it takes")] = (
+        10.0
+    )
+
+
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How orders are sold to robots, and by whom."""
 

@@ -1,0 +1,80 @@
+"""Stations that work on parts, one at a time, in the sequence of their coming.
+
+A part comes to a station when its order is delivered there; the order for its next way becomes known
+in the tick in which the work on it is done.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import (
+    CHANGES,
+    NEXT_ORDER,
+    NEXT_PART,
+    NIL,
+    TICK,
+    UNQUEUED,
+    UNWORKED,
+    WAITING,
+)
+
+
+@kernel
+def come(world, work):
+    """A part comes to the station of this work."""
+    stations = world.stations
+    k = np.int64(stations.station[work])
+    stations.came[work] = world.clock[TICK]
+    if stations.first[k] == NIL:
+        stations.first[k] = work
+        stations.until[k] = world.clock[TICK] + stations.ticks[work]
+    else:
+        stations.behind[np.int64(stations.last[k])] = work
+    stations.last[k] = work
+
+
+@kernel
+def work_at_stations(world):
+    """Parts enter that come in this tick; work that is done ends, and the next one begins."""
+    stations, clock = world.stations, world.clock
+    while clock[NEXT_PART] < stations.entering.shape[0]:
+        work = np.int64(stations.entering[clock[NEXT_PART]])
+        if stations.came[work] > clock[TICK]:
+            break
+        come(world, work)
+        clock[NEXT_PART] += 1
+    for k in range(stations.slot.shape[0]):
+        work = np.int64(stations.first[k])
+        if work == NIL or stations.until[k] > clock[TICK]:
+            continue
+        stations.done[work] = clock[TICK]
+        clock[UNWORKED] -= 1
+        if stations.frees[work] != NIL:
+            make_known(world, np.int64(stations.frees[work]))
+        following = np.int64(stations.behind[work])
+        stations.first[k] = following
+        if following == NIL:
+            stations.last[k] = NIL
+        else:
+            stations.until[k] = clock[TICK] + stations.ticks[following]
+
+
+@kernel
+def make_known(world, order):
+    """The order waits at its station from now on."""
+    orders, clock = world.orders, world.clock
+    orders.state[order] = WAITING
+    orders.released[order] = clock[TICK]
+    orders.coming[clock[NEXT_ORDER]] = order
+    clock[NEXT_ORDER] += 1
+    clock[CHANGES] += 1
+    clock[UNQUEUED] += 1
+
+
+@kernel
+def deliver(world, order):
+    """A load is where it has to go: a station begins to work on its part, or lines it up."""
+    if world.stations.arrives.shape[0]:
+        work = np.int64(world.stations.arrives[order])
+        if work != NIL:
+            come(world, work)

@@ -1,0 +1,203 @@
+"""How the answers of zoning enter the world: designs, queues, and what robots tell each other.
+
+A design is checked as a whole: every station is in a zone, segments follow roads between stations of
+their zone, no point is in two zones, a transfer station belongs to one of its two zones. With limited
+sight a robot may change only what it can see.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.operations import note
+from automaton.kernels.sight import is_seen
+from automaton.recording.codes import ZONE
+from automaton.world.state import (
+    CHANGES,
+    HALTED,
+    KEEP,
+    NIL,
+    TICK,
+    WAITING,
+    WAKING,
+    ZONING,
+)
+
+LONGEST_HALT = 60_000  # ticks
+
+
+@kernel
+def commit_zoning(world, record, asked, answers):
+    """Enter what zoning decided about robots, the design and the queues."""
+    given = answers.zoning
+    for k in range(asked.count[0]):
+        commit_robot(world, record, np.int64(asked.robot[k]), given, k)
+    if world.zoning.queue.shape[0] == 0:
+        return
+    if given.redesigned[0]:
+        if is_sound(world, given.design) and may_change(world, asked, given.design):
+            adopt(world.zoning.design, given.design)
+            world.clock[CHANGES] += 1
+        else:
+            world.tally.illegal[ZONING] += 1
+    for zone in range(given.server.shape[0]):
+        server = given.server[zone]
+        if server != KEEP and 0 <= server < world.robots.cell.shape[0]:
+            if server != world.zoning.server[zone]:
+                world.zoning.server[zone] = server
+                world.clock[CHANGES] += 1
+        elif server != KEEP:
+            world.tally.illegal[ZONING] += 1
+    for k in range(given.queued[0]):
+        line_up(world, given, k)
+
+
+@kernel
+def commit_robot(world, record, i, given, k):
+    """What zoning says of robot i, answer k of the batch."""
+    zoning, tick = world.zoning, world.clock[TICK]
+    zone = np.int64(given.zone[k])
+    if zone != KEEP and zone != world.robots.zone[i]:
+        world.robots.zone[i] = zone
+        note(world.clock, record, ZONE, world.robots.identity[i], zone)
+    if zoning.queue.shape[0] == 0:
+        return
+    halt, again = np.int64(given.halt[k]), np.int64(given.again[k])
+    if halt != KEEP:
+        if 0 <= halt <= LONGEST_HALT:
+            zoning.halt[i] = tick - 1 + halt
+            world.clock[HALTED] = max(np.int64(world.clock[HALTED]), tick - 1 + halt)
+        else:
+            world.tally.illegal[ZONING] += 1
+    if again != KEEP:
+        zoning.wake[i] = tick + max(np.int64(1), again) if again != NIL else NIL
+        waking = np.int64(world.clock[WAKING])
+        if again != NIL and (waking == NIL or zoning.wake[i] < waking):
+            world.clock[WAKING] = zoning.wake[i]
+    if given.tells[k]:
+        for word in range(zoning.said.shape[1]):
+            zoning.said[i, word] = given.said[k, word]
+
+
+@kernel
+def is_sound(world, design):
+    """Whether a design is one; writes design.held, the zone of each point of primary segments."""
+    roads, zones = world.zoning.roads, world.zoning.server.shape[0]
+    held = design.held
+    held[:] = NIL
+    for station in range(design.zone.shape[0]):
+        zone = np.int64(design.zone[station])
+        if not 0 <= zone < zones:
+            return False
+        held[roads.point[station]] = zone
+    if not 0 <= design.segments[0] <= design.owner.shape[0]:
+        return False
+    for segment in range(design.segments[0]):
+        if not is_path(roads, design, segment):
+            return False
+        owner = np.int64(design.owner[segment])
+        for k in range(design.points[segment]):
+            point = np.int64(design.path[segment, k])
+            if held[point] != NIL and held[point] != owner:
+                return False
+            held[point] = owner
+    return transfers_are_sound(design)
+
+
+@kernel
+def is_path(roads, design, segment):
+    """Whether a segment leads along roads from one station of its zone to another."""
+    owner = np.int64(design.owner[segment])
+    count = np.int64(design.points[segment])
+    if not 2 <= count <= design.path.shape[1]:
+        return False
+    for end in range(2):
+        station = np.int64(design.ends[segment, end])
+        if not 0 <= station < design.zone.shape[0] or design.zone[station] != owner:
+            return False
+        if design.path[segment, (count - 1) * end] != roads.point[station]:
+            return False
+    for k in range(count - 1):
+        here, there = np.int64(design.path[segment, k]), np.int64(design.path[segment, k + 1])
+        if not 0 <= here < roads.cell.shape[0]:
+            return False
+        follows = False
+        for direction in range(4):
+            follows = follows or roads.next[here, direction] == there
+        if not follows:
+            return False
+    return True
+
+
+@kernel
+def transfers_are_sound(design):
+    """Whether transfer stations lie in one of their two zones, and both zones know them."""
+    zones = design.transfer.shape[0]
+    for a in range(zones):
+        for b in range(zones):
+            for station in range(design.zone.shape[0]):
+                if design.transfer[a, b, station] == 0:
+                    continue
+                zone = design.zone[station]
+                if a == b or (zone != a and zone != b) or design.transfer[b, a, station] == 0:
+                    return False
+    return True
+
+
+@kernel
+def may_change(world, asked, design):
+    """With limited sight: whether all stations that change their zone do so between robots in sight."""
+    if world.rules.radius == NIL or asked.count[0] == 0:
+        return True
+    i = np.int64(asked.robot[0])
+    for station in range(design.zone.shape[0]):
+        for zone in (world.zoning.design.zone[station], design.zone[station]):
+            if world.zoning.design.zone[station] == design.zone[station] or zone == NIL:
+                continue
+            server = np.int64(world.zoning.server[zone])
+            if server != NIL and not is_seen(world, i, np.int64(world.robots.at_index[server])):
+                return False
+    return True
+
+
+@kernel
+def adopt(design, given):
+    """Copy a design."""
+    count = np.int64(given.segments[0])
+    design.segments[0] = count
+    for station in range(design.zone.shape[0]):
+        design.zone[station] = given.zone[station]
+    for segment in range(design.owner.shape[0]):
+        used = segment < count
+        design.owner[segment] = given.owner[segment] if used else NIL
+        design.points[segment] = given.points[segment] if used else 0
+        for end in range(2):
+            design.ends[segment, end] = given.ends[segment, end] if used else NIL
+        for k in range(design.path.shape[1]):
+            inside = k < design.points[segment]
+            design.path[segment, k] = given.path[segment, k] if inside else NIL
+    for point in range(design.held.shape[0]):
+        design.held[point] = given.held[point]
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            for station in range(design.zone.shape[0]):
+                design.transfer[a, b, station] = given.transfer[a, b, station]
+
+
+@kernel
+def line_up(world, given, k):
+    """Entry k of the answers: an order that nobody has taken comes into a queue."""
+    zoning, orders = world.zoning, world.orders
+    order, queue, stop = np.int64(given.order[k]), np.int64(given.queue[k]), np.int64(given.stop[k])
+    legal = 0 <= order < orders.state.shape[0] and 0 <= queue < zoning.server.shape[0]
+    legal = legal and orders.state[order] == WAITING and orders.by[order] == NIL
+    legal = legal and 0 <= stop < world.slots.cell.shape[0] and stop != orders.place[order]
+    if legal and stop != orders.target[order]:  # on the way: at a station, or on a shelf
+        legal = world.stations.at[stop] != NIL or world.slots.endless[stop] == 0
+    if not legal:
+        world.tally.illegal[ZONING] += 1
+        return
+    if zoning.queue[order] != queue or zoning.stop[order] != stop:
+        world.clock[CHANGES] += 1
+    zoning.queue[order] = queue
+    zoning.stop[order] = stop
+    zoning.direct[order] = given.direct[k]

@@ -1,0 +1,87 @@
+"""The rules of stations: parts are worked on one at a time, in the sequence of their coming.
+
+When the work on a part is done, the order to its next station becomes known; the next part in the line
+is worked on from the same tick on.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, Final
+
+from automaton.world.cells import STATION
+
+NONE: Final = -1
+
+
+class Work:
+    """What lies in the lines of all stations, replayed from deliveries."""
+
+    def __init__(self, header: dict[str, Any]) -> None:
+        floor, orders = header["floor"], header["scenario"]["orders"]
+        cells = [
+            cell for cell, kind in enumerate(floor["kind"].ravel().tolist()) if kind == STATION
+        ]
+        self.cells: list[int] = list(floor["numbered"]) or cells
+        self.lines: list[deque[int]] = [deque() for _ in self.cells]
+        self.until = [0] * len(self.cells)  # tick in which the first of its line is done
+        self.station: list[int] = []  # of each work
+        self.ticks: list[int] = []
+        self.frees: list[int] = []  # the order that a work frees, or NONE
+        self.done: list[int] = []
+        self.begins_with: dict[int, int] = {}  # order -> work that begins with its delivery
+        self.ends: dict[int, tuple[int, int]] = {}  # order -> cells where it begins and ends
+        self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
+        for kind in orders.get("parts") or ():
+            for _ in range(kind["count"]):
+                self._enter(kind["at"], kind["route"], orders["work"])
+        self._entering.sort(reverse=True)
+
+    def _enter(self, tick: int, route: list[int], work: Any) -> None:
+        for place, number in enumerate(route):
+            if place:
+                order = len(self.ends)
+                self.frees[-1] = order
+                self.begins_with[order] = len(self.station)
+                self.ends[order] = self.cells[route[place - 1] - 1], self.cells[number - 1]
+            else:
+                self._entering.append((tick, len(self.station)))
+            self.station.append(number - 1)
+            self.ticks.append(work if isinstance(work, int) else work[number - 1])
+            self.frees.append(NONE)
+            self.done.append(NONE)
+
+    @property
+    def undone(self) -> int:
+        """Works that are still to do."""
+        return self.done.count(NONE)
+
+    def begin(self, tick: int) -> list[int]:
+        """Parts come, work ends; returns the orders that become known."""
+        while self._entering and self._entering[-1][0] <= tick:
+            self._come(tick, self._entering.pop()[1])
+        freed = []
+        for station, line in enumerate(self.lines):
+            if line and self.until[station] <= tick:
+                work = line.popleft()
+                self.done[work] = tick
+                if self.frees[work] != NONE:
+                    freed.append(self.frees[work])
+                if line:
+                    self.until[station] = tick + self.ticks[line[0]]
+        return freed
+
+    def deliver(self, tick: int, order: int) -> None:
+        """An order is where it has to go."""
+        if order in self.begins_with:
+            self._come(tick, self.begins_with[order])
+
+    def _come(self, tick: int, work: int) -> None:
+        station = self.station[work]
+        self.lines[station].append(work)
+        if len(self.lines[station]) == 1:
+            self.until[station] = tick + self.ticks[work]
+
+    def first(self) -> list[int]:
+        """The work under way at each station, or NONE."""
+        return [line[0] if line else NONE for line in self.lines]

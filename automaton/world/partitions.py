@@ -1,0 +1,112 @@
+"""The partition of a world at tick 0: its stations and roads, with nothing designed yet."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from automaton.world.partition import SAID, Design, Partition, Roads
+from automaton.world.plan import FloorPlan
+from automaton.world.reach import slot_access, steps_from
+from automaton.world.state import NIL, Array, Slots, Stations
+
+if TYPE_CHECKING:
+    from automaton.scenario.resolve import Resolved
+    from automaton.world.floor import Floor
+
+NO_STRATEGY = "none"
+GROUPS = 18  # stations that the slots of a floor without stations are grouped into
+
+
+def build_partition(
+    resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
+) -> Partition:
+    """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
+    pick = resolved.picks["zoning"]
+    robots = resolved.scenario.fleet.robots
+    if pick.name == NO_STRATEGY:
+        return partition_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
+    from automaton.zoning.roads import roads_of
+
+    station_of = np.full(len(slots.cell), NIL, np.int32)
+    if len(stations.slot):
+        cells = floor.slot_cell[stations.slot]
+        station_of[: slots.spare] = stations.at[: slots.spare]
+    else:
+        cells, groups = grouped(resolved.plan, int(getattr(pick.parameters, "groups", GROUPS)))
+        station_of[: slots.spare] = groups
+    roads = roads_of(resolved.plan, cells)
+    return partition_of(roads, robots, station_of, orders, robots)
+
+
+def partition_of(
+    roads: Roads, zones: int, station_of: Array, orders: int, robots: int
+) -> Partition:
+    """A partition over some roads in which no station has a zone."""
+
+    def nil(*shape: int) -> Array:
+        return np.full(shape, NIL, np.int32)
+
+    points, count = len(roads.cell), len(roads.point)
+    return Partition(
+        roads=roads,
+        design=Design(
+            zone=nil(count),
+            segments=np.zeros(1, np.int64),
+            owner=nil(count),
+            ends=nil(count, 2),
+            points=np.zeros(count, np.int32),
+            path=nil(count, points),
+            held=nil(points),
+            transfer=np.zeros((zones, zones, count), np.uint8),
+        ),
+        station_of=station_of,
+        server=np.arange(zones, dtype=np.int32),
+        queue=nil(orders),
+        stop=nil(orders),
+        direct=np.zeros(orders, np.uint8),
+        leg=nil(orders),
+        halt=np.full(robots, NIL, np.int64),
+        wake=np.full(robots, NIL, np.int64),
+        said=np.zeros((robots, SAID), np.int64),
+    )
+
+
+def no_roads() -> Roads:
+    """The roads of a world without zoning."""
+    nothing = np.zeros(0, np.int32)
+    return Roads(
+        cell=nothing.copy(),
+        next=np.zeros((0, 4), np.int32),
+        step=np.zeros((0, 4), np.int32),
+        station=nothing.copy(),
+        point=nothing.copy(),
+        hop=np.zeros((0, 0), np.int32),
+        between=np.zeros((0, 0), np.int32),
+    )
+
+
+@lru_cache(maxsize=8)
+def grouped(plan: FloorPlan, most: int) -> tuple[Array, Array]:
+    """Slots grouped as stations: cells of the stations, and the station of each slot or NIL.
+
+    The stations stand where slots are served from, far from each other: the first slot's cell, then
+    again and again the cell that is farthest from all so far. A slot counts to the nearest station.
+    """
+    access = slot_access(plan)
+    stand = access.max(axis=1)
+    served = np.flatnonzero(stand != NIL)
+    chosen: list[int] = []
+    best = np.full(len(served), np.iinfo(np.int32).max, np.int64)
+    group = np.full(len(access), NIL, np.int32)
+    while len(chosen) < most and len(served) and best.max() > 0:
+        cell = int(stand[served[0 if not chosen else int(np.argmax(best))]])
+        steps = steps_from(plan, [cell])[stand[served]].astype(np.int64)
+        steps[steps == NIL] = np.iinfo(np.int32).max
+        nearer = steps < best
+        best[nearer] = steps[nearer]
+        group[served[nearer]] = len(chosen)
+        chosen.append(cell)
+    return np.array(chosen, np.int32), group

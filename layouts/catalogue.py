@@ -9,4 +9,5 @@ GENERATORS: Final[dict[str, str]] = {
     "tabletop": "layouts.tabletop:Tabletop",
     "racks": "layouts.racks:Racks",
     "depots": "layouts.depots:Depots",
+    "factory": "layouts.factory:Factory",
 }

@@ -10,6 +10,7 @@ import numpy as np
 from automaton.compiled import kernel
 
 # Streams.
+ZONES = 0
 ORDERS = 1
 WAITS = 2
 WITHDRAWALS = 3

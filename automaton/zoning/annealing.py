@@ -1,0 +1,164 @@
+"""Zone repair by simulated annealing (Ho & Liao, modified): phases 1, 2 and 3.
+
+Phase 2 gives random tips from busier to idler zones, takes worse designs with probability
+exp(-worsening / T), and remembers the best. With SVp within [0, 1] and T from 4.5 to 0.35 most
+moves pass: it is a random walk with a memory.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.chance import ANNEALING, below, chance
+from automaton.zoning.exchange import give
+from automaton.zoning.exponential import exponential, temperature
+from automaton.zoning.load import UNDEFINED, find_loads
+from automaton.zoning.paths import block_others, copy_design, spread, whole_cells
+from automaton.zoning.seeding import first_design, random_design
+from automaton.zoning.space import ADJACENT
+from automaton.zoning.tips import find_tips
+from automaton.zoning.transfer import connected, find_transfers
+
+# Defaults of the published runs.
+HOT = 4.5
+COLD = 0.35
+STEPS = 500  # M of eq. 6
+MOST = 500  # accepted and infeasible moves
+REPAIRS = 3  # designs made until one has no isolated zone
+FEWEST = 2  # stations that a zone keeps
+PATIENCE = 6  # tries, in multiples of the moves
+
+
+@kernel
+def repair(roads, rules, flow, hot, cold, steps, most, repairs, design, space, reach, seed, tick):
+    """A new design by phases 1 to 3 from one flow; 0 if every one has a zone that is cut off.
+
+    reach: (Z,) ones. `design` is spoiled on failure.
+    """
+    space.drawn[0] = ANNEALING
+    for _ in range(repairs):
+        found = first_design(roads, flow, design, space)
+        if found == 0:
+            found = random_design(roads, rules, design, space, seed, tick)
+        if found == 0:
+            return 0
+        improve(roads, rules, flow, hot, cold, steps, most, design, space, seed, tick)
+        find_loads(roads, rules, flow, 0, design, space)
+        find_transfers(roads, rules, design, space, reach)
+        if connected(design, space) == 1:
+            return 1
+    return 0
+
+
+@kernel
+def improve(roads, rules, flow, hot, cold, steps, most, design, space, seed, tick):
+    """Phase 2: leaves the best design seen; returns its balance.
+
+    Ends after `most` accepted or infeasible moves, after six times as many tries, or when no zone
+    has a tip to give to an idler one.
+    """
+    copy_design(design, space.now)
+    value = judged(find_loads(roads, rules, flow, 0, space.now, space))
+    best = value
+    forget_tips(roads, space.now, space)
+    moves, tries = np.int64(0), np.int64(0)
+    while moves < most and tries < PATIENCE * most:
+        tries += 1
+        pair = busier_pair(roads, rules, space.now, space, seed, tick)
+        if pair == NIL:
+            break
+        a, b = np.int64(space.zones[pair, 0]), np.int64(space.zones[pair, 1])
+        tip = random_tip(space, a, b, seed, tick)
+        copy_design(space.now, space.trial)
+        through = np.int64(space.through[a, b, tip])
+        if give(roads, space.trial, space, tip, through, rules[ADJACENT], FEWEST) == 0:
+            moves += 1
+            continue
+        tried = judged(find_loads(roads, rules, flow, 0, space.trial, space))
+        heat = temperature(hot, cold, steps, moves)
+        if tried > value and chance(space, seed, tick) > exponential((value - tried) / heat):
+            find_loads(roads, rules, flow, 0, space.now, space)
+            continue
+        moves += 1
+        value = tried
+        copy_design(space.trial, space.now)
+        forget_tips(roads, space.now, space)
+        if value < best:
+            best = value
+            copy_design(space.now, design)
+    return best
+
+
+@kernel
+def judged(value):
+    """Zones without any load are as bad as can be."""
+    return 1.0 if value == UNDEFINED else value
+
+
+@kernel
+def forget_tips(roads, design, space):
+    """The design changed: find its tips, and forget which of them are near one another."""
+    space.fresh[:] = 0
+    find_tips(roads, design, space)
+
+
+@kernel
+def busier_pair(roads, rules, design, space, seed, tick):
+    """A random row of space.zones: a zone with more load than the second one, and a tip to give.
+
+    NIL if there is none.
+    """
+    zones = design.transfer.shape[0]
+    count = np.int64(0)
+    for a in range(zones):
+        for b in range(zones):
+            if space.load[a] > space.load[b]:
+                space.zones[count, 0] = a
+                space.zones[count, 1] = b
+                count += 1
+    while count > 0:
+        k = below(space, count, seed, tick)
+        a, b = np.int64(space.zones[k, 0]), np.int64(space.zones[k, 1])
+        if facing_tips(roads, rules, design, space, a, b) > 0:
+            return k
+        count -= 1
+        space.zones[k, 0] = space.zones[count, 0]
+        space.zones[k, 1] = space.zones[count, 1]
+    return NIL
+
+
+@kernel
+def facing_tips(roads, rules, design, space, a, b):
+    """space.through[a, b]: for each tip of a the last tip of b within reach; how many have one.
+
+    Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
+    """
+    stations = design.zone.shape[0]
+    if space.fresh[a, b] == 0:
+        space.fresh[a, b] = 1
+        block_others(design, space, a, b)
+        for s in range(stations):
+            space.through[a, b, s] = NIL
+            if design.zone[s] != a or space.tip[s] == 0:
+                continue
+            spread(roads, space, roads.point[s], NIL, whole_cells(rules[ADJACENT]))
+            for t in range(stations):
+                near = space.distance[roads.point[t]] < rules[ADJACENT]
+                if near and design.zone[t] == b and space.tip[t] == 1:
+                    space.through[a, b, s] = t
+    count = np.int64(0)
+    for s in range(stations):
+        if space.through[a, b, s] != NIL:
+            count += 1
+    return count
+
+
+@kernel
+def random_tip(space, a, b, seed, tick):
+    """One of the tips that `facing_tips` found."""
+    count = np.int64(0)
+    for s in range(space.tip.shape[0]):
+        if space.through[a, b, s] != NIL:
+            space.listed[count] = s
+            count += 1
+    return np.int64(space.listed[below(space, count, seed, tick)])

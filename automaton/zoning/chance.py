@@ -1,0 +1,28 @@
+"""Draws of the methods of zoning, addressed by (seed, tick, method and how many came before)."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.kernels.draws import ZONES, draw, draw_between
+
+# Where the counter of each method begins.
+ANNEALING = 1 << 40
+GENETIC = 2 << 40
+NEGOTIATION = 3 << 40
+
+_11 = np.uint64(11)
+
+
+@kernel
+def below(space, count, seed, tick):
+    """A uniform integer from 0 to count - 1."""
+    space.drawn[0] += 1
+    return draw_between(0, count - 1, seed, ZONES, tick, space.drawn[0])
+
+
+@kernel
+def chance(space, seed, tick):
+    """A uniform number from 0 to below 1."""
+    space.drawn[0] += 1
+    bits = draw(seed, ZONES, tick, space.drawn[0]) >> _11
+    return np.float64(np.int64(bits)) / 9007199254740992.0

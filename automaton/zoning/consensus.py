@@ -1,0 +1,55 @@
+"""Weighted average consensus with Metropolis weights (Algorithm 3), and the spread about it (eq. 5).
+
+x_i <- W_ii x_i + sum W_ij x_j over neighbours j,  W_ij = 1 / (1 + max(d_i, d_j)),  W_ii = 1 - sum.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from automaton.compiled import kernel
+
+
+@kernel
+def consensus(x, spare, near, steps):
+    """Leave x (n,) after `steps` synchronous steps; near: (n, n) uint8, symmetric, diagonal unused."""
+    for _ in range(steps):
+        consensus_step(x, near, spare)
+        for i in range(x.shape[0]):
+            x[i] = spare[i]
+
+
+@kernel
+def consensus_step(x, near, after):
+    """One step, written to `after`; a robot without neighbours keeps its value."""
+    for i in range(x.shape[0]):
+        own = degree(near, i)
+        after[i] = x[i]
+        for j in range(x.shape[0]):
+            if j != i and near[i, j] == 1:
+                after[i] += (x[j] - x[i]) / (1 + max(own, degree(near, j)))
+
+
+@kernel
+def degree(near, i):
+    """How many neighbours a robot has."""
+    count = np.int64(0)
+    for j in range(near.shape[0]):
+        if j != i and near[i, j] == 1:
+            count += 1
+    return count
+
+
+@kernel
+def sigma_about(load, reach, mean):
+    """Spread of the loads with reach[z] = 1 about `mean`.
+
+    The paper prints (L_i + x_i)^2 for the robot's own load; the authors' code has the minus.
+    """
+    count = np.int64(0)
+    total = 0.0
+    for z in range(load.shape[0]):
+        if reach[z] == 1:
+            total += (load[z] - mean) * (load[z] - mean)
+            count += 1
+    return sqrt(total / count) if count > 0 else 0.0

@@ -1,0 +1,129 @@
+"""Giving a station from one zone to another: what is left is joined anew by shortest paths.
+
+These kernels change a design in place and return 1, or 0 when it cannot be done; the design is then
+spoiled, so callers work on a copy.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.paths import add_segment, block_others, hold, size, spread, whole_cells
+from automaton.zoning.space import INF
+from automaton.zoning.tips import passes
+
+
+@kernel
+def give(roads, design, space, s, through, limit, smallest):
+    """Give s to the zone of station `through`, joined to it by a path of at most `limit` cells.
+
+    Refused when fewer than `smallest` stations would be left behind.
+    """
+    if size(design, design.zone[s]) <= smallest:
+        return 0
+    if remove(roads, design, space, s, design.zone[through]) == 0:
+        return 0
+    return connect(roads, design, space, s, through, limit)
+
+
+@kernel
+def remove(roads, design, space, s, to):
+    """Take s out of its zone into zone `to` (or NIL) without a segment, and join what is left."""
+    zone = np.int64(design.zone[s])
+    drop_segments(design, zone, np.int64(roads.point[s]))
+    design.zone[s] = to
+    hold(roads, design)
+    point = np.int64(roads.point[s])
+    return join(roads, design, space, zone, point)
+
+
+@kernel
+def drop_segments(design, zone, p):
+    """Remove the segments of a zone that have the point; the others keep their order."""
+    kept = np.int64(0)
+    for m in range(design.segments[0]):
+        if design.owner[m] == zone and passes(design, m, p) == 1:
+            continue
+        if kept < m:
+            design.owner[kept] = design.owner[m]
+            design.ends[kept, 0] = design.ends[m, 0]
+            design.ends[kept, 1] = design.ends[m, 1]
+            design.points[kept] = design.points[m]
+            for k in range(design.points[m]):
+                design.path[kept, k] = design.path[m, k]
+        kept += 1
+    design.segments[0] = kept
+
+
+@kernel
+def join(roads, design, space, zone, closed):
+    """Add shortest feasible paths between pieces of a zone until it is one (minimum spanning join).
+
+    closed: a point that may not be used, or NIL. Ties: the lowest stations.
+    """
+    pieces = label_parts(design, space, zone)
+    while pieces > 1:
+        block_others(design, space, zone, zone)
+        if closed != NIL:
+            space.blocked[closed] = 1
+        best = np.int64(INF)
+        first, last = np.int64(NIL), np.int64(NIL)
+        for a in range(design.zone.shape[0]):
+            if design.zone[a] != zone:
+                continue
+            spread(roads, space, roads.point[a], NIL, best)
+            for b in range(a + 1, design.zone.shape[0]):
+                if design.zone[b] == zone and space.part[a] != space.part[b]:
+                    far = space.distance[roads.point[b]]
+                    if far < best:
+                        best = far
+                        first, last = np.int64(a), np.int64(b)
+        if first == NIL:
+            return 0
+        spread(roads, space, roads.point[first], roads.point[last], INF)
+        add_segment(roads, design, space, zone, first, last)
+        merge(design, space, zone, first, last)
+        pieces -= 1
+    return 1
+
+
+@kernel
+def label_parts(design, space, zone):
+    """space.part from the segments; returns how many pieces the zone has."""
+    pieces = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        space.part[s] = s
+        if design.zone[s] == zone:
+            pieces += 1
+    for m in range(design.segments[0]):
+        a, b = np.int64(design.ends[m, 0]), np.int64(design.ends[m, 1])
+        if design.owner[m] == zone and space.part[a] != space.part[b]:
+            merge(design, space, zone, a, b)
+            pieces -= 1
+    return pieces
+
+
+@kernel
+def merge(design, space, zone, a, b):
+    """Two pieces become one."""
+    keep, lose = np.int64(space.part[a]), np.int64(space.part[b])
+    if keep > lose:
+        keep, lose = lose, keep
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone and space.part[s] == lose:
+            space.part[s] = keep
+
+
+@kernel
+def connect(roads, design, space, s, through, limit):
+    """Join s to a station of another zone by that zone's shortest feasible path."""
+    zone = np.int64(design.zone[through])
+    if design.held[roads.point[s]] != NIL and design.held[roads.point[s]] != zone:
+        return 0
+    block_others(design, space, zone, zone)
+    spread(roads, space, roads.point[through], roads.point[s], whole_cells(limit))
+    if space.distance[roads.point[s]] == INF:
+        return 0
+    design.zone[s] = zone
+    add_segment(roads, design, space, zone, through, s)
+    return 1

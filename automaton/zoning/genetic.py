@@ -1,0 +1,242 @@
+"""Zone repair by a genetic algorithm: designs are bred from whole zones.
+
+A child takes random zones of good designs that have nothing in common; stations left over join the
+zone of a random adjacent one; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
+flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.chance import GENETIC, below, chance
+from automaton.zoning.exchange import connect, give
+from automaton.zoning.herd import fits, keep, move_row, take, take_zone
+from automaton.zoning.load import find_loads
+from automaton.zoning.paths import clear_design, copy_design
+from automaton.zoning.seeding import random_design
+from automaton.zoning.space import ADJACENT
+from automaton.zoning.tips import find_tips
+from automaton.zoning.transfer import connected, find_transfers
+
+# Defaults of the published runs.
+INDIVIDUALS = 60
+GENERATIONS = 100
+SELECTED = 10
+MUTATION = 0.45
+
+FAILURES = 60  # zones that do not fit, until a child is begun anew
+MUTATIONS = 500  # tries to mutate a child
+CHILDREN = 100  # times that a child may be begun anew
+JOINS = 20  # tries for each station that is left over
+FEWEST = 2  # stations that a zone keeps
+
+
+@kernel
+def evolve(
+    roads, rules, flow, generations, selected, mutation, population, design, space, reach, seed, tick
+):  # fmt: skip
+    """The best design whose zones are not cut off: that of all generations, or one of the last.
+
+    reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
+    """
+    space.drawn[0] = GENETIC
+    size = population.rank.shape[0]
+    herd = population.now
+    for row in range(size):
+        if random_design(roads, rules, space.trial, space, seed, tick) == 0:
+            return 0
+        keep(space.trial, herd, row)
+    for generation in range(generations + 1):
+        if generation > 0:
+            breed(roads, rules, selected, mutation, population, space, seed, tick)
+        judge(roads, rules, flow, population, design, space)
+        best = np.int64(population.rank[0])
+        if generation == 0 or better(herd, best, size):
+            move_row(herd, best, herd, size)
+    for place in range(-1, size):
+        take(herd, size if place < 0 else np.int64(population.rank[place]), design)
+        find_loads(roads, rules, flow, 0, design, space)
+        find_transfers(roads, rules, design, space, reach)
+        if connected(design, space) == 1:
+            return 1
+    return 0
+
+
+@kernel
+def better(herd, a, b):
+    """Whether row a is better than row b: balance, then more tips."""
+    if herd.value[a] != herd.value[b]:
+        return herd.value[a] < herd.value[b]
+    return herd.tips[a] > herd.tips[b]
+
+
+@kernel
+def judge(roads, rules, flow, population, design, space):
+    """value, tips and rank of all rows; ties: the lower row."""
+    herd = population.now
+    for row in range(population.rank.shape[0]):
+        take(herd, row, design)
+        value = find_loads(roads, rules, flow, 1, design, space)
+        herd.value[row] = value if value > 0.0 else 1.0
+        herd.tips[row] = 0
+        for s in range(space.tip.shape[0]):
+            herd.tips[row] += space.tip[s]
+        at = row
+        while at > 0 and better(herd, row, population.rank[at - 1]):
+            population.rank[at] = population.rank[at - 1]
+            at -= 1
+        population.rank[at] = row
+
+
+@kernel
+def breed(roads, rules, selected, mutation, population, space, seed, tick):
+    """The next generation, of the zones of the best rows and of the best design so far."""
+    size = population.rank.shape[0]
+    parents = min(selected, size)
+    for k in range(parents):
+        population.pool[k] = population.rank[k]
+    population.pool[parents] = size
+    for row in range(size):
+        made = np.int64(0)
+        for _ in range(CHILDREN):
+            if made == 0:
+                made = make_child(
+                    roads, rules, mutation, population, parents + 1, space, seed, tick
+                )
+        if made == 0:
+            take(population.now, size, space.trial)
+        keep(space.trial, population.next, row)
+    for row in range(size):
+        move_row(population.next, row, population.now, row)
+
+
+@kernel
+def make_child(roads, rules, mutation, population, parents, space, seed, tick):
+    """A child in space.trial; 0 if it failed."""
+    if combine(population, parents, space, seed, tick) == 0:
+        return 0
+    if attach_rest(roads, rules, space.trial, space, seed, tick) == 0:
+        return 0
+    tries = np.int64(0)
+    while True:
+        done = np.int64(0)
+        while done == 0:
+            if tries >= MUTATIONS:
+                return 0
+            tries += 1
+            done = mutate(roads, rules, space, seed, tick)
+        copy_design(space.now, space.trial)
+        if chance(space, seed, tick) >= mutation:
+            return 1
+
+
+@kernel
+def combine(population, parents, space, seed, tick):
+    """Fill space.trial with random zones that have nothing in common; 0 if they do not fit."""
+    design, herd = space.trial, population.now
+    zones = design.transfer.shape[0]
+    clear_design(design)
+    failures = np.int64(0)
+    found = np.int64(0)
+    while found < zones:
+        row = np.int64(population.pool[below(space, parents, seed, tick)])
+        zone = below(space, zones, seed, tick)
+        if fits(herd, row, zone, design) == 1:
+            take_zone(herd, row, zone, design, found)
+            found += 1
+        else:
+            failures += 1
+            if failures == FAILURES:
+                return 0
+    return 1
+
+
+@kernel
+def attach_rest(roads, rules, design, space, seed, tick):
+    """Stations without a zone join those of random adjacent ones; 0 if one cannot."""
+    stations = design.zone.shape[0]
+    for _ in range(JOINS * stations):
+        count = np.int64(0)
+        for s in range(stations):
+            if design.zone[s] == NIL:
+                space.listed[count] = s
+                count += 1
+        if count == 0:
+            return 1
+        station = np.int64(space.listed[below(space, count, seed, tick)])
+        near = adjacent_to(roads, rules, design, space, station, NIL)
+        if near > 0:
+            other = np.int64(space.listed[below(space, near, seed, tick)])
+            connect(roads, design, space, station, other, rules[ADJACENT])
+    return 0
+
+
+@kernel
+def adjacent_to(roads, rules, design, space, station, but):
+    """space.listed: stations in zones other than `but` that are adjacent to one; how many."""
+    count = np.int64(0)
+    for t in range(design.zone.shape[0]):
+        zone = design.zone[t]
+        if zone == NIL or zone == but or t == station:
+            continue
+        if roads.between[station, t] < rules[ADJACENT]:
+            space.listed[count] = t
+            count += 1
+    return count
+
+
+@kernel
+def mutate(roads, rules, space, seed, tick):
+    """space.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
+    design = space.trial
+    zone = below(space, design.transfer.shape[0], seed, tick)
+    find_tips(roads, design, space)
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone and space.tip[s] == 1:
+            space.listed[count] = s
+            count += 1
+    tip = np.int64(space.listed[below(space, count, seed, tick)])
+    near = adjacent_to(roads, rules, design, space, tip, zone)
+    if near == 0:
+        return 0
+    through = np.int64(space.listed[below(space, near, seed, tick)])
+    copy_design(design, space.now)
+    return give(roads, space.now, space, tip, through, rules[ADJACENT], FEWEST)
+
+
+@kernel
+def match_to_robots(roads, design, stride, place, server):
+    """server (Z,): each robot in turn takes the zone whose centre is nearest to its flat cell.
+
+    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) the robots' first cells.
+    """
+    server[:] = NIL
+    zones = server.shape[0]
+    for r in range(min(zones, place.shape[0])):
+        best = np.int64(NIL)
+        nearest = 0.0
+        for z in range(zones):
+            if server[z] != NIL:
+                continue
+            far = from_centre(roads, design, stride, z, place[r])
+            if best == NIL or far < nearest:
+                best = np.int64(z)
+                nearest = far
+        server[best] = r
+
+
+@kernel
+def from_centre(roads, design, stride, zone, place):
+    """Squared cells between a flat cell and the centre of a zone."""
+    count = 0.0
+    x, y = 0.0, 0.0
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone:
+            cell = np.int64(roads.cell[roads.point[s]])
+            count += 1.0
+            x += cell % stride
+            y += cell // stride
+    x, y = x / count - place % stride, y / count - place // stride
+    return x * x + y * y

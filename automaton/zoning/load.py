@@ -1,0 +1,127 @@
+"""The load of a zone in minutes (eq. 1-4) and the balance of all zones.
+
+f_ij   loads from i to j        tot = base + sum f_ij        W the stations of the zone
+g_ij   = (inflow of i) (outflow of j) / tot: empty trips; the paper prints the same sum twice
+L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l)
+SVp    = sum over pairs of zones of |L_z - L_y| / ((zones - 1) sum L)
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.space import BASE, HANDLING, SHARED, SPEED
+from automaton.zoning.tips import find_tips
+
+UNDEFINED = -1.0  # balance of zones without any load
+
+
+@kernel
+def find_loads(roads, rules, flow, through, design, space):
+    """space.load of all zones, from one flow (S, S) float64; returns the balance.
+
+    through: 1 = what drives past a tip on its shortest way counts as the tip's (GA).
+    """
+    if through == 1:
+        flow_past_tips(roads, flow, design, space)
+    for z in range(design.transfer.shape[0]):
+        members(design, space, z, rules[SHARED])
+        if through == 1:
+            space.load[z] = load_of(roads, rules, space.legs, space)
+        else:
+            space.load[z] = load_of(roads, rules, flow, space)
+    return balance(space.load)
+
+
+@kernel
+def members(design, space, z, shared):
+    """space.member: the stations of zone z, and its transfer stations if these are shared."""
+    for s in range(design.zone.shape[0]):
+        space.member[s] = 1 if design.zone[s] == z else 0
+        if shared == 1.0:
+            for other in range(design.transfer.shape[0]):
+                if design.transfer[z, other, s] == 1:
+                    space.member[s] = 1
+
+
+@kernel
+def load_of(roads, rules, flow, space):
+    """Minutes of work at the stations of space.member."""
+    count = np.int64(0)
+    for s in range(space.member.shape[0]):
+        if space.member[s] == 1:
+            space.listed[count] = s
+            count += 1
+    total = rules[BASE]
+    space.into[:] = 0.0
+    space.out[:] = 0.0
+    for a in range(count):
+        i = space.listed[a]
+        for b in range(count):
+            j = space.listed[b]
+            if i != j:
+                total += flow[i, j]
+                space.out[i] += flow[i, j]
+                space.into[j] += flow[i, j]
+    if total == 0.0:
+        return 0.0
+    cells = 0.0
+    for a in range(count):
+        i = space.listed[a]
+        for b in range(count):
+            j = space.listed[b]
+            if i != j:
+                empty = space.into[i] * space.out[j] / total
+                cells += (flow[i, j] + empty) * roads.between[i, j]
+    return cells / rules[SPEED] + total * rules[HANDLING]
+
+
+@kernel
+def flow_past_tips(roads, flow, design, space):
+    """space.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
+    stations = flow.shape[0]
+    find_tips(roads, design, space)
+    space.legs[:] = 0.0
+    for a in range(stations):
+        for b in range(stations):
+            if a == b or flow[a, b] == 0.0:
+                continue
+            count = stations_on_way(roads, space, a, b)
+            for x in range(count):
+                i = np.int64(space.listed[x])
+                for y in range(x + 1, count):
+                    j = np.int64(space.listed[y])
+                    whole = i == a and j == b
+                    if design.zone[i] == design.zone[j] and (whole or space.tip[i] == 1):
+                        space.legs[i, j] += flow[a, b]
+
+
+@kernel
+def stations_on_way(roads, space, a, b):
+    """space.listed: the stations on the shortest way from a to b, in its order; how many."""
+    end = np.int64(roads.point[b])
+    p = np.int64(roads.point[a])
+    count = np.int64(0)
+    while p != NIL:
+        if roads.station[p] != NIL:
+            space.listed[count] = roads.station[p]
+            count += 1
+        if p == end:
+            break
+        p = np.int64(roads.hop[p, end])
+    return count
+
+
+@kernel
+def balance(load):
+    """SVp, from 0 (equal) to 1 (one zone has it all), or UNDEFINED."""
+    zones = load.shape[0]
+    total = 0.0
+    apart = 0.0
+    for z in range(zones):
+        total += load[z]
+        for y in range(z):
+            apart += abs(load[z] - load[y])
+    if total == 0.0 or zones < 2:
+        return UNDEFINED
+    return apart / ((zones - 1) * total)

@@ -1,0 +1,179 @@
+"""Decentralized dynamic zoning (Algorithm 4): a leader tries exchanges with whom it can reach.
+
+Zones stand for their robots. `reach` (Z,) uint8 marks the leader's zone and those of its
+neighbours. Parts outside these zones are not known to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.compiled import kernel
+from automaton.struct import Struct
+from automaton.zoning.annealing import FEWEST, facing_tips, forget_tips, random_tip
+from automaton.zoning.chance import NEGOTIATION, below, chance
+from automaton.zoning.consensus import sigma_about
+from automaton.zoning.exchange import give
+from automaton.zoning.exponential import exponential, temperature
+from automaton.zoning.load import load_of, members
+from automaton.zoning.paths import copy_design
+from automaton.zoning.routing import NEIGHBOURS, route
+from automaton.zoning.space import ADJACENT, SHARED
+from automaton.zoning.transfer import connected, find_transfers, joined
+
+Array = NDArray[Any]
+
+# Defaults of the published run.
+HOT = 4.5
+COLD = 0.3
+STEPS = 20  # M of eq. 6
+SCALE = 10.0  # k of Algorithm 4
+TURNS = 2  # that every robot leads
+ITERATIONS = 10  # of a turn
+
+
+class Parts(Struct):
+    """Parts in the queues or hands of robots; room for K."""
+
+    count: Array  # (1,) int64: how many there are
+    at: Array  # (K,) int32: the station where it is, or was picked up
+    to: Array  # (K,) int32: the next station of its route
+    carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
+    zone: Array  # (K,) int32: the zone in whose queue it is
+    stop: Array  # (K,) int32: the station where it is set down
+    zone_then: Array  # (K,) int32: what they would be in another design
+    stop_then: Array  # (K,) int32
+
+
+def parts_for(room: int) -> Parts:
+    """No parts, and room for some."""
+    names = ("at", "to", "carried", "zone", "stop", "zone_then", "stop_then")
+    kinds = {name: np.uint8 if name == "carried" else np.int32 for name in names}
+    arrays = {name: np.zeros(room, kind) for name, kind in kinds.items()}
+    return Parts(count=np.zeros(1, np.int64), **arrays)
+
+
+@kernel
+def lead(
+    roads, rules, parts, hot, cold, steps, scale, before, iterations, design, space, leader, reach,
+    mean, seed, tick,
+):  # fmt: skip
+    """A turn of the leader: `iterations` exchanges about its consensus `mean` (minutes).
+
+    Leaves the best design of the turn, that at its start included, and the parts queued by it;
+    returns its sigma. before: iterations that this robot led in earlier turns.
+    """
+    space.drawn[0] = NEGOTIATION + (leader << 32)
+    loads_of_queues(roads, rules, design, space, parts, parts.zone, parts.stop, reach)
+    sigma = sigma_about(space.load, reach, mean)
+    best = sigma
+    copy_design(design, space.best)
+    for k in range(iterations):
+        heat = temperature(hot, cold, steps, before + k) * scale
+        tried = exchange(
+            roads, rules, parts, heat, sigma, design, space, leader, reach, mean, seed, tick
+        )
+        if tried < 0.0:
+            continue
+        sigma = tried
+        if sigma < best:
+            best = sigma
+            copy_design(design, space.best)
+    copy_design(space.best, design)
+    requeue(roads, design, space, parts, reach)
+    adopt(parts)
+    return best
+
+
+@kernel
+def exchange(roads, rules, parts, heat, sigma, design, space, leader, reach, mean, seed, tick):
+    """One iteration: changes design, parts and space.load if it is accepted.
+
+    Returns the new sigma, or -1 when there was nothing to exchange or it was refused. Refused are
+    also designs that leave the leader without a transfer station, or zones cut off.
+    """
+    copy_design(design, space.trial)
+    if propose(roads, rules, space.trial, space, leader, reach, seed, tick) == 0:
+        return -1.0
+    find_transfers(roads, rules, space.trial, space, reach)
+    if has_transfer(space.trial, leader) == 0 or connected(space.trial, space) == 0:
+        return -1.0
+    requeue(roads, space.trial, space, parts, reach)
+    loads_of_queues(
+        roads, rules, space.trial, space, parts, parts.zone_then, parts.stop_then, reach
+    )
+    tried = sigma_about(space.load, reach, mean)
+    if tried <= sigma or chance(space, seed, tick) < exponential((sigma - tried) / heat):
+        copy_design(space.trial, design)
+        adopt(parts)
+        return tried
+    loads_of_queues(roads, rules, design, space, parts, parts.zone, parts.stop, reach)
+    return -1.0
+
+
+@kernel
+def propose(roads, rules, design, space, leader, reach, seed, tick):
+    """The busier of the leader and a random neighbour gives a tip to the other; 0 if it cannot."""
+    count = np.int64(0)
+    for z in range(reach.shape[0]):
+        if z != leader and reach[z] == 1:
+            space.wave[count] = z
+            count += 1
+    if count == 0:
+        return 0
+    a, b = leader, np.int64(space.wave[below(space, count, seed, tick)])
+    if space.load[a] < space.load[b]:
+        a, b = b, a
+    forget_tips(roads, design, space)
+    if facing_tips(roads, rules, design, space, a, b) == 0:
+        return 0
+    tip = random_tip(space, a, b, seed, tick)
+    through = np.int64(space.through[a, b, tip])
+    return give(roads, design, space, tip, through, rules[ADJACENT], FEWEST)
+
+
+@kernel
+def has_transfer(design, zone):
+    """1 if a zone has a transfer station."""
+    for z in range(design.transfer.shape[0]):
+        if z != zone and joined(design, zone, z) == 1:
+            return 1
+    return 0
+
+
+@kernel
+def requeue(roads, design, space, parts, reach):
+    """parts.zone_then and stop_then: queued parts of zones in reach, from where they are."""
+    for k in range(parts.count[0]):
+        parts.zone_then[k] = parts.zone[k]
+        parts.stop_then[k] = parts.stop[k]
+        if parts.carried[k] == 1 or reach[parts.zone[k]] == 0:
+            continue
+        at, to = np.int64(parts.at[k]), np.int64(parts.to[k])
+        zone, stop, _ = route(roads, design, space, NEIGHBOURS, design.zone[at], at, to)
+        parts.zone_then[k] = zone
+        parts.stop_then[k] = stop
+
+
+@kernel
+def adopt(parts):
+    """What was tried becomes what is."""
+    for k in range(parts.count[0]):
+        parts.zone[k] = parts.zone_then[k]
+        parts.stop[k] = parts.stop_then[k]
+
+
+@kernel
+def loads_of_queues(roads, rules, design, space, parts, zone, stop, reach):
+    """space.load of the zones in reach, each from the legs in its own queue; others stay."""
+    space.leg_flow[:] = 0.0
+    for k in range(parts.count[0]):
+        if parts.at[k] != stop[k]:
+            space.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
+    for z in range(reach.shape[0]):
+        if reach[z] == 1:
+            members(design, space, z, rules[SHARED])
+            space.load[z] = load_of(roads, rules, space.leg_flow[z], space)

@@ -1,0 +1,47 @@
+"""A zone design drawn over its floor."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+from automaton.world.partition import Design, Roads
+from automaton.world.plan import FloorPlan
+
+ZONES: Final = "abcdefghijklmnopqrstuvwxyz"
+
+
+def design_picture(plan: FloorPlan, roads: Roads, design: Design) -> str:
+    """One character for each cell, and a line on each zone.
+
+    Ways of zones are small letters, other ways dots; a station is the letter of its zone as a
+    capital, or * where it is a transfer station.
+    """
+    driven = plan.drivable()[1:-1, 1:-1].tolist()
+    rows = [["." if cell else "#" for cell in row] for row in driven]
+    for m in range(int(design.segments[0])):
+        path = [plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
+        for start, end in pairwise(path):
+            _line(rows, start, end, ZONES[int(design.owner[m]) % len(ZONES)])
+    shared = design.transfer.max(axis=(0, 1)).tolist()
+    for s, zone in enumerate(design.zone.tolist()):
+        x, y = plan.xy(roads.cell[roads.point[s]])
+        rows[y][x] = "*" if shared[s] else ZONES[zone % len(ZONES)].upper() if zone >= 0 else "?"
+    lines = ["".join(row) for row in rows]
+    lines += [_listed(design, zone) for zone in range(len(design.transfer))]
+    return "\n".join(lines) + "\n"
+
+
+def _line(rows: list[list[str]], start: tuple[int, int], end: tuple[int, int], mark: str) -> None:
+    (x, y), (to_x, to_y) = sorted((start, end))
+    for column in range(x, to_x + 1):
+        for row in range(min(y, to_y), max(y, to_y) + 1):
+            rows[row][column] = mark
+
+
+def _listed(design: Design, zone: int) -> str:
+    def marked(s: int) -> str:
+        return f"{s + 1}*" if design.transfer[zone, :, s].any() else str(s + 1)
+
+    own = [marked(s) for s in range(len(design.zone)) if design.zone[s] == zone]
+    return f"zone {zone + 1} ({ZONES[zone % len(ZONES)]}): {' '.join(own)}"

@@ -1,0 +1,54 @@
+"""Who takes a part, and where to: section "part transfers" of Keith & La, as their code does it."""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.space import INF
+from automaton.zoning.transfer import find_levels
+
+SHARED_FLOW = 0  # rule of SA and GA: through the nearest transfer station
+NEIGHBOURS = 1  # rule of DDZ: without a common one, through the one that is nearest to the target
+
+
+@kernel
+def route(roads, design, space, rule, zone, at, to):
+    """(zone in whose queue it is, station where it is set down, 1 = that is the target).
+
+    zone: whose part it is: that of the station where it was processed, or after a transfer that of
+    the robot that set it down. at, to: the station where it is, the next one of its route. A part
+    that waits at the transfer station to which it would be brought is the next robot's already.
+    Where no transfers lead to the target, its own robot delivers: zones do not bind robots.
+    """
+    target = np.int64(design.zone[to])
+    if zone != target:
+        find_levels(design, space, target)
+    while zone != target and space.level[zone] != NIL:
+        station, other = way_out(roads, design, space, rule, zone, at, to)
+        if station == to:
+            break
+        if station != at:
+            return zone, station, 0
+        zone = other
+    return zone, to, 1
+
+
+@kernel
+def way_out(roads, design, space, rule, zone, at, to):
+    """The transfer station by which a part leaves, and the zone that fetches it there.
+
+    Zones with the fewest transfers left; of their transfer stations the nearest to where the part
+    is, or by the rule of DDZ, when transfers remain after it, to its target; then the lowest.
+    """
+    best = np.int64(INF)
+    station, other = np.int64(NIL), np.int64(NIL)
+    to_target = rule == NEIGHBOURS and space.level[zone] > 1
+    for s in range(design.zone.shape[0]):
+        for z in range(design.transfer.shape[0]):
+            if design.transfer[zone, z, s] == 0 or space.level[z] != space.level[zone] - 1:
+                continue
+            far = np.int64(roads.between[s, to] if to_target else roads.between[at, s])
+            if far < best:
+                best = far
+                station, other = np.int64(s), np.int64(z)
+    return station, other

@@ -1,0 +1,147 @@
+"""First designs: phase 1 of Ho & Liao, and random ones.
+
+Relation of two stations: RC = Wd (far - d) / (far - near) + Wf (F - least) / (most - least).
+The stations that are least related to all others are the seeds; then the zones take turns to
+connect the free station with the best relation to one of theirs, while Wd grows and Wf shrinks.
+The authors' code takes the largest indices instead of the best relation; this is the true maximum.
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.chance import below
+from automaton.zoning.exchange import connect
+from automaton.zoning.paths import block_others, clear_design, hold, spread
+from automaton.zoning.space import ADJACENT, INF
+
+WEIGHT = 0.5  # Wd and Wf at the start
+DRIFT = 0.015  # what Wd gains and Wf loses by each visit
+RESTARTS = 100  # random designs that may fail
+TRIES = 60  # random joins for each station
+
+
+@kernel
+def first_design(roads, flow, design, space):
+    """Phase 1; returns 0 if no zone can reach a station that is left over."""
+    stations = design.zone.shape[0]
+    zones = design.transfer.shape[0]
+    clear_design(design)
+    plant(roads, flow, design, space)
+    left = stations - zones
+    visit, idle = np.int64(0), np.int64(0)
+    while left > 0 and idle < zones:
+        shift = DRIFT * visit
+        if connect_best(roads, flow, design, space, visit % zones, WEIGHT + shift, WEIGHT - shift):
+            left -= 1
+            idle = np.int64(0)
+        else:
+            idle += 1
+        visit += 1
+    return 1 if left == 0 else 0
+
+
+@kernel
+def plant(roads, flow, design, space):
+    """One seed for each zone: the stations least related to the others."""
+    stations = design.zone.shape[0]
+    for z in range(design.transfer.shape[0]):
+        seed = np.int64(NIL)
+        lowest = 0.0
+        for j in range(stations):
+            if design.zone[j] != NIL:
+                continue
+            sum_of = 0.0
+            for i in range(stations):
+                if i != j:
+                    sum_of += relation(roads, flow, i, j, roads.between[i, j], WEIGHT, WEIGHT)
+            if seed == NIL or sum_of < lowest:
+                seed = np.int64(j)
+                lowest = sum_of
+        design.zone[seed] = z
+    hold(roads, design)
+
+
+@kernel
+def relation(roads, flow, i, j, far, by_distance, by_flow):
+    """RC of two stations that are `far` cells apart."""
+    nearest, farthest = roads.between[0, 1], roads.between[0, 1]
+    least, most = flow[0, 1], flow[0, 1]
+    for a in range(flow.shape[0]):
+        for b in range(flow.shape[0]):
+            if a != b:
+                nearest = min(nearest, roads.between[a, b])
+                farthest = max(farthest, roads.between[a, b])
+                least = min(least, flow[a, b])
+                most = max(most, flow[a, b])
+    value = 0.0
+    if farthest > nearest:
+        value += by_distance * (farthest - far) / (farthest - nearest)
+    if most > least:
+        value += by_flow * (flow[i, j] - least) / (most - least)
+    return value
+
+
+@kernel
+def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
+    """Connect the free station with the best relation to one of the zone; 0 if it reaches none."""
+    block_others(design, space, zone, zone)
+    inside, free = np.int64(NIL), np.int64(NIL)
+    best = 0.0
+    for i in range(design.zone.shape[0]):
+        if design.zone[i] != zone:
+            continue
+        spread(roads, space, roads.point[i], NIL, INF)
+        for j in range(design.zone.shape[0]):
+            far = space.distance[roads.point[j]]
+            if design.zone[j] != NIL or far == INF:
+                continue
+            value = relation(roads, flow, i, j, far, by_distance, by_flow)
+            if free == NIL or value > best:
+                best = value
+                inside, free = np.int64(i), np.int64(j)
+    if free == NIL:
+        return 0
+    return connect(roads, design, space, free, inside, INF)
+
+
+@kernel
+def random_design(roads, rules, design, space, seed, tick):
+    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds."""
+    stations = design.zone.shape[0]
+    zones = design.transfer.shape[0]
+    for _ in range(RESTARTS):
+        clear_design(design)
+        for z in range(zones):
+            s = below(space, stations, seed, tick)
+            while design.zone[s] != NIL:
+                s = below(space, stations, seed, tick)
+            design.zone[s] = z
+        hold(roads, design)
+        left = stations - zones
+        for _ in range(TRIES * stations):
+            if left == 0:
+                return 1
+            left -= random_join(roads, rules, design, space, seed, tick)
+    return 0
+
+
+@kernel
+def random_join(roads, rules, design, space, seed, tick):
+    """A random zone takes a random free station adjacent to a random one of its own; 1 if it can."""
+    zone = below(space, design.transfer.shape[0], seed, tick)
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == zone:
+            space.listed[count] = s
+            count += 1
+    inside = np.int64(space.listed[below(space, count, seed, tick)])
+    count = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] == NIL and roads.between[inside, s] < rules[ADJACENT]:
+            space.listed[count] = s
+            count += 1
+    if count == 0:
+        return 0
+    free = np.int64(space.listed[below(space, count, seed, tick)])
+    return connect(roads, design, space, free, inside, rules[ADJACENT])

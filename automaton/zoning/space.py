@@ -1,0 +1,143 @@
+"""Scratch of the kernels of zoning, and the numbers by which designs are made and judged."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.struct import Struct
+from automaton.world.partition import Design, Roads
+from automaton.world.state import NIL
+
+Array = NDArray[Any]
+
+INF: Final = 1 << 60  # a distance that stands for "no way", or a limit for "none"
+
+# Columns of the rules, (RULES,) float64.
+BASE: Final = 0  # loads that a zone has besides its flow: 1 for SA and GA, 0 for DDZ
+SPEED: Final = 1  # cells per minute
+HANDLING: Final = 2  # minutes to load and to unload
+ADJACENT: Final = 3  # cells: stations that are nearer are adjacent
+LIMIT: Final = 4  # cells: the longest path between a transfer station and who fetches from it
+BLOCKS: Final = 5  # 1: these paths are in the way of other zones (SA, GA)
+SHARED: Final = 6  # 1: transfer stations belong to the stations of a zone's load (DDZ)
+RULES: Final = 7
+
+
+class ZoneSpace(Struct):
+    """P points, S stations, Z zones, n robots; contents decide nothing between calls."""
+
+    distance: Array  # (P,) int64 cells from where a search began
+    back: Array  # (P,) int32: the point before
+    open: Array  # (P,) int32: points reached and not settled
+    done: Array  # (P,) uint8: 1 = settled
+    blocked: Array  # (P,) uint8: 1 = a search may not pass
+    claimed: Array  # (P, Z) uint8: 1 = on a path from a transfer station that is the zone's
+    tip: Array  # (S,) uint8: 1 = a tip of its zone
+    part: Array  # (S,) int32: the lowest station that it is joined with
+    listed: Array  # (S,) int32: stations of some kind, the first ones
+    chosen: Array  # (S,) int32
+    member: Array  # (S,) uint8
+    through: Array  # (Z, Z, S) int32: the tip of the second zone near a tip of the first, or NIL
+    fresh: Array  # (Z, Z) uint8: 1 = `through` holds for the present design
+    legs: Array  # (S, S) float64: the flow that a load is made of
+    leg_flow: Array  # (Z, S, S) float64: the legs in each robot's queue
+    into: Array  # (S,) float64
+    out: Array  # (S,) float64
+    load: Array  # (Z,) float64 minutes
+    level: Array  # (Z,) int32
+    wave: Array  # (Z,) int32
+    zones: Array  # (Z * Z, 2) int32: pairs of zones
+    length: Array  # (S * S,) int64: of pairs of stations
+    couple: Array  # (S * S, 2) int32
+    drawn: Array  # (1,) int64: draws so far
+    mean: Array  # (n,) float64
+    mean_next: Array  # (n,) float64
+    trial: Design  # what an exchange makes
+    now: Design  # where a search is
+    best: Design
+
+
+def zone_rules(
+    speed: float,
+    adjacent: float,
+    base: float = 1.0,
+    handling: float = 0.084,
+    limit: float | None = None,
+    blocks: bool = True,
+    shared: bool = False,
+) -> Array:
+    """(RULES,) float64; the defaults are those of SA and GA (DDZ: base 0, a limit, not blocks,
+    shared). speed: cells per minute; adjacent, limit: cells; handling: minutes."""
+    rules = np.zeros(RULES)
+    rules[BASE], rules[SPEED], rules[HANDLING], rules[ADJACENT] = base, speed, handling, adjacent
+    rules[LIMIT], rules[BLOCKS], rules[SHARED] = INF if limit is None else limit, blocks, shared
+    return rules
+
+
+def empty_design(points: int, stations: int, zones: int) -> Design:
+    """A design in which no station has a zone."""
+    return Design(
+        zone=np.full(stations, NIL, np.int32),
+        segments=np.zeros(1, np.int64),
+        owner=np.full(stations, NIL, np.int32),
+        ends=np.full((stations, 2), NIL, np.int32),
+        points=np.zeros(stations, np.int32),
+        path=np.full((stations, points), NIL, np.int32),
+        held=np.full(points, NIL, np.int32),
+        transfer=np.zeros((zones, zones, stations), np.uint8),
+    )
+
+
+def design_for(roads: Roads, zones: int) -> Design:
+    """An empty design for these roads."""
+    return empty_design(len(roads.cell), len(roads.point), zones)
+
+
+def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace:
+    """Scratch of these sizes."""
+
+    def numbers(*shape: int) -> Array:
+        return np.zeros(shape, np.int32)
+
+    def flags(*shape: int) -> Array:
+        return np.zeros(shape, np.uint8)
+
+    return ZoneSpace(
+        distance=np.zeros(points, np.int64),
+        back=numbers(points),
+        open=numbers(points),
+        done=flags(points),
+        blocked=flags(points),
+        claimed=flags(points, zones),
+        tip=flags(stations),
+        part=numbers(stations),
+        listed=numbers(stations),
+        chosen=numbers(stations),
+        member=flags(stations),
+        through=numbers(zones, zones, stations),
+        fresh=flags(zones, zones),
+        legs=np.zeros((stations, stations)),
+        leg_flow=np.zeros((zones, stations, stations)),
+        into=np.zeros(stations),
+        out=np.zeros(stations),
+        load=np.zeros(zones),
+        level=numbers(zones),
+        wave=numbers(zones),
+        zones=numbers(zones * zones, 2),
+        length=np.zeros(stations * stations, np.int64),
+        couple=numbers(stations * stations, 2),
+        drawn=np.zeros(1, np.int64),
+        mean=np.zeros(robots),
+        mean_next=np.zeros(robots),
+        trial=empty_design(points, stations, zones),
+        now=empty_design(points, stations, zones),
+        best=empty_design(points, stations, zones),
+    )
+
+
+def space_for(roads: Roads, zones: int, robots: int = 0) -> ZoneSpace:
+    """Scratch for these roads."""
+    return zone_space(len(roads.cell), len(roads.point), zones, robots)

@@ -1,0 +1,158 @@
+"""Transfer stations between zones (Algorithm 1, by the rules that gave the published numbers).
+
+For each pair of zones, tips that are near a station of the other zone are joined by union paths;
+shortest first, the tip in the zone with more load becomes a transfer station, where the other
+zone's robot fetches. A pair one of whose ends is a transfer station of this pair of zones already
+is passed over (the paper removes both ends of a chosen pair).
+"""
+
+import numpy as np
+
+from automaton.compiled import kernel
+from automaton.world.state import NIL
+from automaton.zoning.paths import block_others, spread, whole_cells
+from automaton.zoning.space import ADJACENT, BLOCKS, INF, LIMIT
+from automaton.zoning.tips import find_tips
+
+
+@kernel
+def find_transfers(roads, rules, design, space, reach):
+    """design.transfer between all zones with reach[z] = 1, from space.load.
+
+    Between others it stays, but for stations that are in neither of the two zones any more.
+    """
+    forget_moved(design)
+    find_tips(roads, design, space)
+    space.claimed[:] = 0
+    for a in range(reach.shape[0]):
+        for b in range(a + 1, reach.shape[0]):
+            if reach[a] == 1 and reach[b] == 1:
+                between_two(roads, rules, design, space, a, b)
+
+
+@kernel
+def forget_moved(design):
+    """A transfer station of two zones is a station of one of them."""
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a and design.zone[s] != b:
+                    design.transfer[a, b, s] = 0
+
+
+@kernel
+def between_two(roads, rules, design, space, a, b):
+    """The transfer stations of two zones."""
+    design.transfer[a, b, :] = 0
+    design.transfer[b, a, :] = 0
+    close_to_two(design, space, a, b)
+    count = joined_tips(roads, rules, design, space, a, b)
+    for k in range(count):
+        x, y = np.int64(space.couple[k, 0]), np.int64(space.couple[k, 1])
+        if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
+            continue
+        station, fetcher = (x, b) if space.load[a] >= space.load[b] else (y, a)
+        design.transfer[a, b, station] = 1
+        design.transfer[b, a, station] = 1
+        if rules[BLOCKS] == 1.0:
+            claim(roads, space, x, y, fetcher)
+
+
+@kernel
+def close_to_two(design, space, a, b):
+    """Close what other zones hold or have claimed."""
+    block_others(design, space, a, b)
+    for p in range(design.held.shape[0]):
+        for z in range(design.transfer.shape[0]):
+            if z != a and z != b and space.claimed[p, z] == 1:
+                space.blocked[p] = 1
+
+
+@kernel
+def joined_tips(roads, rules, design, space, a, b):
+    """space.couple: tips x of a and y of b with a union path, the shortest first; how many."""
+    bound = whole_cells(rules[LIMIT])
+    count = np.int64(0)
+    for x in range(design.zone.shape[0]):
+        if faces(roads, rules, design, space, x, a, b) == 0:
+            continue
+        spread(roads, space, roads.point[x], NIL, bound)
+        for y in range(design.zone.shape[0]):
+            far = space.distance[roads.point[y]]
+            if far == INF or faces(roads, rules, design, space, y, b, a) == 0:
+                continue
+            at = count
+            while at > 0 and space.length[at - 1] > far:
+                space.length[at] = space.length[at - 1]
+                space.couple[at, 0] = space.couple[at - 1, 0]
+                space.couple[at, 1] = space.couple[at - 1, 1]
+                at -= 1
+            space.length[at] = far
+            space.couple[at, 0] = x
+            space.couple[at, 1] = y
+            count += 1
+    return count
+
+
+@kernel
+def faces(roads, rules, design, space, s, own, other):
+    """1 if s is a tip of its own zone, near any station of the other one."""
+    if design.zone[s] != own or space.tip[s] == 0:
+        return 0
+    for t in range(design.zone.shape[0]):
+        if design.zone[t] == other and roads.between[s, t] <= rules[ADJACENT]:
+            return 1
+    return 0
+
+
+@kernel
+def claim(roads, space, x, y, zone):
+    """The inner points of the path between two stations are in the way of later pairs of zones."""
+    spread(roads, space, roads.point[x], roads.point[y], INF)
+    p = np.int64(space.back[roads.point[y]])
+    while p != NIL and p != roads.point[x]:
+        space.claimed[p, zone] = 1
+        p = np.int64(space.back[p])
+
+
+@kernel
+def joined(design, a, b):
+    """1 if two zones have a transfer station."""
+    for s in range(design.zone.shape[0]):
+        if design.transfer[a, b, s] == 1:
+            return 1
+    return 0
+
+
+@kernel
+def isolated_pairs(design):
+    """How many pairs of zones have no transfer station."""
+    count = np.int64(0)
+    for a in range(design.transfer.shape[0]):
+        for b in range(a):
+            count += 1 - joined(design, a, b)
+    return count
+
+
+@kernel
+def find_levels(design, space, zone):
+    """space.level: transfers from each zone to this one, NIL where none leads there."""
+    space.level[:] = NIL
+    space.level[zone] = 0
+    space.wave[0] = zone
+    count, at = np.int64(1), np.int64(0)
+    while at < count:
+        here = np.int64(space.wave[at])
+        at += 1
+        for z in range(design.transfer.shape[0]):
+            if space.level[z] == NIL and joined(design, here, z) == 1:
+                space.level[z] = space.level[here] + 1
+                space.wave[count] = z
+                count += 1
+    return count
+
+
+@kernel
+def connected(design, space):
+    """1 if a part can get from every zone to every other one."""
+    return 1 if find_levels(design, space, 0) == design.transfer.shape[0] else 0

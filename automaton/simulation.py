@@ -24,6 +24,7 @@ from automaton.world.build import (
     no_memory,
 )
 from automaton.world.carry import take_over
+from automaton.world.partitions import with_zones
 from automaton.world.state import (
     CHANGED,
     DECIDED,
@@ -68,7 +69,7 @@ class Simulation:
         self.resolved = resolved
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
-        self.space = floor.borrow_space(self)
+        self.space = with_zones(floor.borrow_space(self), self.world)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         self.seen = build_sight(self.world, floor)

@@ -100,7 +100,9 @@ class Factory(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
             robots[lane] = UNLIMITED if self.lanes == "pass" else 1
         for x, y in self.stations().values():
             floor[y, x] = STATION
-        return floor_plan(kind, leave, capacity)
+        stride = width + 2
+        numbered = ((y + 1) * stride + x + 1 for x, y in self.stations().values())
+        return floor_plan(kind, leave, capacity, numbered=numbered)
 
     def _cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Halves are rounded to the east and to the north."""

@@ -15,6 +15,7 @@ from automaton.world.cells import DOCK
 from automaton.world.plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
+from strategies.zoning.parameters import Annealing, Genetic, Monitoring
 
 Span = Annotated[
     tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
@@ -172,7 +173,23 @@ MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keep
 
 
 CATALOGUE: dict[str, dict[str, Entry]] = {
-    "zoning": {},
+    "zoning": {
+        "static": Entry(
+            "strategies.zoning.repairing:StaticZones",
+            Monitoring,
+            "zones that stay; out of balance, robots share orders",
+        ),
+        "annealing": Entry(
+            "strategies.zoning.repairing:AnnealedZones",
+            Annealing,
+            "zones designed anew by simulated annealing (Ho & Liao; Keith & La)",
+        ),
+        "genetic": Entry(
+            "strategies.zoning.repairing:BredZones",
+            Genetic,
+            "zones designed anew by a genetic algorithm (Keith & La)",
+        ),
+    },
     "charging": {
         "insertion": Entry(
             "strategies.charging.quoted:InsertCharging",

@@ -239,7 +239,9 @@ def leave_queue(world, order):
     """An order waits anew somewhere: zoning is to say in whose queue it is."""
     world.clock[UNQUEUED] += 1
     if world.zoning.queue.shape[0]:
-        world.zoning.queue[order] = NIL
+        former = np.int64(world.zoning.queue[order])
+        if former >= 0:
+            world.zoning.queue[order] = -2 - former  # it is that zone's until zoning says otherwise
         world.zoning.stop[order] = NIL
         world.zoning.direct[order] = 0
         world.zoning.leg[order] = NIL

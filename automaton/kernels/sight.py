@@ -111,7 +111,8 @@ def zone_of_order(world, order):
     """The zone that has an order: in whose queue it is, or in which it lies, or that of its robot."""
     zoning = world.zoning
     if zoning.queue[order] != NIL:
-        return np.int64(zoning.queue[order])
+        queue = np.int64(zoning.queue[order])
+        return queue if queue >= 0 else -2 - queue
     slot = np.int64(world.orders.place[order])
     if slot == NIL or zoning.station_of[slot] == NIL:
         return np.int64(NIL)

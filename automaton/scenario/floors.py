@@ -84,6 +84,16 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
     return cast("type[msgspec.Struct]", found)
 
 
+def point_names(layout: dict[str, Any]) -> dict[str, tuple[int, int]]:
+    """The names that a generator gives to cells of its floor, for zone designs; mostly none."""
+    if "generator" not in layout:
+        return {}
+    wanted = generator_type(layout["generator"])
+    parameters = {key: value for key, value in layout.items() if key != "generator"}
+    points = getattr(msgspec.convert(parameters, wanted), "points", None)
+    return dict(points()) if points else {}
+
+
 def _generated(document: Document, layout: dict[str, Any]) -> Floor:
     try:
         wanted = generator_type(layout["generator"])

@@ -134,4 +134,7 @@ def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:
     given = validated(document, parameters, wanted, ("strategy", layer))
     # Nobody keeps files beside the shipped scenarios.
     own = document.folder.resolve() != SHIPPED_FOLDER
-    return Pick(choice, located(given, document.folder if own else Path()))
+    try:
+        return Pick(choice, located(given, document.folder if own else Path()))
+    except InputError as error:
+        raise document.error(("strategy", layer), error.message) from None

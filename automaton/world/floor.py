@@ -14,6 +14,8 @@ from automaton.world.reach import slot_access
 from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
 from automaton.world.zones import zones_of
+from automaton.zoning.negotiation import parts_for
+from automaton.zoning.space import zone_space
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
@@ -105,6 +107,8 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
         routes=route_space(poses, grid.zones),
+        zoning=zone_space(0, 0, 0, 0),
+        parts=parts_for(0),
     )
 
 

@@ -52,7 +52,8 @@ class Partition(Struct):
     design: Design
     station_of: Array  # (s,) int32: the station of a slot, or NIL
     server: Array  # (Z,) int32: identity of the robot that serves a zone
-    queue: Array  # (m,) int32: the zone in whose queue an order is, or NIL: it is in none yet
+    queue: Array  # (m,) int32: the zone in whose queue an order is; NIL: none yet; -2 - zone: none
+    #   any more, since a robot of that zone set it down on its way
     stop: Array  # (m,) int32: the slot where the robot sets it down next, or NIL
     direct: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
     leg: Array  # (m,) int32: the slot from which it was picked up last, or NIL

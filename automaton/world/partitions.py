@@ -7,10 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automaton.errors import InputError
+from automaton.scenario.floors import point_names
+from automaton.units import count
 from automaton.world.partition import SAID, Design, Partition, Roads
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import slot_access, steps_from
-from automaton.world.state import NIL, Array, Slots, Stations
+from automaton.world.state import NIL, Array, Slots, Stations, Workspace, World
+from automaton.zoning.designs import read_design
+from automaton.zoning.negotiation import parts_for
+from automaton.zoning.roads import roads_of
+from automaton.zoning.space import space_for
 
 if TYPE_CHECKING:
     from automaton.scenario.resolve import Resolved
@@ -28,7 +35,6 @@ def build_partition(
     robots = resolved.scenario.fleet.robots
     if pick.name == NO_STRATEGY:
         return partition_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
-    from automaton.zoning.roads import roads_of
 
     station_of = np.full(len(slots.cell), NIL, np.int32)
     if len(stations.slot):
@@ -38,7 +44,28 @@ def build_partition(
         cells, groups = grouped(resolved.plan, int(getattr(pick.parameters, "groups", GROUPS)))
         station_of[: slots.spare] = groups
     roads = roads_of(resolved.plan, cells)
-    return partition_of(roads, robots, station_of, orders, robots)
+    partition = partition_of(roads, robots, station_of, orders, robots)
+    data = getattr(pick.parameters, "design", None)
+    if data is None:
+        return partition
+    names = point_names(resolved.scenario.layout)
+    design = read_design(resolved.plan, roads, data, names)
+    if len(design.transfer) != robots:
+        zones = count(len(design.transfer), "zone")
+        raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
+    return partition.replaced(design=design)
+
+
+def with_zones(space: Workspace, world: World) -> Workspace:
+    """A workspace with scratch for the zones of a world."""
+    zoning = world.zoning
+    if not len(zoning.queue):
+        return space
+    robots = len(zoning.halt)
+    return space.replaced(
+        zoning=space_for(zoning.roads, len(zoning.server), robots),
+        parts=parts_for(len(zoning.queue)),
+    )
 
 
 def partition_of(

@@ -8,13 +8,17 @@ storage changes nothing that is stored. NIL (-1) means none. The same classes se
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
 from automaton.world.partition import Design, Partition
 from automaton.world.route_space import RouteSpace
+
+if TYPE_CHECKING:
+    from automaton.zoning.negotiation import Parts
+    from automaton.zoning.space import ZoneSpace
 
 Array = NDArray[Any]
 
@@ -428,6 +432,8 @@ class Workspace(Struct):
     field_owner: Array  # (K,) int32: the target of a field, or NIL
     field_next: Array  # (1,) int64: the field to overwrite next
     routes: RouteSpace
+    zoning: ZoneSpace
+    parts: Parts
 
 
 class Record(Struct):

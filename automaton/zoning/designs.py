@@ -2,6 +2,8 @@
 
     zones:
       - {stations: [9, 10, 7], segments: [qr, rQOo]}
+    transfers:            # left out: they are found when a run begins
+      - {zones: [1, 2], stations: [7]}
 
 Stations are counted from 1. A segment is a path from one station of the zone to another: a list of
 [x, y] cells, or the names of points in one word where the floor has names. What lies on the straight
@@ -47,7 +49,29 @@ def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = 
             _read_segment(plan, roads, design, zone, where, _whole(plan, roads, where, points))
     _check_points(plan, roads, design)
     _join(roads, design, [not entry.get("segments") for entry in zones])
+    _read_transfers(design, data.get("transfers") or ())
     return design
+
+
+def _read_transfers(design: Design, entries: Any) -> None:
+    """Transfer stations of pairs of zones, counted from 1."""
+    zones, stations = len(design.transfer), len(design.zone)
+    for entry in entries:
+        try:
+            (a, b), listed = (int(zone) for zone in entry["zones"]), list(entry["stations"])
+        except (TypeError, KeyError, ValueError):
+            raise InputError(
+                f"transfers are {{zones: [1, 2], stations: [...]}}, found {entry!r}"
+            ) from None
+        if not (1 <= a <= zones and 1 <= b <= zones and a != b):
+            raise InputError(f"transfers name two of the zones 1 to {zones}, found {a} and {b}")
+        for number in listed:
+            if not isinstance(number, int) or not 1 <= number <= stations:
+                raise InputError(f"there is no station {number}; there are 1 to {stations}")
+            if design.zone[number - 1] + 1 not in (a, b):
+                raise InputError(f"station {number} lies in neither zone {a} nor zone {b}")
+            design.transfer[a - 1, b - 1, number - 1] = 1
+            design.transfer[b - 1, a - 1, number - 1] = 1
 
 
 def design_data(plan: FloorPlan, roads: Roads, design: Design, names: Names | None = None) -> Any:

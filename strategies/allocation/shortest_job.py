@@ -30,7 +30,7 @@ def is_mine(view, order, identity):
     if zoning.queue.shape[0] == 0:
         return True
     queue = zoning.queue[order]
-    return queue != NIL and zoning.server[queue] == identity
+    return queue >= 0 and zoning.server[queue] == identity
 
 
 @kernel

@@ -1,0 +1,1 @@
+"""Zoning: which robot serves which part of the floor."""

@@ -1,0 +1,181 @@
+"""Zones of one central computer: watched, shared when out of balance, and perhaps designed anew.
+
+Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
+minute, every third minute when it has been good for a while. Out of balance, robots share orders from
+time to time; out of balance for long, new zones are made from the flow of that moment, and take effect
+when a computer would be done with them. All that waits is queued anew then.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from automaton.strategy.kernels import announce_first_compilation
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
+from automaton.zoning.annealing import repair
+from automaton.zoning.load import balance, find_loads
+from automaton.zoning.paths import copy_design
+from automaton.zoning.routing import SHARED_FLOW
+from automaton.zoning.space import INF
+from automaton.zoning.transfer import find_transfers
+from strategies.zoning.charging_load import add_charging
+from strategies.zoning.parameters import Monitoring
+from strategies.zoning.queues import queue_orders, record_flow, share, take_over
+from strategies.zoning.units import rules_of_zones, ticks
+
+FIRST_LOOK: Final = 30.0  # seconds after the start
+AFTER_REPAIR: Final = 60.0  # and after a redesign
+
+# memory.own, in the row of robot 0
+REDESIGNS: Final = 0
+SHARED: Final = 1
+BALANCED: Final = 2  # ticks between two looks, the first of which found the zones balanced
+WATCHED: Final = 3  # ticks between looks
+
+# memory.shared; ticks, 0 where there is none
+BEGUN: Final = 0
+NEXT_LOOK: Final = 1
+LAST_LOOK: Final = 2
+WAS_GOOD: Final = 3  # what the last look found: 1 balanced, 0 not, NIL no flow
+GOOD_SINCE: Final = 4
+BAD_SINCE: Final = 5
+NEXT_SHARE: Final = 6
+NEW_ZONES_AT: Final = 7
+FLOW: Final = 8  # the flow of which they are made
+
+
+class Monitored(Strategy):
+    """Zones that stay; robots may share orders when they are out of balance."""
+
+    layer = "zoning"
+    Parameters = Monitoring
+    parameters: Any
+    counters: ClassVar = {
+        "redesigns": REDESIGNS,
+        "load_shares": SHARED,
+        "ticks_in_balance": BALANCED,
+        "ticks_watched": WATCHED,
+    }
+
+    def reset(self, view: World) -> Memory:
+        """What is counted, when something is due next, and the flow for a redesign."""
+        stations = len(view.zoning.roads.point)
+        self._rules = rules_of_zones(view, self.parameters.adjacency)
+        self._flow = np.zeros((stations, stations))
+        self._everywhere = np.ones(len(view.zoning.server), np.uint8)
+        allocation = getattr(self.colleagues.get("allocation"), "parameters", None)
+        self._age = round(1000 * getattr(allocation, "age", 0.5))
+        self._job = round(1000 * getattr(allocation, "job", 10.0))
+        return memory_of(view, own=4, shared=FLOW + stations * stations)
+
+    def decide(
+        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+    ) -> None:
+        """Queue what is new, look at the balance, share, or bring new zones into effect."""
+        given, state = answers.zoning, memory.shared
+        now = int(view.clock[TICK])
+        copy_design(view.zoning.design, given.design)
+        if not state[BEGUN]:
+            self._begin(view, asked, given, state, space)
+        elif state[NEW_ZONES_AT] and now >= state[NEW_ZONES_AT]:
+            self._take_effect(view, given, memory, space)
+        redesigned = int(given.redesigned[0])
+        take_over(view, given)
+        queue_orders(view, given.design, space.zoning, given, SHARED_FLOW, redesigned)
+        if now >= state[NEXT_LOOK]:
+            self._look(view, given, memory, space)
+        due = state[BAD_SINCE] and not state[NEW_ZONES_AT] and not redesigned
+        if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
+            memory.own[view.robots.at_index[0], SHARED] += share(
+                view, space, given, self._age, self._job
+            )
+            state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
+        self._sleep(asked, given, state, now)
+
+    def _sleep(self, asked: Asked, given: Any, state: Any, now: int) -> None:
+        """Ask to be woken when something is due next."""
+        times = [int(state[NEXT_LOOK])]
+        if state[NEW_ZONES_AT]:
+            times.append(int(state[NEW_ZONES_AT]))
+        elif state[BAD_SINCE] and self.parameters.sharing:
+            times.append(int(state[NEXT_SHARE]))
+        given.again[: int(asked.count[0])] = max(1, min(times) - now)
+
+    def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
+        """The first zones: those of the scenario, or annealed on the flow between all stations."""
+        done = announce_first_compilation()
+        if given.design.zone[0] == NIL:
+            self._flow[:] = 1.0
+            np.fill_diagonal(self._flow, 0.0)
+            self._anneal(view, given.design, space)
+        elif not given.design.transfer.any():
+            record_flow(view, INF, 1 << 40, self._flow)  # of all orders, known or not
+            find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
+            find_transfers(
+                view.zoning.roads, self._rules, given.design, space.zoning, self._everywhere
+            )
+        done()
+        given.redesigned[0] = 1
+        for k in range(int(asked.count[0])):
+            given.zone[k] = view.robots.identity[asked.robot[k]]
+        state[BEGUN] = 1
+        state[NEXT_LOOK] = int(view.clock[TICK]) + ticks(view, FIRST_LOOK)
+
+    def _anneal(self, view: World, design: Any, space: Workspace) -> bool:
+        """New zones by simulated annealing on self._flow; False if none was found."""
+        given = self.parameters
+        return bool(
+            repair(
+                view.zoning.roads,
+                self._rules,
+                self._flow,
+                float(getattr(given, "hot", 4.5)),
+                float(getattr(given, "cold", 0.35)),
+                int(getattr(given, "steps", 500)),
+                int(getattr(given, "steps", 500)),
+                3,
+                design,
+                space.zoning,
+                self._everywhere,
+                view.rules.seed,
+                int(view.clock[TICK]),
+            )
+        )
+
+    def _look(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """How balanced the zones are now, and what follows from it."""
+        state, now = memory.shared, int(view.clock[TICK])
+        row = memory.own[view.robots.at_index[0]]
+        if state[LAST_LOOK]:
+            row[WATCHED] += now - state[LAST_LOOK]
+            row[BALANCED] += (now - state[LAST_LOOK]) * (state[WAS_GOOD] == 1)
+        flows = record_flow(view, ticks(view, 60 * self.parameters.window), now, self._flow)
+        good = NIL
+        if flows:
+            find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
+            add_charging(view, space.zoning.load, self._rules)
+            value = balance(space.zoning.load)
+            good = int(0.0 < value <= self.parameters.tolerance)
+        state[LAST_LOOK], state[WAS_GOOD] = now, good
+        often = ticks(view, self.parameters.often)
+        state[NEXT_LOOK] = now + often
+        if good == 1:
+            state[BAD_SINCE] = 0
+            state[GOOD_SINCE] = state[GOOD_SINCE] or now
+            if now - state[GOOD_SINCE] >= ticks(view, 60 * self.parameters.calm):
+                state[NEXT_LOOK] = now + ticks(view, self.parameters.seldom)
+        elif good == 0:
+            state[GOOD_SINCE] = 0
+            if not state[BAD_SINCE]:
+                state[BAD_SINCE], state[NEXT_SHARE] = now, now
+            self._consider(view, state, now)
+
+    def _consider(self, view: World, state: Any, now: int) -> None:
+        """Out of balance: is it time for new zones?"""
+
+    def _take_effect(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """New zones, made from the flow that was recorded."""
+        raise NotImplementedError

@@ -1,0 +1,144 @@
+"""Parameters of zoning. Times are in seconds and minutes, lengths in the scenario's unit of length.
+
+Where a scenario does not say what a tick stands for (`units.tick`), a tick counts as a second; where it
+does not say what a cell is (`units.cell`), lengths are in cells.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import msgspec
+import yaml
+from msgspec import Meta
+
+from automaton.errors import InputError, nearest
+
+SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
+
+Seconds = Annotated[float, Meta(ge=0, le=1_000_000)]
+Minutes = Annotated[float, Meta(ge=0, le=100_000)]
+Length = Annotated[float, Meta(gt=0, le=1_000_000)]
+
+
+class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What zones are made of."""
+
+    design: Annotated[
+        str | dict[str, Any] | None,
+        Meta(
+            description="The zones at the start: the name of a shipped design, a file, or "
+            "{zones: [...]}; left out: simulated annealing on the flow between all stations"
+        ),
+    ] = None
+    groups: Annotated[
+        int,
+        Meta(ge=2, le=500, description="stations that slots are grouped into, without stations"),
+    ] = 18
+    adjacency: Annotated[
+        Length | None,
+        Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
+    ] = None
+
+    def located(self, folder: Path) -> Self:
+        """The same with the design read from its file. Raises InputError."""
+        if not isinstance(self.design, str):
+            return self
+        return msgspec.structs.replace(self, design=read_zones(self.design, folder))
+
+
+class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When zones count as out of balance, and what is done about it (Keith & La; Ho & Liao)."""
+
+    sharing: Annotated[bool, Meta(description="out of balance, robots share orders directly")] = (
+        True
+    )
+    tolerance: Annotated[float, Meta(ge=0, le=1, description="largest SVp of balanced zones")] = 0.2
+    window: Annotated[Minutes, Meta(description="flow counts so long after its delivery")] = 20.0
+    often: Annotated[Seconds, Meta(description="between two looks, out of balance")] = 60.0
+    seldom: Annotated[Seconds, Meta(description="between two looks, balanced for long")] = 180.0
+    calm: Annotated[Minutes, Meta(description="in balance so long: look seldom")] = 5.0
+    share_every: Annotated[Seconds, Meta(description="between two times of sharing")] = 60.0
+
+
+class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """When zones are designed anew."""
+
+    patience: Annotated[Minutes, Meta(description="out of balance so long: new zones")] = 15.0
+    compute: Annotated[Seconds, Meta(description="until a new design takes effect")] = 200.0
+
+
+class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Simulated annealing of zones (Ho & Liao, as Keith & La modified it)."""
+
+    steps: Annotated[int, Meta(ge=1, le=100_000, description="M, and most moves")] = 500
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.35
+
+
+class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A genetic algorithm over zone designs."""
+
+    population: Annotated[int, Meta(ge=2, le=1000)] = 60
+    generations: Annotated[int, Meta(ge=1, le=10_000)] = 100
+    selected: Annotated[int, Meta(ge=1, le=1000, description="best designs that are bred")] = 10
+    mutation: Annotated[float, Meta(ge=0, le=0.95, description="chance of one more mutation")] = (
+        0.45
+    )
+
+
+class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Robots negotiate their zones with those in range (Keith & La, Algorithms 3 and 4)."""
+
+    range: Annotated[Length, Meta(description="r: as far as robots talk, as the crow flies")] = (
+        328.0
+    )
+    tolerance: Annotated[Minutes, Meta(description="L_TOL: load may be so far from the mean")] = (
+        18.0
+    )
+    patience: Annotated[Minutes, Meta(description="T_LT: so long since the last calm")] = 15.0
+    hysteresis: Annotated[Minutes, Meta(description="in or out of tolerance without a break")] = 6.5
+    look: Annotated[Seconds, Meta(gt=0, description="between two looks at the own load")] = 30.0
+    average_every: Annotated[Seconds, Meta(gt=0, description="T_AC: between two averages")] = 120.0
+    rounds: Annotated[int, Meta(ge=1, le=10_000, description="steps of the consensus")] = 100
+    turns: Annotated[int, Meta(ge=1, le=100, description="E_t: turns that each robot leads")] = 2
+    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f")] = 0.3
+    scale: Annotated[float, Meta(gt=0, le=1000, description="k, minutes")] = 10.0
+    pause: Annotated[Seconds, Meta(description="robots stand still in a redesign")] = 0.0
+    sharing: Annotated[
+        bool,
+        Meta(
+            description="out of tolerance, a robot gives orders that begin near a neighbour's zone "
+            "to that neighbour"
+        ),
+    ] = False
+    drop_near: Annotated[
+        Annotated[float, Meta(ge=0, le=1_000_000)],
+        Meta(
+            description="an order whose next station is so near a transfer station is brought there "
+            "directly"
+        ),
+    ] = 0.0
+
+
+def read_zones(name: str, folder: Path) -> dict[str, Any]:
+    """The data of a design: a shipped one by name, or a file. Raises InputError."""
+    shipped = {path.stem: path for path in sorted(SHIPPED.glob("*.yaml"))}
+    path = shipped.get(name, folder / name)
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError:
+        known = ", ".join(shipped)
+        raise InputError(
+            f"there is no zone design {name!r}{nearest(name, shipped)}; shipped are {known}, "
+            "or name a file"
+        ) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        first = str(error).splitlines()[0]
+        raise InputError(f"the zone design {name!r} cannot be read: {first}") from None
+    if not isinstance(found, dict):
+        raise InputError(f"the zone design {name!r} must have a list `zones`")
+    return found

@@ -1,0 +1,192 @@
+"""Which robot's queue an order comes into, and how queues share orders.
+
+An order that waits at a station belongs to the zone of that station; one that was set down on its way
+still belongs to the zone whose robot brought it, and is routed on from there (Keith & La).
+"""
+
+import numpy as np
+
+from automaton.strategy.kernels import FAR, distance, drop_stand, kernel, pick_stand, position
+from automaton.world.condition import EXHAUSTED
+from automaton.world.state import KEEP, NIL, TICK, WAITING
+from automaton.zoning.routing import route
+
+FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone set down on its way
+
+
+@kernel
+def is_free(view, order):
+    """Whether an order waits and nobody has it."""
+    return view.orders.state[order] == WAITING and view.orders.by[order] == NIL
+
+
+@kernel
+def slot_at(view, station):
+    """Where a load may lie at a station on its way: the station itself, or a free shelf; NIL: nowhere."""
+    if view.stations.slot.shape[0]:
+        return np.int64(view.stations.slot[station])
+    for slot in range(view.slots.spare):
+        if view.zoning.station_of[slot] != station or view.slots.endless[slot]:
+            continue
+        if view.slots.content[slot] == NIL and view.slots.by[slot] == NIL:
+            return np.int64(slot)
+    return np.int64(NIL)
+
+
+@kernel
+def enter(given, order, queue, stop, direct):
+    """One more answer: an order comes into a queue."""
+    k = given.queued[0]
+    if k < given.order.shape[0]:
+        given.order[k] = order
+        given.queue[k] = queue
+        given.stop[k] = stop
+        given.direct[k] = direct
+        given.queued[0] = k + 1
+
+
+@kernel
+def owner_of(view, design, order, again):
+    """The zone that has to say where an order goes; NIL: none. again: forget who brought it."""
+    slot = np.int64(view.orders.place[order])
+    if slot == NIL:
+        return np.int64(NIL)
+    former = np.int64(view.zoning.queue[order])
+    if former <= FORMER and again == 0:
+        return FORMER - former
+    station = np.int64(view.zoning.station_of[slot])
+    return np.int64(NIL) if station == NIL else np.int64(design.zone[station])
+
+
+@kernel
+def queue_order(view, design, space, given, rule, order, zone):
+    """Route an order of a zone; enters its queue and its next stop."""
+    at = np.int64(view.zoning.station_of[view.orders.place[order]])
+    target = np.int64(view.orders.target[order])
+    to = np.int64(view.zoning.station_of[target])
+    if at == NIL or to == NIL or design.zone[to] == NIL:
+        enter(given, order, zone, target, 0)
+        return
+    queue, station, _ = route(view.zoning.roads, design, space, rule, zone, at, to)
+    stop = target if station == to else slot_at(view, station)
+    enter(given, order, queue, target if stop == NIL else stop, 0)
+
+
+@kernel
+def queue_orders(view, design, space, given, rule, again):
+    """Queue all orders that are in no queue; again = 1: all that wait, from where they are."""
+    for order in range(view.orders.state.shape[0]):
+        if not is_free(view, order) or (view.zoning.queue[order] >= 0 and again == 0):
+            continue
+        zone = owner_of(view, design, order, again)
+        if zone != NIL:
+            queue_order(view, design, space, given, rule, order, zone)
+
+
+@kernel
+def queue_length(view, zone):
+    """How many orders wait in the queue of a zone."""
+    count = 0
+    for order in range(view.orders.state.shape[0]):
+        if is_free(view, order) and view.zoning.queue[order] == zone:
+            count += 1
+    return count
+
+
+@kernel
+def first_for(view, space, zone, other, direct, age, job):
+    """The first order in the queue of a zone, by its score, whose next station is in the other zone.
+
+    Of those not direct yet, if direct = 0. NIL if there is none.
+    """
+    design, found, highest = view.zoning.design, NIL, -(1 << 62)
+    server = np.int64(view.zoning.server[zone])
+    if server == NIL:
+        return found
+    i = np.int64(view.robots.at_index[server])
+    for order in range(view.orders.state.shape[0]):
+        if not is_free(view, order) or view.zoning.queue[order] != zone:
+            continue
+        to = np.int64(view.zoning.station_of[view.orders.target[order]])
+        if to == NIL or design.zone[to] != other or (direct == 0 and view.zoning.direct[order]):
+            continue
+        pick = pick_stand(view, np.int64(view.orders.place[order]))
+        drop = drop_stand(view, np.int64(view.zoning.stop[order]))
+        ticks = distance(view, space, position(view, i), np.int64(view.robots.heading[i]), pick)
+        ticks += distance(view, space, pick, np.int64(view.robots.heading[i]), drop)
+        if ticks >= FAR:
+            continue
+        worth = age * (view.clock[TICK] - view.orders.released[order]) - job * ticks
+        if worth > highest:
+            found, highest = order, worth
+    return found
+
+
+@kernel
+def share(view, space, given, age, job):
+    """Load sharing, once: at most two orders for each pair of zones; returns how many.
+
+    The first order of the longer queue that goes into the other zone moves to that zone's robot; the
+    first one of the shorter queue that goes into the busy zone skips the transfer station.
+    """
+    zones = view.zoning.server.shape[0]
+    shared = 0
+    for a in range(zones):
+        for b in range(a + 1, zones):
+            here, there = queue_length(view, a), queue_length(view, b)
+            if here == there:
+                continue
+            busy, idle = (a, b) if here > there else (b, a)
+            moved = first_for(view, space, busy, idle, 1, age, job)
+            if moved != NIL:
+                enter(given, moved, idle, np.int64(view.orders.target[moved]), 1)
+                shared += 1
+            skipped = first_for(view, space, idle, busy, 0, age, job)
+            if skipped != NIL:
+                enter(given, skipped, idle, np.int64(view.orders.target[skipped]), 1)
+                shared += 1
+    return shared
+
+
+@kernel
+def is_running(view, i):
+    """Whether robot i is in order, or still does what it began."""
+    return view.robots.status[i] <= EXHAUSTED
+
+
+@kernel
+def take_over(view, given):
+    """Who is out of order is replaced by the running robot with the shortest queue, until it is back."""
+    zones = view.zoning.server.shape[0]
+    for zone in range(zones):
+        best, least = zone, 1 << 60
+        if not is_running(view, np.int64(view.robots.at_index[zone])):
+            for other in range(zones):
+                waiting = queue_length(view, other)
+                if is_running(view, np.int64(view.robots.at_index[other])) and waiting < least:
+                    best, least = other, waiting
+        if view.zoning.server[zone] != best:
+            given.server[zone] = best
+    return KEEP
+
+
+@kernel
+def record_flow(view, window, now, flow):
+    """flow[i, j] = orders from i to j that are known and not delivered longer than `window` ticks ago.
+
+    Returns how many there are. An order that begins and ends at one station is no flow.
+    """
+    flow[:] = 0.0
+    total = 0
+    orders = view.orders
+    for order in range(orders.state.shape[0]):
+        if orders.released[order] > now:
+            continue
+        gone = np.int64(orders.delivered[order])
+        start = np.int64(view.zoning.station_of[orders.source[order]])
+        end = np.int64(view.zoning.station_of[orders.target[order]])
+        if start == NIL or end == NIL or start == end or (gone != NIL and now - gone >= window):
+            continue
+        flow[start, end] += 1.0
+        total += 1
+    return total

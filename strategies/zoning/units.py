@@ -1,0 +1,38 @@
+"""Minutes and lengths of parameters in ticks and cells."""
+
+from __future__ import annotations
+
+from automaton.world.state import DROP, MOVE, PICK, World
+from automaton.zoning.roads import typical_distance
+from automaton.zoning.space import zone_rules
+
+
+def seconds_of_tick(view: World) -> float:
+    """Seconds in a tick; 1 where the scenario does not say."""
+    return view.rules.tick_us / 1e6 if view.rules.tick_us else 1.0
+
+
+def ticks(view: World, seconds: float) -> int:
+    """Seconds in ticks, at least 1 if they are any."""
+    found = round(seconds / seconds_of_tick(view))
+    return max(1, found) if seconds > 0 else 0
+
+
+def cells(view: World, length: float) -> float:
+    """A length in the scenario's unit, in cells."""
+    return 1000 * length / view.rules.cell_milli if view.rules.cell_milli else length
+
+
+def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False):
+    """The numbers by which zones are made: (RULES,) float64 of automaton.zoning.space."""
+    tick = seconds_of_tick(view)
+    duration = view.rules.duration
+    between = view.zoning.roads.between
+    adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
+    given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
+    return zone_rules(
+        speed=60.0 / (tick * float(duration[MOVE])),
+        adjacent=float(adjacent),
+        handling=tick * float(duration[PICK] + duration[DROP]) / 60.0,
+        **(given if decentralized else {}),  # type: ignore[arg-type]
+    )

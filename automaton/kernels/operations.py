@@ -222,7 +222,7 @@ def pick_up(world, record, i, ticks):
     orders.legs[order] += 1
     note(world.clock, record, PICKED_UP, robots.identity[i], order)
     if slot == orders.target[order]:
-        visit(world, record, i, order)
+        visit(world, record, i, order, ticks)
         return
     empty_slot(world, slot)
     if world.zoning.queue.shape[0]:
@@ -248,13 +248,13 @@ def leave_queue(world, order):
 
 
 @kernel
-def visit(world, record, i, order):
+def visit(world, record, i, order, ticks):
     """The order lies where it has to go: with the robot's coming it is done."""
     world.robots.order[i] = NIL
     world.orders.state[order] = DELIVERED
     world.orders.delivered[order] = world.clock[TICK]
     world.clock[UNDELIVERED] -= 1
-    deliver(world, order)
+    deliver(world, order, ticks)
     reserve_order(world, record, order, NIL)
     need_allocation(world, i, FREE)
 
@@ -290,7 +290,7 @@ def set_down(world, record, i, ticks):
         orders.state[order] = DELIVERED
         orders.delivered[order] = world.clock[TICK]
         world.clock[UNDELIVERED] -= 1
-        deliver(world, order)
+        deliver(world, order, ticks)
     else:
         orders.state[order] = WAITING
         leave_queue(world, order)

@@ -20,14 +20,14 @@ from automaton.world.state import (
 
 
 @kernel
-def come(world, work):
-    """A part comes to the station of this work."""
+def come(world, work, tick):
+    """A part comes to the station of this work; it can be worked on from a tick on."""
     stations = world.stations
     k = np.int64(stations.station[work])
-    stations.came[work] = world.clock[TICK]
+    stations.came[work] = tick
     if stations.first[k] == NIL:
         stations.first[k] = work
-        stations.until[k] = world.clock[TICK] + stations.ticks[work]
+        stations.until[k] = tick + stations.ticks[work]
     else:
         stations.behind[np.int64(stations.last[k])] = work
     stations.last[k] = work
@@ -41,7 +41,7 @@ def work_at_stations(world):
         work = np.int64(stations.entering[clock[NEXT_PART]])
         if stations.came[work] > clock[TICK]:
             break
-        come(world, work)
+        come(world, work, clock[TICK])
         clock[NEXT_PART] += 1
     for k in range(stations.slot.shape[0]):
         work = np.int64(stations.first[k])
@@ -56,7 +56,8 @@ def work_at_stations(world):
         if following == NIL:
             stations.last[k] = NIL
         else:
-            stations.until[k] = clock[TICK] + stations.ticks[following]
+            begin = max(clock[TICK], np.int64(stations.came[following]))
+            stations.until[k] = begin + stations.ticks[following]
 
 
 @kernel
@@ -72,9 +73,12 @@ def make_known(world, order):
 
 
 @kernel
-def deliver(world, order):
-    """A load is where it has to go: a station begins to work on its part, or lines it up."""
+def deliver(world, order, ticks):
+    """A load is where it has to go when its robot has set it down, in so many ticks.
+
+    The station begins to work on its part, or lines it up.
+    """
     if world.stations.arrives.shape[0]:
         work = np.int64(world.stations.arrives[order])
         if work != NIL:
-            come(world, work)
+            come(world, work, world.clock[TICK] + ticks)

@@ -89,6 +89,8 @@ class Loads:
         self.order = [NONE] * len(motion.home)  # reserved or carried by each robot
         self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
+        self._lengths: dict[int, int] = {}  # recorded durations of this tick
+        self._arriving = False
         for order, (start, end) in self.work.ends.items():
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
@@ -123,6 +125,7 @@ class Loads:
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
         """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
         lengths: dict[int, int] = {}
+        self._lengths, self._arriving = lengths, False
         if not rows and not any(did & ACTION_MASK >= DID_PICK for _, did in acts):
             return lengths
         did = {r: code & ACTION_MASK for r, code in acts}
@@ -142,6 +145,7 @@ class Loads:
     def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
         """Carry out what robots do with their loads as they arrive, at the end of a tick."""
         did: dict[int, int] = {}
+        self._arriving = True
         for r, code in acts:
             for flag, action, name in AT_ONCE:
                 if code & flag:
@@ -282,7 +286,7 @@ class Loads:
         if slot != NONE and slot == self.target[order]:
             self.state[order] = DELIVERED  # it had only to be visited
             self.undelivered -= 1
-            self.work.deliver(tick, order)
+            self.work.deliver(tick + self._handling(r, DID_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
         if slot >= self.spare:
@@ -311,7 +315,13 @@ class Loads:
         self.state[order] = DELIVERED if delivered else WAITING
         self.undelivered -= delivered
         if delivered:
-            self.work.deliver(tick, order)
+            self.work.deliver(tick + self._handling(r, DID_DROP), order)
+
+    def _handling(self, r: int, code: int) -> int:
+        """Ticks that a robot handles its load for; none as it arrives."""
+        if self._arriving:
+            return 0
+        return self._lengths.get(r, self.motion.duration[code])
 
     def check_parked(self, tick: int, acts: Acts) -> None:
         """A robot parks only with nothing to do."""

@@ -29,6 +29,7 @@ class Work:
         self.ticks: list[int] = []
         self.frees: list[int] = []  # the order that a work frees, or NONE
         self.done: list[int] = []
+        self.came: list[int] = []  # tick from which it may be worked on
         self.begins_with: dict[int, int] = {}  # order -> work that begins with its delivery
         self.ends: dict[int, tuple[int, int]] = {}  # order -> cells where it begins and ends
         self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
@@ -50,6 +51,7 @@ class Work:
             self.ticks.append(work if isinstance(work, int) else work[number - 1])
             self.frees.append(NONE)
             self.done.append(NONE)
+            self.came.append(NONE)
 
     @property
     def undone(self) -> int:
@@ -68,16 +70,17 @@ class Work:
                 if self.frees[work] != NONE:
                     freed.append(self.frees[work])
                 if line:
-                    self.until[station] = tick + self.ticks[line[0]]
+                    self.until[station] = max(tick, self.came[line[0]]) + self.ticks[line[0]]
         return freed
 
     def deliver(self, tick: int, order: int) -> None:
-        """An order is where it has to go."""
+        """An order is where it has to go from this tick on."""
         if order in self.begins_with:
             self._come(tick, self.begins_with[order])
 
     def _come(self, tick: int, work: int) -> None:
         station = self.station[work]
+        self.came[work] = tick
         self.lines[station].append(work)
         if len(self.lines[station]) == 1:
             self.until[station] = tick + self.ticks[work]

@@ -15,7 +15,7 @@ from automaton.world.cells import DOCK
 from automaton.world.plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
-from strategies.zoning.parameters import Annealing, Genetic, Monitoring
+from strategies.zoning.parameters import Annealing, Decentralized, Genetic, Monitoring
 
 Span = Annotated[
     tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
@@ -188,6 +188,11 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.zoning.repairing:BredZones",
             Genetic,
             "zones designed anew by a genetic algorithm (Keith & La)",
+        ),
+        "decentralized": Entry(
+            "strategies.zoning.decentralized:DecentralizedZones",
+            Decentralized,
+            "robots in range of each other negotiate their zones (DDZ; Keith & La)",
         ),
     },
     "charging": {

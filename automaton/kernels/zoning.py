@@ -9,7 +9,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.operations import note
-from automaton.kernels.sight import is_seen
+from automaton.kernels.sight import is_seen, zone_is_seen
 from automaton.recording.codes import ZONE
 from automaton.world.state import (
     CHANGES,
@@ -34,6 +34,8 @@ def commit_zoning(world, record, asked, answers):
     if world.zoning.queue.shape[0] == 0:
         return
     if given.redesigned[0]:
+        if world.rules.own_zones and asked.count[0]:
+            fill_in_hidden(world, np.int64(asked.robot[0]), given.design)
         if is_sound(world, given.design) and may_change(world, asked, given.design):
             adopt(world.zoning.design, given.design)
             world.clock[CHANGES] += 1
@@ -76,6 +78,42 @@ def commit_robot(world, record, i, given, k):
     if given.tells[k]:
         for word in range(zoning.said.shape[1]):
             zoning.said[i, word] = given.said[k, word]
+
+
+@kernel
+def fill_in_hidden(world, i, design):
+    """What robot i does not see of the zones stays as it is."""
+    now = world.zoning.design
+    for station in range(design.zone.shape[0]):
+        if design.zone[station] == NIL:
+            design.zone[station] = now.zone[station]
+    kept = 0
+    for segment in range(design.segments[0]):
+        if design.owner[segment] != NIL:
+            copy_segment(design, segment, design, kept)
+            kept += 1
+    for segment in range(now.segments[0]):
+        hidden = not zone_is_seen(world, i, np.int64(now.owner[segment]))
+        if hidden and kept < design.owner.shape[0]:
+            copy_segment(now, segment, design, kept)
+            kept += 1
+    design.segments[0] = kept
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            if not (zone_is_seen(world, i, a) and zone_is_seen(world, i, b)):
+                for station in range(design.zone.shape[0]):
+                    lies = design.zone[station] == a or design.zone[station] == b
+                    design.transfer[a, b, station] = now.transfer[a, b, station] if lies else 0
+
+
+@kernel
+def copy_segment(source, segment, design, to):
+    design.owner[to] = source.owner[segment]
+    design.points[to] = source.points[segment]
+    for end in range(2):
+        design.ends[to, end] = source.ends[segment, end]
+    for k in range(source.points[segment]):
+        design.path[to, k] = source.path[segment, k]
 
 
 @kernel

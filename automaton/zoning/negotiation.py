@@ -22,7 +22,7 @@ from automaton.zoning.load import load_of, members
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import NEIGHBOURS, route
 from automaton.zoning.space import ADJACENT, SHARED
-from automaton.zoning.transfer import connected, find_transfers, joined
+from automaton.zoning.transfer import find_transfers, joined, reach_connected
 
 Array = NDArray[Any]
 
@@ -39,6 +39,7 @@ class Parts(Struct):
     """Parts in the queues or hands of robots; room for K."""
 
     count: Array  # (1,) int64: how many there are
+    order: Array  # (K,) int32: the order of each, whatever that is to the caller
     at: Array  # (K,) int32: the station where it is, or was picked up
     to: Array  # (K,) int32: the next station of its route
     carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
@@ -50,7 +51,7 @@ class Parts(Struct):
 
 def parts_for(room: int) -> Parts:
     """No parts, and room for some."""
-    names = ("at", "to", "carried", "zone", "stop", "zone_then", "stop_then")
+    names = ("order", "at", "to", "carried", "zone", "stop", "zone_then", "stop_then")
     kinds = {name: np.uint8 if name == "carried" else np.int32 for name in names}
     arrays = {name: np.zeros(room, kind) for name, kind in kinds.items()}
     return Parts(count=np.zeros(1, np.int64), **arrays)
@@ -99,7 +100,7 @@ def exchange(roads, rules, parts, heat, sigma, design, space, leader, reach, mea
     if propose(roads, rules, space.trial, space, leader, reach, seed, tick) == 0:
         return -1.0
     find_transfers(roads, rules, space.trial, space, reach)
-    if has_transfer(space.trial, leader) == 0 or connected(space.trial, space) == 0:
+    if has_transfer(space.trial, leader) == 0 or reach_connected(space.trial, space, reach) == 0:
         return -1.0
     requeue(roads, space.trial, space, parts, reach)
     loads_of_queues(

@@ -47,6 +47,8 @@ class ZoneSpace(Struct):
     into: Array  # (S,) float64
     out: Array  # (S,) float64
     load: Array  # (Z,) float64 minutes
+    reach: Array  # (Z,) uint8: 1 = a zone that a negotiation is about
+    rules: Array  # (RULES,) float64
     level: Array  # (Z,) int32
     wave: Array  # (Z,) int32
     zones: Array  # (Z * Z, 2) int32: pairs of zones
@@ -124,6 +126,8 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
         into=np.zeros(stations),
         out=np.zeros(stations),
         load=np.zeros(zones),
+        reach=flags(zones),
+        rules=np.zeros(RULES),
         level=numbers(zones),
         wave=numbers(zones),
         zones=numbers(zones * zones, 2),

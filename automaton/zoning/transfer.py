@@ -153,6 +153,19 @@ def find_levels(design, space, zone):
 
 
 @kernel
+def reach_connected(design, space, reach):
+    """1 if a part can get between all zones with reach[z] = 1."""
+    begun = False
+    for z in range(reach.shape[0]):
+        if reach[z] == 1 and not begun:
+            find_levels(design, space, z)
+            begun = True
+        if reach[z] == 1 and space.level[z] == NIL:
+            return 0
+    return 1
+
+
+@kernel
 def connected(design, space):
     """1 if a part can get from every zone to every other one."""
     return 1 if find_levels(design, space, 0) == design.transfer.shape[0] else 0

@@ -99,8 +99,8 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     )
     patience: Annotated[Minutes, Meta(description="T_LT: so long since the last calm")] = 15.0
     hysteresis: Annotated[Minutes, Meta(description="in or out of tolerance without a break")] = 6.5
-    look: Annotated[Seconds, Meta(gt=0, description="between two looks at the own load")] = 30.0
-    average_every: Annotated[Seconds, Meta(gt=0, description="T_AC: between two averages")] = 120.0
+    look: Annotated[Seconds, Meta(description="between two looks at the own load")] = 30.0
+    average_every: Annotated[Seconds, Meta(description="T_AC: between two averages")] = 120.0
     rounds: Annotated[int, Meta(ge=1, le=10_000, description="steps of the consensus")] = 100
     turns: Annotated[int, Meta(ge=1, le=100, description="E_t: turns that each robot leads")] = 2
     iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10

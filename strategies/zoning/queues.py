@@ -73,6 +73,36 @@ def queue_order(view, design, space, given, rule, order, zone):
 
 
 @kernel
+def queue_orders_of(view, design, space, given, rule, robot, near):
+    """Queue the orders that are in no queue and belong to the zones that a robot serves.
+
+    near: cells; an order whose next station is so near a transfer station is brought there directly.
+    """
+    for order in range(view.orders.state.shape[0]):
+        if not is_free(view, order) or view.zoning.queue[order] >= 0:
+            continue
+        zone = owner_of(view, design, order, 0)
+        if zone != NIL and view.zoning.server[zone] == robot:
+            if near > 0 and is_near_transfer(view, design, order, zone, near):
+                enter(given, order, zone, np.int64(view.orders.target[order]), 1)
+            else:
+                queue_order(view, design, space, given, rule, order, zone)
+
+
+@kernel
+def is_near_transfer(view, design, order, zone, near):
+    """Whether the next station of an order lies near one where it would leave the zone."""
+    to = np.int64(view.zoning.station_of[view.orders.target[order]])
+    if to == NIL or design.zone[to] == NIL or design.zone[to] == zone:
+        return False
+    for station in range(design.zone.shape[0]):
+        if design.transfer[zone, design.zone[to], station]:
+            if view.zoning.roads.between[station, to] <= near:
+                return True
+    return False
+
+
+@kernel
 def queue_orders(view, design, space, given, rule, again):
     """Queue all orders that are in no queue; again = 1: all that wait, from where they are."""
     for order in range(view.orders.state.shape[0]):
@@ -94,10 +124,22 @@ def queue_length(view, zone):
 
 
 @kernel
-def first_for(view, space, zone, other, direct, age, job):
+def lies_near(view, order, zone, near):
+    """Whether an order waits within so many cells of a station of a zone."""
+    at = np.int64(view.zoning.station_of[view.orders.place[order]])
+    for station in range(view.zoning.design.zone.shape[0]):
+        if view.zoning.design.zone[station] == zone and at != NIL:
+            if view.zoning.roads.between[at, station] <= near:
+                return True
+    return False
+
+
+@kernel
+def first_for(view, space, zone, other, direct, near, age, job):
     """The first order in the queue of a zone, by its score, whose next station is in the other zone.
 
-    Of those not direct yet, if direct = 0. NIL if there is none.
+    Of those not direct yet, if direct = 0; of those that lie within `near` cells of a station of the
+    other zone, if near > 0. NIL if there is none.
     """
     design, found, highest = view.zoning.design, NIL, -(1 << 62)
     server = np.int64(view.zoning.server[zone])
@@ -109,6 +151,8 @@ def first_for(view, space, zone, other, direct, age, job):
             continue
         to = np.int64(view.zoning.station_of[view.orders.target[order]])
         if to == NIL or design.zone[to] != other or (direct == 0 and view.zoning.direct[order]):
+            continue
+        if near > 0 and not lies_near(view, order, other, near):
             continue
         pick = pick_stand(view, np.int64(view.orders.place[order]))
         drop = drop_stand(view, np.int64(view.zoning.stop[order]))
@@ -137,11 +181,11 @@ def share(view, space, given, age, job):
             if here == there:
                 continue
             busy, idle = (a, b) if here > there else (b, a)
-            moved = first_for(view, space, busy, idle, 1, age, job)
+            moved = first_for(view, space, busy, idle, 1, 0, age, job)
             if moved != NIL:
                 enter(given, moved, idle, np.int64(view.orders.target[moved]), 1)
                 shared += 1
-            skipped = first_for(view, space, idle, busy, 0, age, job)
+            skipped = first_for(view, space, idle, busy, 0, 0, age, job)
             if skipped != NIL:
                 enter(given, skipped, idle, np.int64(view.orders.target[skipped]), 1)
                 shared += 1

@@ -197,6 +197,8 @@ def mutate(roads, rules, space, seed, tick):
         if design.zone[s] == zone and space.tip[s] == 1:
             space.listed[count] = s
             count += 1
+    if count == 0:
+        return 0
     tip = np.int64(space.listed[below(space, count, seed, tick)])
     near = adjacent_to(roads, rules, design, space, tip, zone)
     if near == 0:

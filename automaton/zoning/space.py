@@ -25,6 +25,12 @@ BLOCKS: Final = 5  # 1: these paths are in the way of other zones (SA, GA)
 SHARED: Final = 6  # 1: transfer stations belong to the stations of a zone's load (DDZ)
 RULES: Final = 7
 
+# Columns of ZoneSpace.extent: between any two stations.
+NEAREST: Final = 0  # cells
+FARTHEST: Final = 1
+LEAST: Final = 2  # loads
+MOST: Final = 3
+
 
 class ZoneSpace(Struct):
     """P points, S stations, Z zones, n robots; contents decide nothing between calls."""
@@ -47,7 +53,8 @@ class ZoneSpace(Struct):
     into: Array  # (S,) float64
     out: Array  # (S,) float64
     load: Array  # (Z,) float64 minutes
-    level: Array  # (Z,) int32
+    extent: Array  # (4,) float64
+    level: Array  # (Z,) int32: transfers to some zone, or NIL
     wave: Array  # (Z,) int32
     zones: Array  # (Z * Z, 2) int32: pairs of zones
     length: Array  # (S * S,) int64: of pairs of stations
@@ -124,6 +131,7 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
         into=np.zeros(stations),
         out=np.zeros(stations),
         load=np.zeros(zones),
+        extent=np.zeros(4),
         level=numbers(zones),
         wave=numbers(zones),
         zones=numbers(zones * zones, 2),

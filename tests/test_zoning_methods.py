@@ -164,8 +164,7 @@ def waiting(legs: list[tuple[int, int]]) -> Parts:
     return parts
 
 
-@pytest.fixture
-def busy() -> dict[str, Any]:
+def south() -> dict[str, Any]:
     """The initial design of DDZ with all the parts in the south."""
     _, _, roads = factory()
     space, rules, reach = scratch(roads, 3), ddz_rules(), everyone(3)
@@ -176,6 +175,11 @@ def busy() -> dict[str, Any]:
     negotiation.adopt(parts)
     parts.zone[: parts.count[0]] = 2
     return dict(roads=roads, rules=rules, parts=parts, design=design, space=space, reach=reach)
+
+
+@pytest.fixture
+def busy() -> dict[str, Any]:
+    return south()
 
 
 def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
@@ -251,6 +255,8 @@ sys.path.insert(0, "tests")
 from test_zoning_methods import *
 flow = training_flow()
 print(repaired(flow, 3, 7)[1].zone.tolist(), evolved(flow, 7, 1, 4).zone.tolist())
+scene = south()
+print(turn(scene, 2, 20.0, 3).hex(), scene["design"].zone.tolist())
 """
 
 

@@ -34,7 +34,8 @@ FEWEST = 2  # stations that a zone keeps
 
 @kernel
 def evolve(
-    roads, rules, flow, generations, selected, mutation, population, design, space, reach, seed, tick
+    roads, rules, flow, generations, selected, mutation, population, design, space, reach,
+    seed, tick,
 ):  # fmt: skip
     """The best design whose zones are not cut off: that of all generations, or one of the last.
 
@@ -212,7 +213,7 @@ def mutate(roads, rules, space, seed, tick):
 def match_to_robots(roads, design, stride, place, server):
     """server (Z,): each robot in turn takes the zone whose centre is nearest to its flat cell.
 
-    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) the robots' first cells.
+    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) first flat cells.
     """
     server[:] = NIL
     zones = server.shape[0]

@@ -142,7 +142,7 @@ def random_design(roads, rules, design, space, seed, tick):
 
 @kernel
 def random_join(roads, rules, design, space, seed, tick):
-    """A random zone takes a random free station adjacent to a random one of its own; 1 if it can."""
+    """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
     zone = below(space, design.transfer.shape[0], seed, tick)
     count = np.int64(0)
     for s in range(design.zone.shape[0]):

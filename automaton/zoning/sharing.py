@@ -16,8 +16,9 @@ from automaton.world.state import NIL
 def share(design, queue, to, waiting, score, direct, length):
     """One round; changes queue and direct, returns how many parts it touched.
 
-    For K parts: queue, to (K,) int32: zone and next station of the route; waiting, direct (K,) uint8
-    flags; score (K,): the highest comes first, then the lowest part. length (Z,) int32: scratch.
+    For K parts: queue, to (K,) int32: zone and next station of the route; waiting, direct (K,)
+    uint8 flags; score (K,): the highest comes first, then the lowest part. length (Z,)
+    int32: scratch.
     """
     length[:] = 0
     for k in range(queue.shape[0]):

@@ -2,8 +2,8 @@
 
 The graph has 52 critical points (letters, the authors' own) and 63 straight segments, 2735 ft in
 all. With cells of 2.5 ft all 153 distances between stations are exact; with 5 ft 84 are.
-WS1 to WS10 stand in production, WS11 to WS15 between the racks of the warehouse, WS16 to WS18 at the
-docks; the areas are inferred from the authors' map of the floor.
+WS1 to WS10 stand in production, WS11 to WS15 between the racks of the warehouse, WS16 to WS18 at
+the docks; the areas are inferred from the authors' map of the floor.
 
  A....1....B..C......D     The aisles are 9.5 to 30 ft wide, so robots pass each other (`pass`);
  .         2  .      4     with `single` a cell holds one robot.

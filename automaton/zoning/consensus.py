@@ -1,4 +1,4 @@
-"""Weighted average consensus with Metropolis weights (Algorithm 3), and the spread about it (eq. 5).
+"""Weighted average consensus with Metropolis weights (Algorithm 3), and the spread about it.
 
 x_i <- W_ii x_i + sum W_ij x_j over neighbours j,  W_ij = 1 / (1 + max(d_i, d_j)),  W_ii = 1 - sum.
 """
@@ -12,7 +12,7 @@ from automaton.compiled import kernel
 
 @kernel
 def consensus(x, spare, near, steps):
-    """Leave x (n,) after `steps` synchronous steps; near: (n, n) uint8, symmetric, diagonal unused."""
+    """Leave x (n,) after `steps` synchronous steps; near: (n, n) uint8, symmetric."""
     for _ in range(steps):
         consensus_step(x, near, spare)
         for i in range(x.shape[0]):
@@ -42,7 +42,7 @@ def degree(near, i):
 
 @kernel
 def sigma_about(load, reach, mean):
-    """Spread of the loads with reach[z] = 1 about `mean`.
+    """Eq. 5: spread of the loads with reach[z] = 1 about `mean`.
 
     The paper prints (L_i + x_i)^2 for the robot's own load; the authors' code has the minus.
     """

@@ -6,8 +6,9 @@
       - {zones: [1, 2], stations: [7]}
 
 Stations are counted from 1. A segment is a path from one station of the zone to another: a list of
-[x, y] cells, or the names of points in one word where the floor has names. What lies on the straight
-way between two points may be left out. Without segments a zone is joined by shortest paths.
+[x, y] cells, or the names of points in one word where the floor has names. What lies on the
+straight way between two points may be left out. Without segments a zone is joined by
+shortest paths.
 """
 
 from __future__ import annotations

@@ -34,7 +34,8 @@ FEWEST = 2  # stations that a zone keeps
 
 @kernel
 def evolve(
-    roads, rules, flow, generations, selected, mutation, population, design, space, reach, seed, tick
+    roads, rules, flow, generations, selected, mutation, population, design, space, reach,
+    seed, tick,
 ):  # fmt: skip
     """The best design whose zones are not cut off: that of all generations, or one of the last.
 
@@ -197,6 +198,8 @@ def mutate(roads, rules, space, seed, tick):
         if design.zone[s] == zone and space.tip[s] == 1:
             space.listed[count] = s
             count += 1
+    if count == 0:
+        return 0
     tip = np.int64(space.listed[below(space, count, seed, tick)])
     near = adjacent_to(roads, rules, design, space, tip, zone)
     if near == 0:
@@ -210,7 +213,7 @@ def mutate(roads, rules, space, seed, tick):
 def match_to_robots(roads, design, stride, place, server):
     """server (Z,): each robot in turn takes the zone whose centre is nearest to its flat cell.
 
-    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) the robots' first cells.
+    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) first flat cells.
     """
     server[:] = NIL
     zones = server.shape[0]

@@ -89,8 +89,10 @@ def add_segment(roads, design, space, zone, first, last):
 
 @kernel
 def hold(roads, design):
-    """design.held from the stations and segments."""
-    design.held[:] = NIL
+    """design.held from the stations and segments; what is held by somebody out of sight stays so."""
+    for p in range(design.held.shape[0]):
+        if design.held[p] >= 0:
+            design.held[p] = NIL
     for s in range(design.zone.shape[0]):
         if design.zone[s] != NIL:
             design.held[roads.point[s]] = design.zone[s]

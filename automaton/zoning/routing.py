@@ -7,7 +7,7 @@ from automaton.world.state import NIL
 from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_levels
 
-SHARED_FLOW = 0  # rule of SA and GA: through the nearest transfer station
+CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
 NEIGHBOURS = 1  # rule of DDZ: without a common one, through the one that is nearest to the target
 
 

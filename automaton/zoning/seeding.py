@@ -13,7 +13,7 @@ from automaton.world.state import NIL
 from automaton.zoning.chance import below
 from automaton.zoning.exchange import connect
 from automaton.zoning.paths import block_others, clear_design, hold, spread
-from automaton.zoning.space import ADJACENT, INF
+from automaton.zoning.space import ADJACENT, FARTHEST, INF, LEAST, MOST, NEAREST
 
 WEIGHT = 0.5  # Wd and Wf at the start
 DRIFT = 0.015  # what Wd gains and Wf loses by each visit
@@ -27,6 +27,7 @@ def first_design(roads, flow, design, space):
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
+    find_extent(roads, flow, space)
     plant(roads, flow, design, space)
     left = stations - zones
     visit, idle = np.int64(0), np.int64(0)
@@ -54,7 +55,7 @@ def plant(roads, flow, design, space):
             sum_of = 0.0
             for i in range(stations):
                 if i != j:
-                    sum_of += relation(roads, flow, i, j, roads.between[i, j], WEIGHT, WEIGHT)
+                    sum_of += relation(space, flow[i, j], roads.between[i, j], WEIGHT, WEIGHT)
             if seed == NIL or sum_of < lowest:
                 seed = np.int64(j)
                 lowest = sum_of
@@ -63,22 +64,35 @@ def plant(roads, flow, design, space):
 
 
 @kernel
-def relation(roads, flow, i, j, far, by_distance, by_flow):
-    """RC of two stations that are `far` cells apart."""
-    nearest, farthest = roads.between[0, 1], roads.between[0, 1]
-    least, most = flow[0, 1], flow[0, 1]
+def find_extent(roads, flow, space):
+    """space.extent: the least and the largest distance and flow between two stations."""
+    found = False
     for a in range(flow.shape[0]):
         for b in range(flow.shape[0]):
-            if a != b:
-                nearest = min(nearest, roads.between[a, b])
-                farthest = max(farthest, roads.between[a, b])
-                least = min(least, flow[a, b])
-                most = max(most, flow[a, b])
+            if a == b:
+                continue
+            far, loads = roads.between[a, b], flow[a, b]
+            if not found or far < space.extent[NEAREST]:
+                space.extent[NEAREST] = far
+            if not found or far > space.extent[FARTHEST]:
+                space.extent[FARTHEST] = far
+            if not found or loads < space.extent[LEAST]:
+                space.extent[LEAST] = loads
+            if not found or loads > space.extent[MOST]:
+                space.extent[MOST] = loads
+            found = True
+
+
+@kernel
+def relation(space, loads, far, by_distance, by_flow):
+    """RC of two stations that are `far` cells apart with so many loads between them."""
     value = 0.0
-    if farthest > nearest:
-        value += by_distance * (farthest - far) / (farthest - nearest)
-    if most > least:
-        value += by_flow * (flow[i, j] - least) / (most - least)
+    apart = space.extent[FARTHEST] - space.extent[NEAREST]
+    if apart > 0.0:
+        value += by_distance * (space.extent[FARTHEST] - far) / apart
+    spread_of_loads = space.extent[MOST] - space.extent[LEAST]
+    if spread_of_loads > 0.0:
+        value += by_flow * (loads - space.extent[LEAST]) / spread_of_loads
     return value
 
 
@@ -96,7 +110,7 @@ def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
             far = space.distance[roads.point[j]]
             if design.zone[j] != NIL or far == INF:
                 continue
-            value = relation(roads, flow, i, j, far, by_distance, by_flow)
+            value = relation(space, flow[i, j], far, by_distance, by_flow)
             if free == NIL or value > best:
                 best = value
                 inside, free = np.int64(i), np.int64(j)
@@ -128,7 +142,7 @@ def random_design(roads, rules, design, space, seed, tick):
 
 @kernel
 def random_join(roads, rules, design, space, seed, tick):
-    """A random zone takes a random free station adjacent to a random one of its own; 1 if it can."""
+    """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
     zone = below(space, design.transfer.shape[0], seed, tick)
     count = np.int64(0)
     for s in range(design.zone.shape[0]):

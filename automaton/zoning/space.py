@@ -25,6 +25,12 @@ BLOCKS: Final = 5  # 1: these paths are in the way of other zones (SA, GA)
 SHARED: Final = 6  # 1: transfer stations belong to the stations of a zone's load (DDZ)
 RULES: Final = 7
 
+# Columns of ZoneSpace.extent: between any two stations.
+NEAREST: Final = 0  # cells
+FARTHEST: Final = 1
+LEAST: Final = 2  # loads
+MOST: Final = 3
+
 
 class ZoneSpace(Struct):
     """P points, S stations, Z zones, n robots; contents decide nothing between calls."""
@@ -49,7 +55,8 @@ class ZoneSpace(Struct):
     load: Array  # (Z,) float64 minutes
     reach: Array  # (Z,) uint8: 1 = a zone that a negotiation is about
     rules: Array  # (RULES,) float64
-    level: Array  # (Z,) int32
+    extent: Array  # (4,) float64
+    level: Array  # (Z,) int32: transfers to some zone, or NIL
     wave: Array  # (Z,) int32
     zones: Array  # (Z * Z, 2) int32: pairs of zones
     length: Array  # (S * S,) int64: of pairs of stations
@@ -128,6 +135,7 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
         load=np.zeros(zones),
         reach=flags(zones),
         rules=np.zeros(RULES),
+        extent=np.zeros(4),
         level=numbers(zones),
         wave=numbers(zones),
         zones=numbers(zones * zones, 2),

@@ -239,13 +239,16 @@ def join(view, given, memory, k, i, p, began):
 
 
 @kernel
-def leave(view, given, memory, k, i):
-    """The redesign is over for robot i."""
-    own, now = memory.own, view.clock[TICK]
+def leave(view, given, memory, k, i, p):
+    """The redesign is over for robot i; it looks and reckons again when it drives again."""
+    own = memory.own
     tell(view, given, k, i)
     given.said[k, DONE] = 1
-    own[i, CALM] = now
-    own[i, SINCE] = now
+    goes_on = max(np.int64(view.clock[TICK]), given.said[k, REDESIGN] + p[PAUSE])
+    own[i, CALM] = goes_on
+    own[i, SINCE] = goes_on
+    own[i, LOOK] = goes_on + p[LOOK_EVERY]
+    own[i, AVERAGE] = goes_on + p[AVERAGE_EVERY]
     own[i, IN] = NIL
 
 
@@ -281,7 +284,7 @@ def take_turn(view, given, memory, space, parts, rules, k, i, p, turn):
             own[i, MESSAGES] += 1
     if not waiting or near == 0:
         own[i, REDESIGNS] += 1
-        leave(view, given, memory, k, i)
+        leave(view, given, memory, k, i, p)
         return
     chosen = draw_between(0, near - 1, seed, LEADERS, now, identity)
     for other in range(view.robots.cell.shape[0]):
@@ -328,7 +331,7 @@ def negotiate(view, given, memory, space, parts, rules, k, i, p):
                 turn, leader = said[j, TURN], said[j, LEADER]
     if active:
         if over or now - said[i, REDESIGN] > p[PAUSE] + 100 * (1 + p[MOST_TURNS]):
-            leave(view, given, memory, k, i)
+            leave(view, given, memory, k, i, p)
             return False
         if leader == identity and (said[i, TURN] < turn or turn == 1):
             take_turn(view, given, memory, space, parts, rules, k, i, p, turn)

@@ -18,7 +18,7 @@ from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, 
 from automaton.zoning.annealing import repair
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
-from automaton.zoning.routing import SHARED_FLOW
+from automaton.zoning.routing import CENTRAL
 from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_transfers
 from strategies.zoning.charging_load import add_charging
@@ -84,7 +84,7 @@ class Monitored(Strategy):
             self._take_effect(view, given, memory, space)
         redesigned = int(given.redesigned[0])
         take_over(view, given)
-        queue_orders(view, given.design, space.zoning, given, SHARED_FLOW, redesigned)
+        queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
         if now >= state[NEXT_LOOK]:
             self._look(view, given, memory, space)
         due = state[BAD_SINCE] and not state[NEW_ZONES_AT] and not redesigned

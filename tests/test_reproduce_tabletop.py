@@ -18,7 +18,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import run_all
 from automaton.reproductions import REPRODUCTIONS, find
-from automaton.reproductions.claims import Claim, Figure, judge, student
+from automaton.reproductions.claims import Claim, Figure, judge
 from automaton.reproductions.study import Reproduced, reproduce
 from automaton.reproductions.tabletop import (
     REPRODUCTION,
@@ -28,6 +28,7 @@ from automaton.reproductions.tabletop import (
     published,
 )
 from automaton.scenario.resolve import resolve
+from automaton.statistics.student import student
 
 METRICS = ("T_total", "T_R", "T_Rtotal", "E_U_moves", "E_U_operations", "E_U_cycles")
 

@@ -22,6 +22,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
     "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
+    "size": ("automaton.commands.size", "find the smallest fleet that meets a target"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),

@@ -43,7 +43,7 @@ class Region(NamedTuple):
     def h2(self) -> float:
         """The constant h^2 of Kim & Nelson."""
         power = -2 / (self.first - 1)
-        return ((2 * self.error) ** power - 1) * (self.first - 1)
+        return float((2 * self.error) ** power - 1) * (self.first - 1)
 
     def width(self, variance: float, r: int) -> float:
         """R(r), in the unit of the observations."""

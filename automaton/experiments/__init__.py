@@ -1,0 +1,1 @@
+"""Experiments: studies of many runs, kept in folders, resumed, and read as one table."""

@@ -128,7 +128,7 @@ def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
     executor = ProcessPoolExecutor(workers, mp_context=context)
     finished = False
     try:
-        with _children_ignore_interrupts():
+        with children_ignore_interrupts():
             futures: list[Future[tuple[int, list[Result]]]] = [
                 executor.submit(run_chunk, chunk) for chunk in chunks
             ]
@@ -154,7 +154,7 @@ def _warm(chunks: Sequence[Chunk]) -> None:
 
 
 @contextmanager
-def _children_ignore_interrupts() -> Iterator[None]:
+def children_ignore_interrupts() -> Iterator[None]:
     """Processes started in here ignore Ctrl-C from their first moment on: the parent ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield

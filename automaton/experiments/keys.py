@@ -98,10 +98,11 @@ def hashed(value: Any) -> str:
     return digest(json.dumps(value, sort_keys=True, ensure_ascii=False, default=str))[:16]
 
 
-def fingerprint(resolved: Resolved) -> str:
+def fingerprint(resolved: Resolved, window: int = 0) -> str:
     """Of a resolved scenario but for its seed and summary: 32 hex digits.
 
-    The floor counts as it was built, files of strategies by their contents.
+    The floor counts as it was built, files of strategies by their contents. `window`: ticks of a
+    window of the series that its rows keep.
     """
     scenario = msgspec.to_builtins(resolved.scenario)
     del scenario["seed"], scenario["summary"]
@@ -109,7 +110,14 @@ def fingerprint(resolved: Resolved) -> str:
         layer: [pick.name, msgspec.to_builtins(pick.parameters)]
         for layer, pick in resolved.picks.items()
     }
-    whole = [scenario, picks, resolved.plan.fingerprint, resolved.start, file_hashes(resolved)]
+    whole = [
+        scenario,
+        picks,
+        resolved.plan.fingerprint,
+        resolved.start,
+        file_hashes(resolved),
+        window,
+    ]
     return digest(json.dumps(whole, sort_keys=True, ensure_ascii=False, default=str))[:32]
 
 
@@ -177,23 +185,27 @@ def read_manifest(folder: Path) -> Manifest | None:
 def manifest_of(
     study: Study,
     scenarios: tuple[Resolved, ...],
+    windows: tuple[int, ...],
     versions: dict[str, str],
     counted: tuple[str, ...],
-    earlier: tuple[Any, ...] = (),
-) -> Manifest:
-    """The manifest of a study, of which the points were resolved to these scenarios."""
-    plugins = sorted(set().union(*map(plugins_of, scenarios)))
-    return Manifest(
+) -> tuple[Manifest, tuple[str, ...]]:
+    """The manifest of a study, of which the points were resolved to these scenarios.
+
+    And the modules of plug-ins that they use.
+    """
+    plugins = tuple(sorted(set().union(*map(plugins_of, scenarios))))
+    each = zip(study.points, scenarios, windows, strict=True)
+    manifest = Manifest(
         study=study.name,
         replications=study.replications,
         seed=study.seed,
         common_random_numbers=study.common_random_numbers,
         points=tuple(
-            PlannedPoint(point.scenario, point.levels, fingerprint(resolved))
-            for point, resolved in zip(study.points, scenarios, strict=True)
+            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window))
+            for point, resolved, window in each
         ),
-        sources=sources_of(tuple(plugins)),
+        sources=sources_of(plugins),
         versions=versions,
         counted=counted,
-        earlier=earlier,
     )
+    return manifest, plugins

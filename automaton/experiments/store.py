@@ -137,9 +137,16 @@ def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
     return pa.table(columns, schema=schema)
 
 
-def content_name(content: bytes | memoryview, first: str) -> str:
-    """The name of a file with this content; `first` makes names sort by time."""
-    return f"{first}-{hashlib.sha256(content).hexdigest()[:16]}.parquet"
+def content_name(content: bytes | str, first: str) -> str:
+    """The name of a file with this content, or of this digest; `first` makes names sort by time."""
+    digest = content if isinstance(content, str) else hashlib.sha256(content).hexdigest()
+    return f"{first}-{digest[:16]}.parquet"
+
+
+def file_digest(path: Path) -> str:
+    """The SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:

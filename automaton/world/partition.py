@@ -53,7 +53,9 @@ class Partition(Struct):
     station_of: Array  # (s,) int32: the station of a slot, or NIL
     server: Array  # (Z,) int32: identity of the robot that serves a zone
     queue: Array  # (m,) int32: the zone in whose queue an order is, or NIL: it is in none yet
-    stop: Array  # (m,) int32: the slot where the robot sets it down, a transfer station or its target
+    stop: (
+        Array  # (m,) int32: the slot where the robot sets it down, a transfer station or its target
+    )
     since: Array  # (m,) int32: tick from which its age counts
     direct: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
     halt: Array  # (n,) int64: robots stand still until this tick

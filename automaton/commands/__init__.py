@@ -22,6 +22,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
     "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
+    "report": ("automaton.commands.report", "report on the results of a sweep"),
     "size": ("automaton.commands.size", "find the smallest fleet that meets a target"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),

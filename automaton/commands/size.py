@@ -85,12 +85,12 @@ def run(args: argparse.Namespace) -> int:
 
 def answered(args: argparse.Namespace, asked: Question) -> int:
     """Run the search, and print it."""
-    from automaton.crew import Crew
+    from automaton.rounds import Rounds
     from automaton.sizing.runner import Fleets, conducted_with_use
     from automaton.sizing.session import Session
 
-    with Crew(args.workers, conducted_with_use) as crew:
-        fleets = Fleets(args.scenario, args.settings, args.seed, crew)
+    with Rounds(args.workers, conducted_with_use) as rounds:
+        fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
         tell_doubts(fleets.base)
         fleets.check(asked)
         session = Session(asked, Telling(fleets, asked), fleets.excluded(asked))

@@ -108,7 +108,9 @@ def _effect(x: dict[int, float], y: dict[int, float], paired: bool, level: float
 
 def pairing_remark(compared: list[Compared], paired: bool) -> str:
     """Whether pairing helps in these comparisons, in a sentence; "" without pairs."""
-    ratios = [one.effect.variance_ratio for one in compared if one.effect.variance_ratio is not None]
+    ratios = [
+        one.effect.variance_ratio for one in compared if one.effect.variance_ratio is not None
+    ]
     if not ratios:
         return ""
     low, high = min(ratios), max(ratios)

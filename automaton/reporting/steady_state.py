@@ -38,10 +38,7 @@ def steady_throughput(results: Results, point: Point, window: int) -> Steady | N
     declared = results.study.warm_up
     rule = "MSER-5" if declared == "mser-5" else "as declared"
     try:
-        if declared == "mser-5":
-            cut = mser5(y).cut
-        else:
-            cut = math.ceil((declared or 0) / window)
+        cut = mser5(y).cut if declared == "mser-5" else math.ceil((declared or 0) / window)
         if len(y) >= ENOUGH_REPLICATIONS:
             interval = replication_deletion(y, cut, 1 - results.analysis.error)
         else:

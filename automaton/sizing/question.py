@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError, nearest
-from automaton.metrics import GLOSSARY
+from automaton.glossary import GLOSSARY
 from automaton.statistics.selection import BATCH, FIRST, Region, region
 from automaton.statistics.shares import ShareTest, share_test
 

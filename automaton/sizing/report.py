@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.table import Table
 
-from automaton.metrics import GLOSSARY
+from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
 from automaton.sizing.follow_up import Best, Gain, Moved

@@ -10,17 +10,17 @@ from functools import cache
 
 import numpy as np
 
-from automaton.crew import Crew
 from automaton.errors import InputError
+from automaton.experiments.keys import seed_of
 from automaton.headless import run_to_end
 from automaton.metrics import executed_ticks, metrics_of
+from automaton.rounds import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations
 from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
 from automaton.sizing.question import Question, Target
-from automaton.statistics.addressed import bits
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
@@ -48,9 +48,9 @@ class Fleets:
     """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
 
     def __init__(
-        self, scenario: str, settings: Sequence[str], seed: int | None, crew: Crew
+        self, scenario: str, settings: Sequence[str], seed: int | None, rounds: Rounds
     ) -> None:
-        self._scenario, self._settings, self._crew = scenario, tuple(settings), crew
+        self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings)
         self.seed = self.base.scenario.seed if seed is None else seed
         self.resolved = cache(self._resolved)  # of a place
@@ -59,7 +59,7 @@ class Fleets:
         """Replications first .. first + number - 1."""
         resolved = self.resolved(place)
         seeds = replication_seeds(self.seed, first, number)
-        results = self._crew.run([(resolved, seed) for seed in seeds])
+        results = self._rounds.run([(resolved, seed) for seed in seeds])
         return [Run(result.finished, result.metrics) for result in results]
 
     def _resolved(self, place: Place) -> Resolved:
@@ -109,8 +109,8 @@ def check_measured(target: Target, run: Run) -> None:
 
 
 def replication_seeds(seed: int, first: int, number: int) -> list[int]:
-    """The seeds of replications, 0 to 2^63 - 1: they depend on `seed` and the replication alone."""
-    return [int(word >> np.uint64(1)) for word in bits(seed, 1, first + number)[0, first:]]
+    """The seeds of replications, those of a sweep: they depend on `seed` and the replication."""
+    return [seed_of(f"{seed} {replication}") for replication in range(first, first + number)]
 
 
 def longer(resolved: Resolved, percent: int) -> list[str]:

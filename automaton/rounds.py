@@ -28,7 +28,7 @@ from automaton.parallel import (
 PATIENCE_S: Final = 2.0
 
 
-class Crew:
+class Rounds:
     """Runs rounds of jobs; a context manager that leaves no process behind.
 
     `workers`: processes, default one for each core; 1 runs everything in this process.
@@ -41,7 +41,7 @@ class Crew:
         self._pool: ProcessPoolExecutor | None = None
         self._before = set(multiprocessing.active_children())
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> Rounds:
         return self
 
     def __exit__(

@@ -56,10 +56,13 @@ def sweep_into(
             on_begun(begun)
         writer = Writer(store)
         tally = Tally(0, 0, 0, 0)
-        if len(done) < plan.study.runs:
-            warm(plan)
-            tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
-        writer.close()
+        try:
+            if len(done) < plan.study.runs:
+                warm(plan)
+                tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
+            writer.close()
+        finally:
+            writer.release()
         return Swept(store, begun, tally)
 
 

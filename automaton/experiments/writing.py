@@ -123,7 +123,7 @@ class Writer:
 
     def _rescued(self, error: OSError) -> InputError:
         """What to say when rows cannot be written, after giving back the room that was kept."""
-        (self.folder / RESERVE).unlink(missing_ok=True)
+        self.release()
         runs = count(len(self.held), "finished run")
         why = (error.strerror or str(error)).lower()
         try:
@@ -138,6 +138,9 @@ class Writer:
         """Write what is in hand, and merge all files into one."""
         self.flush()
         self.merge()
+
+    def release(self) -> None:
+        """Give back the room that was kept."""
         (self.folder / RESERVE).unlink(missing_ok=True)
 
     def merge(self, only_small: bool = False) -> None:

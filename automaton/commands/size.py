@@ -93,7 +93,8 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
         tell_doubts(fleets.base)
         fleets.check(asked)
-        session = Session(asked, Telling(fleets, asked), fleets.excluded(asked))
+        runner, excluded = Telling(fleets, asked), fleets.excluded(asked)
+        session = Session(asked, runner, excluded, fleets.percents)
         interrupted = False
         try:
             session.go()
@@ -125,7 +126,11 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     from automaton.run_report import console
     from automaton.sizing.report import print_answer
 
-    print_answer(console(), session, scenario.name, scenario.stop.at_most, args.price)
+    limit = scenario.stop.at_most
+    ends = f"A run that does not finish within {limit:,} ticks fails."
+    if not fleets.ends_with_orders:
+        ends = f"Every run lasts {limit:,} ticks."
+    print_answer(console(), session, scenario.name, ends, args.price)
 
 
 class Telling:

@@ -51,8 +51,7 @@ def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[
                     for row in range(first, last + 1):
                         grid[height - 1 - row][column] = BAR
                 if not bars and math.isfinite(value):
-                    row = at(value, (low, high), height)
-                    grid[height - 1 - row][column] = SIGNS[index % len(SIGNS)]
+                    put(grid[height - 1 - at(value, (low, high), height)], column, index)
     labels = [""] * height
     labels[0], labels[height // 2], labels[-1] = (
         number(value) for value in (high, high - (high - low) * (height // 2) / (height - 1), low)
@@ -66,6 +65,13 @@ def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[
     for index, line in enumerate(curves.lines):
         if len(curves.lines) > 1 or line.name:
             yield f"{'':>{margin}}  {SIGNS[index % len(SIGNS)]} {line.name}".rstrip()
+
+
+def put(row: list[str], column: int, index: int) -> None:
+    """The sign of a curve in a row; beside the signs of others, if there is room."""
+    room = range(column, min(len(row), column + len(SIGNS)))
+    free = next((one for one in room if row[one] in (" ", BAR)), column)
+    row[free] = SIGNS[index % len(SIGNS)]
 
 
 def scale(values: Sequence[float]) -> tuple[float, float]:

@@ -156,6 +156,12 @@ def factor_cells(study: Study, point: Point) -> list[str]:
 
 
 def point_name(study: Study, point: Point) -> str:
-    """The levels of a point in one phrase."""
+    """The levels of a point in one phrase: "robots 4, allocation cooperative"."""
     pairs = zip(factor_heads(study), factor_cells(study, point), strict=True)
     return ", ".join(f"{head} {cell}" for head, cell in pairs) or point.scenario
+
+
+def levels_apart(study: Study, point: Point, other: Point) -> str:
+    """The levels of `other` that are not those of a point: "independent"."""
+    pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
+    return ", ".join(theirs for own, theirs in pairs if own != theirs)

@@ -10,7 +10,14 @@ from automaton.experiments.study import Point
 from automaton.glossary import GLOSSARY
 from automaton.reporting.comparing import Compared, comparisons, pairing_remark
 from automaton.reporting.document import Block, Heading, Listed, Table, Text
-from automaton.reporting.results import Counts, Results, factor_cells, factor_heads, point_name
+from automaton.reporting.results import (
+    Counts,
+    Results,
+    factor_cells,
+    factor_heads,
+    levels_apart,
+    point_name,
+)
 from automaton.reporting.steady_state import steady_throughput
 from automaton.scenario.bounds import bounds, least_ticks
 from automaton.scenario.resolve import Resolved
@@ -84,7 +91,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         ],
     ]
     yield Heading("Design")
-    yield Table(("", ""), rows, left=2)
+    yield Table(("what", "how"), rows, left=2)
     for name in study.factor_names:
         levels = ", ".join(str(level) for level in study.levels(name))
         yield Text(f"Factor {name}: {levels}")
@@ -227,23 +234,21 @@ def comparison_text(results: Results, compared: list[Compared]) -> str:
 
 def comparison_table(results: Results, compared: list[Compared]) -> Table:
     """One line for each comparison."""
-    heads = ["metric", "point", "against", "difference", "low", "high", "relative", "p Holm"]
-    heads += ["correlation", "var. ratio", "runs", "unfinished", "failed"]
+    study = results.study
+    heads = ["metric", *factor_heads(study), "against", "difference", "low", "high"]
+    heads += ["relative", "p Holm", "correlation", "var. ratio", *RUN_HEADS]
     rows = []
     for one in compared:
         found = one.effect
-        interval = found.difference
-        ends = ["-" if end is None else f"{end:+,.4g}" for end in (interval.low, interval.high)]
-        relative = "-" if found.relative is None else f"{100 * found.relative.value:+.1f} %"
+        ends = (found.difference.value, found.difference.low, found.difference.high)
         both = [results.counts(point) for point in (one.a, one.b)]
         rows.append(
             [
                 one.metric,
-                point_name(results.study, one.a),
-                point_name(results.study, one.b),
-                f"{interval.value:+,.4g}",
-                *ends,
-                relative,
+                *factor_cells(study, one.a),
+                levels_apart(study, one.a, one.b),
+                *("-" if end is None else f"{end:+,.4g}" for end in ends),
+                relative_text(found.relative),
                 "<0.0001" if one.adjusted < 1e-4 else f"{one.adjusted:.4f}",
                 "-" if found.correlation is None else f"{found.correlation:+.2f}",
                 "-" if found.variance_ratio is None else f"{found.variance_ratio:.2f}",
@@ -252,7 +257,15 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
                 f"{both[0].failed}, {both[1].failed}",
             ]
         )
-    return Table(heads, rows, left=3)
+    return Table(heads, rows, left=2 + len(factor_heads(study)))
+
+
+def relative_text(relative: Interval | None) -> str:
+    """A relative effect with its interval, in percent."""
+    if relative is None or relative.low is None or relative.high is None:
+        return "-"
+    low, high = 100 * relative.low, 100 * relative.high
+    return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
 
 
 def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Block]:

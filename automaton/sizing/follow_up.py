@@ -137,12 +137,14 @@ def best_of(
         candidates, until = rivals, runs + SELECTION_ROUND
 
 
-def sensitivity(answer: Place, purse: Purse, asked: Question) -> list[Moved]:
-    """The fleets from one robot less to one more, with durations 10 % shorter and longer."""
+def sensitivity(
+    answer: Place, purse: Purse, asked: Question, percents: Sequence[int] = OFF
+) -> list[Moved]:
+    """The fleets from one robot less to one more, with durations so many percent longer."""
     found: list[Moved] = []
     around = range(answer.robots - 1, answer.robots + 2)
     robots = [n for n in around if 1 <= n <= asked.last]
-    for percent in OFF:
+    for percent in percents:
         moved = Moved(percent)
         for number in robots:
             candidate = Candidate(answer._replace(robots=number, percent=percent))

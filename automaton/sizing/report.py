@@ -11,7 +11,7 @@ from rich.table import Table
 from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
-from automaton.sizing.follow_up import Best, Gain, Moved
+from automaton.sizing.follow_up import OFF, Best, Gain, Moved
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
@@ -23,8 +23,8 @@ MOST_CAUSES = 4
 WIDTH = 100  # a table of figures is no text to be folded
 
 
-def print_answer(out: Console, session: Session, name: str, limit: int, price: float) -> None:
-    """Print everything. `limit`: ticks after which a run is given up; `price` of a robot, or 0."""
+def print_answer(out: Console, session: Session, name: str, ends: str, price: float) -> None:
+    """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
     asked = session.asked
     out.print(f"{name}: how many robots so that {asked.target.text} {unit_of(asked)}?")
     out.print()
@@ -40,7 +40,7 @@ def print_answer(out: Console, session: Session, name: str, limit: int, price: f
         for line in lines:
             out.print(line, soft_wrap=True)
     out.print()
-    for line in method(session, limit):
+    for line in method(session, ends):
         out.print(line, soft_wrap=True)
 
 
@@ -129,7 +129,7 @@ def candidates_table(search: Search, asked: Question) -> Table:
             f"{one.met(asked):,}",
             f"{one.censored:,}",
             between(one.share(asked)) if one.runs else "-",
-            "-" if mean is None else ends(mean),
+            "-" if mean is None else with_half(mean),
             one.verdict + (f" after {one.after:,}" if one.verdict != "undecided" else ""),
         )
     return table
@@ -141,7 +141,7 @@ def between(interval: Interval) -> str:
     return f"{interval.value:.3f} ({low:.3f} to {high:.3f})"
 
 
-def ends(interval: Interval) -> str:
+def with_half(interval: Interval) -> str:
     """A mean with half of its interval."""
     half = interval.half
     return number(interval.value) + ("" if half is None else f" +- {number(half)}")
@@ -204,15 +204,22 @@ def moved_lines(session: Session, asked: Question) -> list[str]:
     place = session.place
     if place is None:
         return []
-    if not session.moved:
-        return ["If durations are 10 % off: not examined, the budget is spent"]
-    return [moved_line(moved, asked) for moved in session.moved]
+    lines = []
+    for percent_off in OFF:
+        how = f"Durations {abs(percent_off)} % {'longer' if percent_off > 0 else 'shorter'}: "
+        moved = next((one for one in session.moved if one.percent == percent_off), None)
+        if moved is not None:
+            lines.append(how + moved_line(moved, asked))
+        elif percent_off not in session.percents:
+            lines.append(how + "not examined, they are too short for that in whole ticks")
+        else:
+            lines.append(how + "not examined, the budget is spent")
+    return lines
 
 
 def moved_line(moved: Moved, asked: Question) -> str:
     """One sentence for a change of durations."""
     found = moved.smallest(asked)
-    how = f"{abs(moved.percent)} % {'longer' if moved.percent > 0 else 'shorter'}"
     shares = ", ".join(
         f"{one.place.robots}: "
         + (
@@ -228,10 +235,10 @@ def moved_line(moved: Moved, asked: Question) -> str:
         answer += " or fewer"
     runs = len(moved.fleets[0].runs)
     what = "mean" if asked.mean else "share"
-    return f"Durations {how}: {answer} ({what} by robots, {runs} runs each: {shares})"
+    return f"{answer} ({what} by robots, {runs} runs each: {shares})"
 
 
-def method(session: Session, limit: int) -> Iterator[str]:
+def method(session: Session, ends: str) -> Iterator[str]:
     """What the answer means, what was spent, and what it rests on."""
     asked = session.asked
     sure = percent(1 - asked.error, 0)
@@ -262,7 +269,7 @@ def method(session: Session, limit: int) -> Iterator[str]:
     )
     yield (
         f"Spent {session.spent:,} of {asked.budget:,} runs, {session.after:,} of them after the search. "
-        f"A run that does not finish within {limit:,} ticks fails."
+        + ends
     )
     yield (
         "Assumed: runs with different seeds are independent; replication r has the same seed, and "

@@ -20,6 +20,7 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations
 from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
+from automaton.sizing.follow_up import OFF
 from automaton.sizing.question import Question, Target
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
@@ -91,6 +92,11 @@ class Fleets:
             if why:
                 reasons[robots] = why
         return reasons
+
+    @property
+    def percents(self) -> list[int]:
+        """By how much durations can be longer or shorter, of those that are looked at."""
+        return [percent for percent in OFF if longer(self.base, percent)]
 
     @property
     def ends_with_orders(self) -> bool:

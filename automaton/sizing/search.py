@@ -19,8 +19,7 @@ from automaton.sizing.question import Question
 
 Kind = Literal["answered", "undecided", "not reachable"]
 
-ROUND: Final = 25  # runs in a round at first
-LATER_ROUND: Final = 100  # when there are as many already
+ROUNDS: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
 PUT_OFF: Final = 2  # a candidate is put off when it has had this part of the budget: a half
 
 
@@ -105,4 +104,4 @@ def round_of(candidate: Candidate, asked: Question) -> int:
     have = len(candidate.runs)
     if asked.mean and have < asked.fewest:
         return asked.fewest - have
-    return LATER_ROUND if have >= LATER_ROUND else ROUND
+    return next(size for since, size in ROUNDS if have >= since)

@@ -27,6 +27,7 @@ from automaton.statistics.intervals import (
     bca,
     checked,
     constant,
+    expanded,
     few,
     mean_interval,
 )
@@ -98,7 +99,7 @@ def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
     means = x[resamples(BOOTSTRAP_SEED, RESAMPLES, len(x))].mean(axis=1)
     means = means - y[resamples(BOOTSTRAP_SEED + 1, RESAMPLES, len(y))].mean(axis=1)
     influence = np.concatenate([(x - x.mean()) / len(x), (y.mean() - y) / len(y)])
-    low, high = bca(difference, means, influence, level)
+    low, high = bca(difference, means, influence, expanded(n, degrees, level))
     warning = few(x if len(x) <= len(y) else y)
     return Interval(difference, low, high, n, "BCa", level, warning)
 
@@ -134,7 +135,8 @@ def _welch(x: Values, y: Values) -> tuple[float, float]:
     u, v = float(x.var(ddof=1)) / len(x), float(y.var(ddof=1)) / len(y)
     if u + v <= 0:
         return 0.0, float(len(x) + len(y) - 2)
-    return math.sqrt(u + v), (u + v) ** 2 / (u * u / (len(x) - 1) + v * v / (len(y) - 1))
+    share = u / (u + v)
+    return math.sqrt(u + v), 1 / (share**2 / (len(x) - 1) + (1 - share) ** 2 / (len(y) - 1))
 
 
 def _p_value(x: Values, y: Values, paired: bool) -> float:

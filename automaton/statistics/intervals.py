@@ -6,6 +6,10 @@ BCa   quantiles of the means of resampled runs, at levels corrected for bias and
       (Efron 1987; Efron & Tibshirani 1993, chapter 14):
       a = sum(U^3) / (6 sum(U^2)^1.5),  U = deviations of the runs,
       level' = P(Z <= z0 + (z0 + z) / (1 - a (z0 + z))),  z0 = quantile of the share below the mean
+      z = -+ sqrt(n / (n - 1)) t(n - 1): a resample spreads less than the runs it is drawn from
+      (Hesterberg 2015, "expanded"). Plain BCa holds the truth less often than Student's: of table-top
+      runs in 86.7 % at n = 10, 90.6 at 20, against 90.5 and 92.4; expanded in 91.2 and 93.2
+      (tests/statistics_trials.py).
 
 Runs of fleets are skewed: few runs give intervals that hold the truth too seldom, whatever the
 method, so below 60 runs there is a warning that names skew and n.
@@ -75,7 +79,7 @@ def mean_interval(
         half = student(n - 1, level) * float(x.std(ddof=1)) / math.sqrt(n)
         return Interval(mean, mean - half, mean + half, n, "t", level)
     means = x[resamples(seed, RESAMPLES, n)].mean(axis=1)
-    low, high = bca(mean, means, x - mean, level)
+    low, high = bca(mean, means, x - mean, expanded(n, n - 1, level))
     return Interval(mean, low, high, n, "BCa", level, few(x))
 
 
@@ -115,10 +119,16 @@ def few(x: Values) -> str:
     )
 
 
-def bca(value: float, replicates: Values, influence: Values, level: float) -> tuple[float, float]:
+def expanded(n: int, degrees: float, level: float) -> float:
+    """Where the ends of a bootstrap interval of n runs lie, in standard deviations of resamples."""
+    return math.sqrt(n / (n - 1)) * student(degrees, level)
+
+
+def bca(value: float, replicates: Values, influence: Values, reach: float) -> tuple[float, float]:
     """The ends of a BCa interval of a statistic.
 
-    `replicates`: the statistic of each resample; `influence`: how far each run moves it.
+    `replicates`: the statistic of each resample; `influence`: how far each run moves it; `reach`:
+    the ends before their correction, in standard deviations.
     """
     below = float(np.count_nonzero(replicates < value))
     below += float(np.count_nonzero(replicates == value)) / 2  # ties, where runs are whole numbers
@@ -127,8 +137,7 @@ def bca(value: float, replicates: Values, influence: Values, level: float) -> tu
     spread = float((influence**2).sum())
     acceleration = float((influence**3).sum()) / (6 * spread**1.5) if spread > 0 else 0.0
     ends = []
-    for tail in ((1 - level) / 2, (1 + level) / 2):
-        z = z0 + normal_quantile(tail)
+    for z in (z0 - reach, z0 + reach):
         shrunk = 1 - acceleration * z
         corrected = normal_probability(z0 + z / shrunk) if shrunk > 0 else float(z > 0)
         ends.append(float(np.quantile(replicates, corrected)))

@@ -49,10 +49,6 @@ class Region(NamedTuple):
         """R(r), in the unit of the observations."""
         return max(0.0, self.h2 * variance / (2 * self.zone) - self.zone * r / 2)
 
-    def most(self, variance: float) -> int:
-        """Observations after which the triangle has closed."""
-        return int(self.h2 * variance / self.zone**2) + 1
-
 
 def region(zone: float, error: float, first: int = FIRST) -> Region:
     """A checked region. Raises ValueError."""

@@ -77,11 +77,11 @@ def add_floors(
         if number not in scenarios:
             raise InputError(f"--floor {number}: its scenario cannot be read")
         point = results.points[number]
-        seeds = results.seeds(point)
-        if not seeds:
-            raise InputError(f"--floor {number}: this point has no runs yet")
+        first = results.first_run(point)
+        if first is None:
+            raise InputError(f"--floor {number}: this point has no runs with figures yet")
         name = f"point {number}: {point_name(results.study, point)}"
-        document.add(*floor_maps(scenarios[number], seeds[0], name))
+        document.add(*floor_maps(scenarios[number], *first, name))
 
 
 def add_repeat(document: Document, store: Store) -> None:

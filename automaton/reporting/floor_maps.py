@@ -15,13 +15,18 @@ from automaton.world.state import Array
 from automaton.world.waiting import LOST_EVER, visits_of
 
 
-def floor_maps(resolved: Resolved, seed: int, name: str) -> Iterator[HeatMap]:
-    """Robot ticks lost and robots that came by, for each cell, over the whole run."""
+def floor_maps(resolved: Resolved, seed: int, digest: str, name: str) -> Iterator[HeatMap]:
+    """Robot ticks lost and robots that came by, for each cell, over the whole run.
+
+    `digest`: of the run in the results; a run that comes to another one says so.
+    """
     with strategies_blamed(resolved):
         simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
         simulation.run()
     grid, watch = simulation.world.grid, simulation.watch
     note = f"one run, seed {seed}, {simulation.tick:,} ticks"
+    if simulation.digest != digest:
+        note += "; this code comes to another end than that of the results"
     lost = watch.delay[:, LOST_EVER].astype(np.float64)
     visits = visits_of(watch.flow, grid.offset).astype(np.float64)
     yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)

@@ -48,6 +48,7 @@ class Results:
     versions: Mapping[str, str] = field(default_factory=dict)  # of libraries
     folder: str = ""
     damaged: Sequence[str] = ()
+    earlier: int = 0  # analyses that were declared before, when runs had been made
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -106,9 +107,12 @@ class Results:
             return []
         return [column[row] for row in self._rows[point.number] if column[row] is not None]
 
-    def seeds(self, point: Point) -> list[int]:
-        """The seeds of a point's runs, in the order of replications."""
-        return [int(self.columns["seed"][row]) for row in self._rows[point.number]]
+    def first_run(self, point: Point) -> tuple[int, str] | None:
+        """Seed and digest of a point's first run that has figures."""
+        for row in self._rows[point.number]:
+            if self.columns["failed"][row] is None:
+                return int(self.columns["seed"][row]), str(self.columns["digest"][row])
+        return None
 
     def _finished(self, row: int) -> bool:
         return self.columns["failed"][row] is None and bool(self.columns["finished"][row])
@@ -124,6 +128,7 @@ def read_results(store: Store) -> Results:
         versions=store.manifest.versions,
         folder=str(store.folder),
         damaged=[path.name for path in store.damaged],
+        earlier=len(store.manifest.earlier),
     )
 
 

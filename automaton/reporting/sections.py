@@ -132,6 +132,11 @@ def remarks(results: Results) -> Iterator[str]:
     if failed:
         reasons = {reason for reason in results.columns["failed"] if reason}
         yield f"{count(failed, 'run')} failed and have no figures: {'; '.join(sorted(reasons)[:3])}"
+    if results.earlier:
+        yield (
+            f"the analysis was changed {count(results.earlier, 'time')} after runs had been made: "
+            "what it finds is a lead, not a test"
+        )
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
 

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import Final
 
 from automaton.parallel import (
+    Chunk,
     Conduct,
     Job,
     Result,
@@ -39,6 +40,7 @@ class Rounds:
         self._conduct = conduct
         self._spent_s = 0.0
         self._pool: ProcessPoolExecutor | None = None
+        self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
         self._before = set(multiprocessing.active_children())
 
     def __enter__(self) -> Rounds:
@@ -65,12 +67,21 @@ class Rounds:
         if alone:
             batches = [run_chunk(chunk)[1] for chunk in chunks]
         else:
-            warm(chunks)
+            self._warm_up(chunks)
             with children_ignore_interrupts():
                 futures = [self._started().submit(run_chunk, chunk) for chunk in chunks]
             batches = [future.result()[1] for future in futures]
         self._spent_s += time.perf_counter() - begun
         return [result for batch in batches for result in batch]
+
+    def _warm_up(self, chunks: Sequence[Chunk]) -> None:
+        """Compile what the workers will load, once for all rounds."""
+        names = {
+            tuple(pick.name for pick in job[0].picks.values()) for c in chunks for job in c.jobs
+        }
+        if not names <= self._warm:
+            warm(chunks)
+            self._warm |= names
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:

@@ -93,5 +93,5 @@ def add_repeat(document: Document, store: Store) -> None:
         Text("This command, with the code named above and this study file, gives the same rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
         Text(f"{STUDY_FILE}:"),
-        Text((folder / STUDY_FILE).read_text(encoding="utf-8").rstrip(), code=True),
+        Text((folder / STUDY_FILE).read_text(encoding="utf-8").strip(), code=True),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from automaton.whole_file import written
 
 FORMATS = ("png", "svg")
 DPI = 150
+WIDEST_TITLE = 50
 
 
 def figure_class() -> Any:
@@ -67,6 +69,7 @@ def draw_curves(axes: Any, curves: Curves) -> None:
         up = [high - value for value, high in zip(line.value, line.high, strict=True)]
         name = line.name or None
         axes.errorbar(line.x, line.value, yerr=[down, up], marker="o", capsize=3, label=name)
+    axes.set_xticks(sorted({x for line in curves.lines for x in line.x}))
     axes.set(title=curves.title, xlabel=curves.x_label, ylabel=curves.y_label)
     axes.grid(alpha=0.3)
     if any(line.name for line in curves.lines):
@@ -76,7 +79,8 @@ def draw_curves(axes: Any, curves: Curves) -> None:
 def draw_map(figure: Any, axes: Any, heat: HeatMap) -> None:
     """A floor in colours."""
     image = axes.imshow(heat.field, cmap="inferno", interpolation="nearest")
-    axes.set(title=heat.title, xlabel=heat.note)
+    title = "\n".join(textwrap.wrap(heat.title, WIDEST_TITLE))
+    axes.set(title=title, xlabel=heat.note)
     axes.set_xticks([])
     axes.set_yticks([])
     figure.colorbar(image, label=heat.unit)

@@ -126,7 +126,7 @@ def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -
     for workers in (1, 2):
         with Rounds(workers, conducted_with_use) as rounds:
             fleets = Fleets("tabletop-mini", (), None, rounds)
-            session = Session(asked, fleets, fleets.excluded(asked), [10])
+            session = Session(asked, fleets, fleets.excluded(asked), {10: [""]})
             session.go()
             found.append([one.runs for search in session.searches for one in search.candidates])
             place = session.place

@@ -94,7 +94,7 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
         tell_doubts(fleets.base)
         fleets.check(asked)
         runner, excluded = Telling(fleets, asked), fleets.excluded(asked)
-        session = Session(asked, runner, excluded, fleets.percents)
+        session = Session(asked, runner, excluded, fleets.changes)
         interrupted = False
         try:
             session.go()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -11,7 +11,7 @@ from rich.table import Table
 from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
-from automaton.sizing.follow_up import OFF, Best, Gain, Moved
+from automaton.sizing.follow_up import MOVES_LATE, OFF, Best, Gain, Moved
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
@@ -20,6 +20,7 @@ from automaton.units import count, number, percent
 
 USES = {"station_use": "stations", "charger_use": "chargers", "utilization": "robots"}
 MOST_CAUSES = 4
+LEAST_SHOWN = 0.0005  # of the robots' time
 WIDTH = 100  # a table of figures is no text to be folded
 
 
@@ -152,6 +153,7 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
     robots = candidate.place.robots
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
     whole = robots * mean_of(candidate, "T_total")
+    lost = [(name, ticks) for name, ticks in lost if ticks >= LEAST_SHOWN * whole]
     if lost and whole > 0:
         causes = [
             f"{percent(ticks / whole)} {GLOSSARY[name][1].split(':')[0].split(',')[0]}"
@@ -210,11 +212,24 @@ def moved_lines(session: Session, asked: Question) -> list[str]:
         moved = next((one for one in session.moved if one.percent == percent_off), None)
         if moved is not None:
             lines.append(how + moved_line(moved, asked))
-        elif percent_off not in session.percents:
+            lines.append(f"  ({changed(session.changes[percent_off])})")
+        elif percent_off not in session.changes:
             lines.append(how + "not examined, they are too short for that in whole ticks")
         else:
             lines.append(how + "not examined, the budget is spent")
     return lines
+
+
+def changed(settings: Sequence[str]) -> str:
+    """What makes durations longer or shorter: "turn 24, pick 10, moves a tick longer in 10 %"."""
+    parts = [setting.removeprefix("durations.").replace("=", " ") for setting in settings]
+    late = f"{MOVES_LATE}="
+    return ", ".join(
+        f"moves a tick longer in {percent(float(part.partition(' ')[2]), 0)}"
+        if setting.startswith(late)
+        else part
+        for setting, part in zip(settings, parts, strict=True)
+    )
 
 
 def moved_line(moved: Moved, asked: Question) -> str:
@@ -265,7 +280,8 @@ def method(session: Session, ends: str) -> Iterator[str]:
         test = "Wald's sequential test"
     yield (
         f"Each fleet by {test}, error {asked.error:g} / {asked.candidates} each; none is inferred from "
-        "another. Intervals of shares are confidence sequences: stopping does not spoil them."
+        "another. Intervals of shares are confidence sequences, which stopping does not spoil; "
+        "means are for orientation."
     )
     yield (
         f"Spent {session.spent:,} of {asked.budget:,} runs, {session.after:,} of them after the search. "

@@ -20,14 +20,13 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations
 from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
-from automaton.sizing.follow_up import OFF
+from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
-MOVES_LATE = "world.extra_tick"
 
 
 def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
@@ -94,9 +93,10 @@ class Fleets:
         return reasons
 
     @property
-    def percents(self) -> list[int]:
-        """By how much durations can be longer or shorter, of those that are looked at."""
-        return [percent for percent in OFF if longer(self.base, percent)]
+    def changes(self) -> dict[int, list[str]]:
+        """By how many percent durations can be longer, and the settings that make them so."""
+        found = {percent: longer(self.base, percent) for percent in OFF}
+        return {percent: settings for percent, settings in found.items() if settings}
 
     @property
     def ends_with_orders(self) -> bool:

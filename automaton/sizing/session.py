@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from automaton.sizing.candidates import Candidate, Place, Runner
-from automaton.sizing.follow_up import OFF, Best, Gain, Moved, Purse, best_of, gain_of, sensitivity
+from automaton.sizing.follow_up import Best, Gain, Moved, Purse, best_of, gain_of, sensitivity
 from automaton.sizing.question import Question
 from automaton.sizing.search import Search
 
@@ -21,7 +21,7 @@ class Session:
     asked: Question
     run: Runner
     excluded: Mapping[int, str] = field(default_factory=dict)
-    percents: Sequence[int] = OFF  # by how much durations can be longer
+    changes: Mapping[int, Sequence[str]] = field(default_factory=dict)  # percent: settings
     searches: list[Search] = field(default_factory=list)
     gains: dict[str, Gain] = field(default_factory=dict)  # by strategy
     best: Best | None = None
@@ -55,7 +55,7 @@ class Session:
         if len(asked.strategies) > 1:
             self.best = best_of(self._rivals(place.robots), purse, asked)
             self.after = purse.spent
-        self.moved = sensitivity(self.place or place, purse, asked, self.percents)
+        self.moved = sensitivity(self.place or place, purse, asked, list(self.changes))
         self.after = purse.spent
 
     def _show(self, search: Search, purse: Purse) -> None:

@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from automaton.experiments import Study, sweep
 from automaton.strategy.layer import Strategy
 from automaton.world.state import PARK
 
@@ -42,6 +44,12 @@ def plain(table: Any) -> list[dict[str, Any]]:
     """The rows without the times that they took."""
     rows: list[dict[str, Any]] = table.drop_columns(list(TIMES)).to_pylist()
     return rows
+
+
+def swept_here(study: Path | Study, out: Path | None = None, **options: Any) -> Any:
+    """The rows of a study, its runs being done in this process."""
+    with ThreadPoolExecutor(1) as executor:
+        return sweep(study, out, executor, **options)
 
 
 def sweep_command(study: Path, out: Path, *options: str) -> list[str]:

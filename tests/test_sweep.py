@@ -17,6 +17,7 @@ from sweeping import (
     small_study,
     started,
     sweep_command,
+    swept_here,
 )
 
 from automaton.commands import main
@@ -115,12 +116,12 @@ def test_what_is_done_is_not_done_again(
 
 
 def test_more_replications_keep_those_that_are_done(tmp_path: Path) -> None:
-    few = sweep(small_study(tmp_path, 2), tmp_path / "out", workers=1)
-    more = sweep(small_study(tmp_path, 3), tmp_path / "out", workers=1)
+    few = swept_here(small_study(tmp_path, 2), tmp_path / "out")
+    more = swept_here(small_study(tmp_path, 3), tmp_path / "out")
     assert (few.num_rows, more.num_rows) == (8, 12)
     assert set(few.column("wall_s").to_pylist()) < set(more.column("wall_s").to_pylist())
     with pytest.raises(InputError, match="holds 3 replications; the study asks for fewer"):
-        sweep(small_study(tmp_path, 2), tmp_path / "out", workers=1)
+        swept_here(small_study(tmp_path, 2), tmp_path / "out")
 
 
 def test_other_code_is_refused_and_recomputed_on_demand(
@@ -141,8 +142,7 @@ def test_other_code_is_refused_and_recomputed_on_demand(
         in said
     )
     assert "--recompute" in said and said.count("\n") == 1
-    assert main(["sweep", str(study), "--out", str(out), "--workers", "1", "--recompute"]) == 0
-    assert Store(out).rows().num_rows == 4
+    assert swept_here(study, out, recompute=True).num_rows == 4
 
 
 def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_another_study_seed_point_or_floor_is_refused(
     text = "name: one\nscenario: own.yaml\nfactors: {fleet.robots: [1, 2]}\nreplications: 1\n"
     study, out = tmp_path / "one.yaml", tmp_path / "out"
     study.write_text(text)
-    assert sweep(study, out, workers=1).num_rows == 2
+    assert swept_here(study, out).num_rows == 2
     for before, after, said in [
         ("name: one", "name: two", "of the study 'one', not of 'two'"),
         ("replications: 1", "replications: 1\nseed: 2", "with seed 1, not 2"),
@@ -184,20 +184,20 @@ def test_another_study_seed_point_or_floor_is_refused(
     ]:
         study.write_text(text.replace(before, after))
         with pytest.raises(InputError, match=said):
-            sweep(study, out, workers=1)
+            swept_here(study, out)
     study.write_text(text)
     floor.write_text("b.$.d\nb....\n#...s\n")
     with pytest.raises(
         InputError, match=r"own.yaml, fleet.robots 1 changed \(the file, or its floor"
     ):
-        sweep(study, out, workers=1)
+        swept_here(study, out)
 
 
 def test_a_changed_analysis_is_told_and_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     study, out = small_study(tmp_path, 1), tmp_path / "out"
-    assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
+    assert swept_here(study, out).num_rows == 4
     study.write_text(study.read_text() + "analysis: {metrics: [T_total]}\n")
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert "another one than that with which 4 runs were made" in capsys.readouterr().err
@@ -220,7 +220,7 @@ def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> No
 
 def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
     command = sweep_command(
-        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=2"
+        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
     )
     process = started(command, **{TROUBLE: str(tmp_path)})
     told, err = process.communicate(timeout=60)
@@ -231,7 +231,7 @@ def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
 
 
 def test_a_run_that_kills_its_worker_twice_has_failed_and_others_have_not(tmp_path: Path) -> None:
-    command = sweep_command(troubled(tmp_path, "DiesAlways"), tmp_path / "out", "--workers", "2")
+    command = sweep_command(troubled(tmp_path, "DiesAlways"), tmp_path / "out", "--workers", "1")
     process = started(command, **{TROUBLE: str(tmp_path)})
     _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and err.count("\n") == 1
@@ -261,7 +261,7 @@ def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
         listed=({"fleet.robots": 1}, {"fleet.robots": 2, "durations.turn": 5}),
         replications=1,
     )
-    table = sweep(study, workers=1)
+    table = swept_here(study)
     assert table.column("durations.turn").to_pylist() == [None, 5]
     row = table.to_pylist()[1]
     outcome = simulate("tabletop-mini", row["seed"], fleet__robots=2, **{"durations.turn": 5})
@@ -276,7 +276,7 @@ def test_steady_states_keep_a_series_of_deliveries(tmp_path: Path) -> None:
         "name: steady\nscenario: tabletop-mini\nreplications: 2\ndesign: steady-state\n"
         "warm_up: 100\nwindow: 50\npoints: [{stop.when: never, stop.at_most: 999}]\n"
     )
-    table = sweep(study, workers=1)
+    table = swept_here(study)
     row = table.to_pylist()[0]
     assert len(row["series"]) == 19 and sum(row["series"]) <= row["delivered"]
     assert row["finished"] and row["completions"] is not None  # measured after the warm-up

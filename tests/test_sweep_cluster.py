@@ -17,8 +17,8 @@ from sweeping import (
     row_files,
     small_study,
     started,
-    swept_here,
     sweep_command,
+    swept_here,
     wait_until,
 )
 

@@ -115,17 +115,8 @@ class Coordinator:
         return tuple(self.block.popleft() for _ in range(min(size, len(self.block))))
 
     def _submit(self, runs: tuple[Run, ...], alone: bool) -> None:
-        plan, point = self.plan, runs[0].point
         self.chunks += 1
-        chunk = Chunk(
-            number=self.chunks,
-            version=self.version,
-            plugins=plan.plugins,
-            fingerprint=plan.manifest.points[point].fingerprint,
-            scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
-            window=plan.windows[point],
-            runs=runs,
-        )
+        chunk = chunk_of(self.plan, self.version, self.chunks, runs)
         try:
             future = self.crew.submit_alone(chunk) if alone else self.crew.submit(chunk)
         except Exception as error:
@@ -188,6 +179,20 @@ class Coordinator:
                 self.unfinished += not row["finished"]
         if rows and self.on_rows is not None:
             self.on_rows(rows)
+
+
+def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Chunk:
+    """What a worker is told about runs of one point."""
+    point = runs[0].point
+    return Chunk(
+        number=number,
+        version=version,
+        plugins=plan.plugins,
+        fingerprint=plan.manifest.points[point].fingerprint,
+        scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
+        window=plan.windows[point],
+        runs=runs,
+    )
 
 
 def refused(error: BaseException) -> InputError:

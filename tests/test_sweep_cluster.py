@@ -32,7 +32,7 @@ REPLICATIONS = 400
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
-    """The address of a scheduler and its two workers, begun by their command lines."""
+    """The file of a scheduler and its two workers, begun by their command lines."""
     file = tmp_path / "scheduler.json"
     dask = [sys.executable, "-m", "dask"]
     local = ["--host", "127.0.0.1"]
@@ -44,7 +44,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]
         processes.append(started([*dask, "worker", *local, *options, *place(file)]))
     try:
         wait_until(lambda: file.exists() and file.read_text().endswith("}"))
-        yield json.loads(file.read_text())["address"], processes[1:]
+        yield str(file), processes[1:]
     finally:
         end_all(processes)
 
@@ -56,9 +56,9 @@ def place(file: Path) -> list[str]:
 def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
     cluster: tuple[str, list[subprocess.Popen[str]]], tmp_path: Path
 ) -> None:
-    address, workers = cluster
+    scheduler, workers = cluster
     study, out = small_study(tmp_path, REPLICATIONS), tmp_path / "out"
-    process = started(sweep_command(study, out, "--scheduler", address, "--json"))
+    process = started(sweep_command(study, out, "--scheduler", scheduler, "--json"))
     try:
         wait_until(lambda: row_files(out))
         os.kill(workers[0].pid, signal.SIGKILL)
@@ -81,3 +81,5 @@ def test_a_scheduler_that_is_not_there_is_told(
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "nonsense://x"]) == 2
     assert "no Dask scheduler answers at nonsense://x" in capsys.readouterr().err
+    assert main(["sweep", str(study), "--out", str(out), "--scheduler", "nothing.json"]) == 2
+    assert "nothing.json: is no address, such as tcp://" in capsys.readouterr().err

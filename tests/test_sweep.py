@@ -163,6 +163,23 @@ def manifest_fields(manifest: keys.Manifest) -> dict[str, object]:
     return {name: getattr(manifest, name) for name in manifest.__struct_fields__}
 
 
+def test_plug_ins_count_as_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    plug_in = tmp_path / "own_allocation.py"
+    text = "from sweeping import Raises\n\n\nclass Own(Raises):\n    pass\n"
+    plug_in.write_text(text)
+    study = tmp_path / "own.yaml"
+    study.write_text(
+        "name: own\nscenario: tabletop-mini\nreplications: 1\n"
+        "points: [{strategy.allocation: 'own_allocation:Own'}]\n"
+    )
+    before = plan_of(study).manifest
+    plug_in.write_text(text + "# changed\n")
+    now = plan_of(study).manifest
+    assert before.points == now.points and before.keys().isdisjoint(now.keys())
+    assert session.difference(before, now).endswith("own_allocation: own_allocation.py changed")
+
+
 def test_another_study_seed_point_or_floor_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

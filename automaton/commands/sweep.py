@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="processes, default one for each core",
     )
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="run on a Dask cluster, such as tcp://host:8786"
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on a Dask cluster, such as tcp://host:8786, or the file that its scheduler wrote",
     )
     parser.add_argument(
         "--dry-run", action="store_true", help="say what it would take, and run nothing but trials"

@@ -11,6 +11,7 @@ import contextlib
 import threading
 import time
 import uuid
+from pathlib import Path
 from typing import Any, Final
 
 from automaton.errors import InputError
@@ -22,7 +23,10 @@ LOOK_S: Final = 1.0  # between two looks at how many workers there are
 
 
 class DaskCluster:
-    """The workers of a Dask scheduler. Raises InputError if none can be reached."""
+    """The workers of a Dask scheduler, by its address or the file that it has written.
+
+    Raises InputError if it cannot be reached.
+    """
 
     def __init__(self, address: str) -> None:
         try:
@@ -32,8 +36,13 @@ class DaskCluster:
                 f"--scheduler needs Dask, which cannot be imported ({error}): "
                 "pip install 'fleet-automaton[cluster]'"
             ) from None
+        where = {"address" if "://" in address else "scheduler_file": address}
+        if "scheduler_file" in where and not Path(address).is_file():
+            raise InputError(
+                "is no address, such as tcp://host:8786, and no file of a scheduler", address
+            )
         try:
-            self._client: Any = Client(address, timeout=PATIENCE_S, set_as_default=False)
+            self._client: Any = Client(**where, timeout=PATIENCE_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             why = str(error) or type(error).__name__
             raise InputError(f"no Dask scheduler answers at {address}: {why}") from None

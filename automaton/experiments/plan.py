@@ -22,6 +22,7 @@ from automaton.glossary import GLOSSARY
 from automaton.recording.header import versions
 from automaton.scenario.document import Document, Override, line_of
 from automaton.scenario.overrides import keys_of
+from automaton.scenario.reading import find
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.strategy import lookup
 
@@ -87,13 +88,12 @@ def _resolved(document: Document, study: Study, point: Point) -> Resolved:
     if isinstance(study.warm_up, int):
         argument = _at(document, ("warm_up",))
         settings.append(Override(argument, WARM_UP, study.warm_up))
+    file = scenario_file(document, point.scenario)
     try:
-        resolved = resolve(scenario_file(document, point.scenario), settings)
+        resolved = resolve(file, settings)
     except InputError as error:
         error.message = f"{error.message} (point {point.number}: {told(point)})"
-        if error.file is None:
-            raise error.at(document.file, document.line(("scenario",))) from None
-        raise
+        raise error.at(document.file, document.line(("scenario",))) from None
     if study.design == "steady-state" and resolved.scenario.stop.when != "never":
         text = (
             "a steady state is seen in runs of a given length: the scenario needs stop.when never"
@@ -112,10 +112,19 @@ def told(point: Point) -> str:
     return ", ".join([point.scenario, *levels])
 
 
-def scenario_file(document: Document, name: str) -> str | Path:
-    """A scenario that a study names: a file seen from the study's folder, or what `find` finds."""
+def scenario_file(document: Document, name: str) -> Path:
+    """A scenario that a study names: a file seen from its folder, from here, or a shipped one.
+
+    Raises InputError.
+    """
     beside = document.folder / name
-    return beside if document.file is not None and beside.is_file() else name
+    if document.file is not None and beside.is_file():
+        return beside
+    try:
+        return find(name)
+    except InputError as error:
+        text = f"{name}: {error.message}" if error.file else error.message
+        raise document.error(("scenario",), text) from None
 
 
 def _where(study: Study, point: Point) -> tuple[str | int, ...]:

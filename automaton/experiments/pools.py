@@ -57,7 +57,7 @@ class LocalPool:
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or cores()
         self.repeated = 0
-        self._before = set(multiprocessing.active_children())
+        self._all: list[ProcessPoolExecutor] = []
         self._pool = self._started(self.workers)
         self._free: list[ProcessPoolExecutor] = []  # of one process each, for runs tried alone
         self._lock = threading.Lock()
@@ -81,34 +81,44 @@ class LocalPool:
             try:
                 future = lane.submit(run_chunk, chunk)
             except BrokenExecutor:  # its process died while it had nothing to do
+                self._all.remove(lane)
                 lane = self._started(1)
                 future = lane.submit(run_chunk, chunk)
         future.add_done_callback(lambda done: self._given_back(lane, done))
         return future
 
     def _given_back(self, lane: ProcessPoolExecutor, done: Any) -> None:
-        if done.cancelled() or isinstance(done.exception(), BrokenExecutor):
-            return
+        broken = done.cancelled() or isinstance(done.exception(), BrokenExecutor)
         with self._lock:
-            self._free.append(lane)
+            if not broken:
+                self._free.append(lane)
+            elif lane in self._all:
+                self._all.remove(lane)  # it has ended by itself
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
 
     def renew(self) -> None:
+        self._all.remove(self._pool)
         self._pool.shutdown(wait=False)
         self._pool = self._started(self.workers)
 
     def close(self, now: bool) -> None:
-        for pool in (self._pool, *self._free):
-            pool.shutdown(wait=not now, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - self._before:
+        with self._lock:
+            pools, self._all = self._all, []
+        processes = [process for pool in pools for process in (pool._processes or {}).values()]
+        for process in processes if now else ():
             process.terminate()
+        for pool in pools:
+            pool.shutdown(wait=not now, cancel_futures=True)
+        for process in processes:
             process.join(5)
 
     def _started(self, workers: int) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(workers, mp_context=context, initializer=attend)
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=attend)
+        self._all.append(pool)
+        return pool
 
 
 class GivenExecutor:

@@ -84,7 +84,7 @@ class Study(Part, frozen=True, kw_only=True):
         Meta(description="The scenario that varies, by path or shipped name, or several."),
     ]
     factors: Annotated[
-        dict[str, tuple[Any, ...]] | None,
+        dict[str, Any] | None,
         Meta(description="Keys of the scenario, such as fleet.robots, each with its levels."),
     ] = None
     listed: Annotated[
@@ -132,14 +132,14 @@ class Study(Part, frozen=True, kw_only=True):
             key = "window" if self.warm_up is None else "warm_up"
             raise ValueError(f"{key} belongs to design: steady-state")
         if self.analysis and self.analysis.paired and not self.common_random_numbers:
-            raise ValueError("analysis.paired needs common_random_numbers: true")
+            raise ValueError("common_random_numbers must be true, since analysis.paired is")
 
-    def _check_factors(self, factors: dict[str, tuple[Any, ...]]) -> None:
+    def _check_factors(self, factors: dict[str, Any]) -> None:
         if not factors:
             raise ValueError("factors must have at least one key, such as fleet.robots")
         points = len(self.scenarios)
         for levels in factors.values():
-            points *= max(1, len(levels))
+            points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
         if points > MAX_POINTS:
             raise ValueError(f"factors cross to {points:,} points; {MAX_POINTS:,} are allowed")
 
@@ -160,7 +160,7 @@ class Study(Part, frozen=True, kw_only=True):
         if factor == SCENARIO:
             return self.scenarios
         if self.factors is not None:
-            return self.factors[factor]
+            return tuple(self.factors[factor])
         found: list[Any] = []
         for levels in self.listed or ():
             if factor in levels and levels[factor] not in found:
@@ -265,8 +265,11 @@ def _declared(study: Study) -> Iterator[tuple[tuple[str | int, ...], Levels]]:
         yield ("points", number), levels
 
 
-def _check_levels(document: Document, key: str, levels: tuple[Any, ...]) -> None:
+def _check_levels(document: Document, key: str, levels: Any) -> None:
     keys = ("factors", key)
+    if not isinstance(levels, list | tuple):
+        text = f"factors.{key} must be a list of levels, found {shown(levels)}"
+        raise document.error(keys, text)
     if not levels:
         raise document.error(keys, f"factors.{key} must list at least one level")
     for number, level in enumerate(levels):

@@ -7,6 +7,7 @@ says so.
 
 from __future__ import annotations
 
+import contextlib
 import pickle
 import queue
 from collections import deque
@@ -58,14 +59,17 @@ class Coordinator:
 
     def conduct(self) -> Tally:
         """Run what is missing. What is raised on the way leaves all finished rows written."""
-        over = False
         try:
             while self._fed():
                 self._take()
-            over = True
-        finally:
-            self.crew.close(now=not over)
-            self.writer.flush()
+        except BaseException:
+            with contextlib.suppress(Exception):  # what has gone wrong already is what is told
+                self._take_finished()
+                self.writer.flush()
+            self.crew.close(now=True)
+            raise
+        self.crew.close(now=False)
+        self.writer.flush()
         return self.tally
 
     @property
@@ -111,17 +115,8 @@ class Coordinator:
         return tuple(self.block.popleft() for _ in range(min(size, len(self.block))))
 
     def _submit(self, runs: tuple[Run, ...], alone: bool) -> None:
-        plan, point = self.plan, runs[0].point
         self.chunks += 1
-        chunk = Chunk(
-            number=self.chunks,
-            version=self.version,
-            plugins=plan.plugins,
-            fingerprint=plan.manifest.points[point].fingerprint,
-            scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
-            window=plan.windows[point],
-            runs=runs,
-        )
+        chunk = chunk_of(self.plan, self.version, self.chunks, runs)
         try:
             future = self.crew.submit_alone(chunk) if alone else self.crew.submit(chunk)
         except Exception as error:
@@ -155,6 +150,13 @@ class Coordinator:
             rows = self._bury(chunk, alone)
         self._keep(rows)
 
+    def _take_finished(self) -> None:
+        """Keep the rows that have come meanwhile."""
+        while not self.finished.empty():
+            future = self.finished.get()
+            with contextlib.suppress(Exception):
+                self._keep(future.result())
+
     def _bury(self, chunk: Chunk, alone: bool) -> list[Row]:
         """After a worker died: runs that were alone have failed, others are tried again."""
         if alone:
@@ -167,8 +169,8 @@ class Coordinator:
         return []
 
     def _keep(self, rows: list[Row]) -> None:
+        self.writer.add(rows)
         for row in rows:
-            self.writer.add(row)
             self.done += 1
             if row["failed"] is not None:
                 self.failed += 1
@@ -177,6 +179,20 @@ class Coordinator:
                 self.unfinished += not row["finished"]
         if rows and self.on_rows is not None:
             self.on_rows(rows)
+
+
+def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Chunk:
+    """What a worker is told about runs of one point."""
+    point = runs[0].point
+    return Chunk(
+        number=number,
+        version=version,
+        plugins=plan.plugins,
+        fingerprint=plan.manifest.points[point].fingerprint,
+        scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
+        window=plan.windows[point],
+        runs=runs,
+    )
 
 
 def refused(error: BaseException) -> InputError:

@@ -85,11 +85,11 @@ class Writer:
             if not reserve.exists():
                 reserve.write_bytes(bytes(RESERVE_BYTES))
 
-    def add(self, row: Row) -> None:
-        """Take a row, and write what has come together if it is time."""
+    def add(self, rows: list[Row]) -> None:
+        """Take rows, and write what has come together if it is time."""
         if not self.held:
             self.since = time.monotonic()
-        self.held.append(row)
+        self.held += rows
         self.tick()
 
     def tick(self) -> None:

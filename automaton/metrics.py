@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from automaton.glossary import GLOSSARY as GLOSSARY
-from automaton.tasks import Measured, task_figures
+from automaton.tasks import Measured, quantile_95, task_figures
 from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
 from automaton.world.state import (
     ACTION_NAMES,
@@ -86,6 +86,7 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
     if world.orders.released.any():
         times = (world.orders.delivered - world.orders.released)[done]
         figures["lead_time"] = float(times.mean()) if delivered else 0.0
+        figures["lead_time_p95"] = quantile_95(times)
     figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)
     counted = run.counted

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from typing import Any
 
 import numpy as np
@@ -117,6 +112,20 @@ def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
     gain = session.gains["worse"].effect
     assert gain is not None and gain.difference.value == pytest.approx(-1000, abs=5)
     assert session.spent <= asked.budget and session.complete
+
+
+def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> None:
+    rng = np.random.default_rng(1)
+    sure, edge = synthetic([0.1, 0.1, 1.0], rng), synthetic([0.1, 0.95, 1.0], rng)
+
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        return (edge if place.strategy == "edge" else sure)(place, first, number)
+
+    session = Session(question(ZERO, (1, 3), ("edge", "sure"), budget=1200), run)
+    session.go()
+    assert session.place == Place(3, "sure")
+    assert not session.settled
+    assert session.searches[0].answer == ("undecided", 3, 2)
 
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
@@ -264,29 +273,24 @@ def test_bounds_by_hand() -> None:
     assert least_ticks(found, 3)[0] == handling + 4  # the longest order alone
 
 
-@pytest.mark.skipif(not hasattr(os, "killpg"), reason="no signals here")
-def test_ctrl_c_prints_what_is_known() -> None:
-    command = [sys.executable, "-m", "automaton", "size", "tabletop-1", "--target", "T_total<=1605"]
-    command += [
-        "--mean",
-        "--zone",
-        "0.01",
-        "--robots",
-        "4..5",
-        "--budget",
-        "10000000",
-        "--workers",
-        "1",
-    ]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    time.sleep(4)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
-    assert process.returncode == 130, err
-    assert "(interrupted)" in out and "Interrupted: what follows is what was known then" in out
-    assert err.endswith("automaton: interrupted\n")
+def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
+    calls, run = 0, Fleets.__call__
+
+    def interrupted(fleets: Fleets, place: Place, first: int, number: int) -> list[Run]:
+        nonlocal calls
+        calls += 1
+        if calls > 4:
+            raise KeyboardInterrupt
+        return run(fleets, place, first, number)
+
+    monkeypatch.setattr(Fleets, "__call__", interrupted)
+    code, out, err = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--workers", "1"
+    )  # fmt: skip
+    assert (code, err) == (130, "automaton: interrupted\n")
+    assert "undecided between 3 and 4, or more (interrupted)" in out
+    assert "Interrupted: what follows is what was known then" in out
+    assert re.search(r"^ +1 .* fails after", out, re.M)
 
 
 def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:

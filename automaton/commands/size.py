@@ -106,12 +106,7 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
         show(args, session, fleets)
         if interrupted:
             raise KeyboardInterrupt
-    return 0 if session.place is not None and decided(session) else 1
-
-
-def decided(session: Session) -> bool:
-    """Whether the smallest fleet of all strategies is known, or of the only one."""
-    return any(search.answer.kind == "answered" for search in session.searches)
+    return 0 if session.settled else 1
 
 
 def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 
 from automaton.experiments.study import Point
-from automaton.glossary import GLOSSARY
 from automaton.reporting.document import Curves, Line
-from automaton.reporting.results import Results, factor_cells, factor_heads
+from automaton.reporting.results import Results, described, factor_cells, factor_heads
 from automaton.reporting.sections import Scenarios, summary
 
 ROBOTS = "fleet.robots"
@@ -21,8 +20,10 @@ def curves(results: Results, scenarios: Scenarios) -> Iterator[Curves]:
     factor = factor_of(results)
     if factor is None:
         return
-    metrics = [*results.analysis.metrics, *WANTED]
-    for metric in dict.fromkeys(metrics):
+    wanted: tuple[str, ...] = WANTED
+    if results.study.design == "steady-state":  # all runs are as long
+        wanted = tuple(metric for metric in WANTED if metric != "T_total")
+    for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
         if results.has(metric):
             yield curve(results, scenarios, metric, factor)
 
@@ -52,7 +53,7 @@ def curve(results: Results, scenarios: Scenarios, metric: str, factor: str) -> C
     ]
     left_out = len(groups) - len(lines)
     title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")
-    unit = GLOSSARY.get(metric, ("times", ""))[0]
+    unit = described(metric)[0]
     label = "robots" if factor == ROBOTS else factor
     return Curves(title, label, unit, lines)
 

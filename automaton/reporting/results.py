@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.experiments.study import Analysis, Point, Study
+from automaton.glossary import GLOSSARY
 
 if TYPE_CHECKING:
     from automaton.experiments.store import Store
@@ -55,7 +56,8 @@ class Results:
         """The rows of each point, by replication."""
         points = np.asarray(self.columns["point"], np.int64)
         order = np.lexsort((np.asarray(self.columns["replication"], np.int64), points))
-        return {point.number: order[points[order] == point.number] for point in self.study.points}
+        ends = np.searchsorted(points[order], np.arange(len(self.study.points) + 1))
+        return {number: order[ends[number] : ends[number + 1]] for number in range(len(ends) - 1)}
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -130,6 +132,12 @@ def read_results(store: Store) -> Results:
         damaged=[path.name for path in store.damaged],
         earlier=len(store.manifest.earlier),
     )
+
+
+def described(metric: str) -> tuple[str, str]:
+    """Unit and meaning of a metric."""
+    counts = {"ticks": ("ticks", "ticks of the run"), "orders": ("orders", "orders of the run")}
+    return GLOSSARY.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
 
 
 def level_text(level: Any) -> str:

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from automaton.experiments.study import Point
-from automaton.glossary import GLOSSARY
 from automaton.reporting.comparing import Compared, comparisons, pairing_remark
 from automaton.reporting.document import Block, Heading, Listed, Table, Text
 from automaton.reporting.results import (
     Counts,
     Results,
+    described,
     factor_cells,
     factor_heads,
+    level_text,
     levels_apart,
     point_name,
 )
@@ -93,7 +94,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     yield Heading("Design")
     yield Table(("what", "how"), rows, left=2)
     for name in study.factor_names:
-        levels = ", ".join(str(level) for level in study.levels(name))
+        levels = ", ".join(level_text(level) for level in study.levels(name))
         yield Text(f"Factor {name}: {levels}")
 
 
@@ -143,7 +144,7 @@ def remarks(results: Results) -> Iterator[str]:
 
 def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Iterator[Block]:
     """A table of a metric, one line for each point."""
-    unit, meaning = GLOSSARY.get(metric, ("times", "counted by a strategy"))
+    unit, meaning = described(metric)
     yield Heading(metric, 3)
     yield Text(f"{meaning} ({unit})")
     found = [summary(results, scenarios, point, metric) for point in results.points]
@@ -278,6 +279,10 @@ def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Blo
     if results.study.design != "steady-state" or not results.has("series"):
         return
     yield Heading("Steady throughput")
+    yield Text(
+        "From the deliveries in each window, without those of the warm-up; tables of throughput "
+        "count whole runs."
+    )
     rows, refused = [], []
     for point in results.points:
         found = steady_throughput(results, point, windows.get(point.number, 0) or 1)

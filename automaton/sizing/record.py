@@ -36,6 +36,7 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
         "complete": session.complete,
         "robots": None if place is None else place.robots,
         "strategy": None if place is None else place.strategy,
+        "settled": session.settled,
         "price": place.robots * price if price and place is not None else None,
         "answers": [search_as_json(one, session) for one in session.searches],
         "best": None if session.best is None else session.best._asdict(),

@@ -58,7 +58,8 @@ def headline(session: Session, price: float) -> Iterator[str]:
         yield who + sentence(search, session) + priced(search, price)
     place = session.place
     if several and place is not None:
-        yield f"Smallest fleet: {count(place.robots, 'robot')} with {label(place.strategy)}"
+        known = "" if session.settled else " for sure"
+        yield f"Smallest fleet{known}: {count(place.robots, 'robot')} with {label(place.strategy)}"
     if not session.complete:
         yield "Interrupted: what follows is what was known then"
 

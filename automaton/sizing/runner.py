@@ -22,6 +22,7 @@ from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
 from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
+from automaton.tasks import TASK_METRICS
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
@@ -108,7 +109,7 @@ def check_measured(target: Target, run: Run) -> None:
     """That runs have the metric of the target. Raises InputError."""
     if target.metric not in run.figures:
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
-        hint = "; say measure: {warm_up: N}" if target.metric in ("task_time", "delay") else ""
+        hint = "; say measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
         raise InputError(
             f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
         )

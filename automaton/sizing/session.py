@@ -90,3 +90,12 @@ class Session:
         if self.best is not None and len(self.best.left) == 1:
             smallest = [one for one in smallest if one.strategy == self.best.left[0]] or smallest
         return smallest[0] if smallest else None
+
+    @property
+    def settled(self) -> bool:
+        """Whether `place` is the smallest fleet for sure: no strategy may yet do with less."""
+        place = self.place
+        if place is None or len(self.searches) < len(self.asked.strategies):
+            return False
+        unsure = [search.answer.least for search in self.searches]
+        return all(least is None or least >= place.robots for least in unsure)

@@ -58,7 +58,7 @@ def headline(session: Session, price: float) -> Iterator[str]:
         yield who + sentence(search, session) + priced(search, price)
     place = session.place
     if several and place is not None:
-        known = "" if session.settled else " for sure"
+        known = "" if session.settled else " known to meet it"
         yield f"Smallest fleet{known}: {count(place.robots, 'robot')} with {label(place.strategy)}"
     if not session.complete:
         yield "Interrupted: what follows is what was known then"

@@ -8,6 +8,7 @@ chunk, so that a second one is noticed.
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 import uuid
@@ -46,6 +47,7 @@ class DaskCluster:
         except (OSError, ValueError, TimeoutError) as error:
             why = str(error) or type(error).__name__
             raise InputError(f"no Dask scheduler answers at {address}: {why}") from None
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
         self._killed = KilledWorker
         self._topic = f"{BEGUN} {uuid.uuid4().hex}"
         self._lock = threading.Lock()

@@ -196,8 +196,8 @@ def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Ch
 
 
 def refused(error: BaseException) -> InputError:
-    """What to say when workers cannot work at all."""
+    """What to say when workers cannot work."""
     if isinstance(error, OtherCode):
         return InputError(f"a worker has other code than this process: {error}")
     what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    return InputError(f"a worker could not begin a run: {what}")
+    return InputError(f"the workers cannot go on ({what}); what is done is kept")

@@ -198,6 +198,7 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
         (["--robots", "5..2"], "1 <= FIRST <= LAST"),
         (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
         (["--robots", "1..400"], "fleet.robots is 400 but the floor has"),
+        (["--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]"], "--set fleet.start=random"),
         (["--share", "0.99"], "must lie between 0 and 1"),
         (["--share", "1.5"], "must lie between 0 and 1"),
         (["--zone", "0"], "is not a number above 0"),

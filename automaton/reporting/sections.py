@@ -20,7 +20,7 @@ from automaton.reporting.results import (
     point_name,
 )
 from automaton.reporting.steady_state import steady_throughput
-from automaton.scenario.bounds import bounds, least_ticks
+from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved
 from automaton.statistics.intervals import Interval, mean_interval
 from automaton.units import count, number, percent
@@ -50,13 +50,17 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
-    """The least T_total that the work of a point allows, or ""."""
+    """What no strategy can beat: the least T_total, the most throughput; or ""."""
     resolved = scenarios.get(point.number)
-    if metric not in ("T_total", "ticks") or resolved is None:
+    if resolved is None:
         return ""
-    if resolved.scenario.stop.when == "never":
-        return ""
-    return number(least_ticks(bounds(resolved), resolved.scenario.fleet.robots)[0])
+    robots = resolved.scenario.fleet.robots
+    if metric in ("T_total", "ticks") and resolved.scenario.stop.when != "never":
+        return number(least_ticks(bounds(resolved), robots)[0])
+    if metric == "throughput":
+        most, _ = most_throughput(bounds(resolved), robots)
+        return number(most) if math.isfinite(most) else ""
+    return ""
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -151,7 +155,8 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     bounded = any(one.bound for one in found)
     level = percent(1 - results.analysis.error, 0)
     heads = [*factor_heads(results.study), "mean", f"{level} low", "high", "sd", "by"]
-    heads += ["least"] if bounded else []
+    limit = "most" if metric == "throughput" else "least"
+    heads += [limit] if bounded else []
     rows = []
     for one in found:
         interval = one.interval
@@ -166,7 +171,8 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     yield Table([*heads, *RUN_HEADS], rows, left=max(1, left))
     if bounded:
         yield Text(
-            "least: no strategy can do it faster; work without turns over the robots, stations, chargers"
+            f"{limit}: no strategy can do better; by the work of the orders over the robots, their "
+            "shortest ways without turns, and what stations and chargers can do"
         )
     yield from warnings(results, found)
 

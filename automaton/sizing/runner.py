@@ -73,7 +73,13 @@ class Fleets:
         """That the largest fleets can be run. Raises InputError."""
         for strategy in asked.strategies:
             for robots in sorted({asked.first, asked.last}):
-                self.resolved(Place(robots, strategy))
+                try:
+                    self.resolved(Place(robots, strategy))
+                except InputError as error:
+                    if isinstance(self.base.scenario.fleet.start, tuple):
+                        hint = "; fleets of other sizes start elsewhere: --set fleet.start=random"
+                        raise InputError(error.message + hint, error.file, error.line) from None
+                    raise
 
     def excluded(self, asked: Question) -> dict[int, str]:
         """The candidates that no strategy can help, each with the bound that excludes it."""

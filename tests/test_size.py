@@ -14,7 +14,6 @@ from automaton.commands import main
 from automaton.commands.size import Telling
 from automaton.errors import InputError
 from automaton.rounds import Rounds
-from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import resolve
 from automaton.sizing.candidates import Place, Run
 from automaton.sizing.question import Target, question, read_robots, read_target
@@ -245,33 +244,6 @@ def test_durations_ten_percent_longer_in_whole_ticks() -> None:
     ]  # fmt: skip
     assert longer(resolved, -10) == ["durations.turn=20", "durations.pick=8", "durations.drop=8"]
     assert longer(resolve("warehouse-100"), -10) == []
-
-
-@pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing", "depots", "tabletop-2"])
-def test_no_run_beats_the_bounds(scenario: str) -> None:
-    few = ["orders.count=20"] if scenario == "depots" else []
-    for robots in (2, 4):
-        fleet = () if scenario == "depots" else (f"fleet.robots={robots}",)
-        resolved = resolve(scenario, [*few, *fleet])
-        with Rounds(1) as rounds:
-            runs = rounds.run([(resolved, seed) for seed in range(5)])
-        found = bounds(resolved)
-        many = resolved.scenario.fleet.robots
-        for run in runs:
-            assert run.metrics["T_total"] >= least_ticks(found, many)[0] > 0
-            assert run.metrics["throughput"] <= most_throughput(found, many)[0]
-
-
-def test_bounds_by_hand() -> None:
-    # Three loads, each beside the lane; ways of 4, 3 and 2 moves to the stand at the destination.
-    picture = "b.....d\n#sss###"
-    layout = "layout={picture: " + json.dumps(picture) + "}"
-    resolved = resolve("tabletop-mini", [layout, "fleet.kinematics=omni", "fleet.robots=1"])
-    found = bounds(resolved)
-    handling = resolved.scenario.durations.pick + resolved.scenario.durations.drop
-    assert found.orders == 3
-    assert found.work == 3 * handling + 4 + 3 + 2
-    assert least_ticks(found, 3)[0] == handling + 4  # the longest order alone
 
 
 def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:

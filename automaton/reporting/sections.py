@@ -171,8 +171,8 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     yield Table([*heads, *RUN_HEADS], rows, left=max(1, left))
     if bounded:
         yield Text(
-            f"{limit}: no strategy can do better; by the work of the orders over the robots, their "
-            "shortest ways without turns, and what stations and chargers can do"
+            f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
+            "the cheapest way, and by what stations and chargers can do"
         )
     yield from warnings(results, found)
 

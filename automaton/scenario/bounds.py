@@ -1,16 +1,20 @@
 """What a fleet cannot do better, whatever its strategies: bounds that need no run.
 
-work       each order is taken, carried over the shortest way without turns, and set down: N robots
-           need work / N ticks
+work       each order is taken, carried over the cheapest way with the turns that it needs, and set
+           down: N robots need work / N ticks. A load may be set down on the way and taken up from
+           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
 stations   a station holds one robot: picks and drops at stations, shared evenly among them
 chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
            from repairs
 
-Orders that are drawn count as the shortest that could be drawn, so the bounds hold for every seed.
+Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
+Loads are assumed to be moved by robots alone: not by one that goes out of order and leaves its load
+to the other side.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
 from typing import Final, NamedTuple
 
@@ -19,7 +23,8 @@ import numpy as np
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import DRAWN, Battery, ChargeRange
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
-from automaton.world.reach import slot_access, steps_from
+from automaton.world.plan import TURNS
+from automaton.world.reach import backward_exits, slot_access
 from automaton.world.state import NIL, Array
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
@@ -45,24 +50,38 @@ class Bounds(NamedTuple):
     mended: float  # the same, by each robot and tick, if it is towed and comes back full
 
 
+class Price(NamedTuple):
+    """What operations with a load cost, in ticks or in energy."""
+
+    move: float
+    turn: float
+    handling: float  # a pick and a drop
+
+
 def bounds(resolved: Resolved) -> Bounds:
     """The bounds of a scenario; they do not depend on the number of robots."""
     scenario = resolved.scenario
-    moves, picks, drops = least_moves(resolved)
     durations, battery = scenario.durations, scenario.battery
+    turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
     handling = durations.pick + durations.drop
-    ticks = handling + durations.move * moves
+    drives, picks, drops = least_drives(resolved, Price(durations.move, turn, handling))
+    ticks = handling + drives
     if scenario.orders.generator == "visits" or _visits(resolved):
-        ticks = np.zeros(len(moves))  # a visit may take no operation at all
-    busy = picks * durations.pick + drops * durations.drop
+        ticks = np.zeros(len(drives))  # a visit may take no operation at all
     stations = int(np.count_nonzero(resolved.plan.kind == STATION))
+    busy = picks * durations.pick + drops * durations.drop
+    energy = 0.0
+    if battery is not None:
+        drain, loaded = battery.drain, battery.drain.loaded
+        price = Price(loaded * drain.move * durations.move, loaded * drain.turn * turn, 0.0)
+        energy = float(least_drives(resolved, price)[0].sum())
     return Bounds(
-        orders=len(moves),
+        orders=len(drives),
         work=float(ticks.sum()),
         least_order=float(ticks.min(initial=math.inf)),
         longest_order=float(ticks.max(initial=0)),
         station_ticks=busy / stations if stations else 0.0,
-        energy=_energy(resolved, moves),
+        energy=energy,
         held=_held(battery),
         given=_given(resolved),
         mended=_mended(resolved),
@@ -92,14 +111,14 @@ def most_throughput(found: Bounds, robots: int) -> tuple[float, str]:
     )
 
 
-def least_moves(resolved: Resolved) -> tuple[Array, int, int]:
-    """(m,) moves of each order with its load at least; picks at stations, and drops there."""
+def least_drives(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
+    """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
     scenario, plan = resolved.scenario, resolved.plan
     orders, kinds = scenario.orders, plan.kind.reshape(-1)
     if orders.listed is not None:
         pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
-        return _listed_moves(resolved, pairs), int(picks), int(drops)
+        return _listed_drives(resolved, pairs, price), int(picks), int(drops)
     if orders.generator not in ENDS:
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
@@ -110,47 +129,77 @@ def least_moves(resolved: Resolved) -> tuple[Array, int, int]:
     if orders.generator in DRAWN:
         count = orders.count or 0
         if begin == end:  # from a station to another one
-            return np.ones(count), count, count
-        return np.full(count, _nearest(resolved, source, target).min()), 0, 0
-    return _nearest(resolved, source, target), 0, 0
+            return np.full(count, float(price.move)), count, count
+        return np.full(count, cheapest(resolved, source, target, price).min()), 0, 0
+    return cheapest(resolved, source, target, price), 0, 0
 
 
-def _listed_moves(resolved: Resolved, pairs: list[tuple[int, int]]) -> Array:
+def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Price) -> Array:
     targets = sorted({target for _, target in pairs})
     if len(targets) > MOST_TARGETS:
-        return _nearest(resolved, np.array([a for a, _ in pairs]), np.array(targets))
-    moves = np.zeros(len(pairs))
+        return cheapest(resolved, np.array([a for a, _ in pairs]), np.array(targets), price)
+    drives = np.zeros(len(pairs))
     for cell in targets:
         rows = [row for row, (_, target) in enumerate(pairs) if target == cell]
         sources = np.array([pairs[row][0] for row in rows])
-        moves[rows] = _nearest(resolved, sources, np.array([cell]))
-    return moves
+        drives[rows] = cheapest(resolved, sources, np.array([cell]), price)
+    return drives
 
 
-def _nearest(resolved: Resolved, source: Array, target: Array) -> Array:
-    """(m,) moves from each slot to the nearest of the targets; 0 without a way."""
+def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
+    """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
     plan = resolved.plan
     index = {cell: row for row, cell in enumerate(plan.slots().tolist())}
-    access = slot_access(plan)
-    goals = access[[index[cell] for cell in target.tolist()]].reshape(-1)
-    steps = steps_from(plan, goals[goals != NIL].tolist(), backwards=True).astype(np.float64)
-    around = access[[index[cell] for cell in source.tolist()]]
-    ways = np.where((around != NIL) & (steps[around] >= 0), steps[around], np.inf)
-    found: Array = ways.min(axis=1, initial=np.inf)
-    return np.where(np.isfinite(found), found, 0.0)
+    access = slot_access(plan).tolist()
+    goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
+    cost = _costs(resolved, goals, access, price)
+    found = [
+        min((cost[axis][c] for c in access[index[slot]] if c != NIL for axis in (0, 1)), default=0)
+        for slot in source.tolist()
+    ]
+    return np.array([one if math.isfinite(one) else 0.0 for one in found])
+
+
+def _costs(
+    resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
+) -> list[list[float]]:
+    """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
+    plan = resolved.plan
+    back, offsets = backward_exits(plan).tolist(), (1, plan.stride, -1, -plan.stride)
+    rail = resolved.scenario.fleet.kinematics == "rail"
+    kind = plan.kind.reshape(-1)
+    turns = (TURNS[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
+    beside: dict[int, list[int]] = {}  # cell: slots that are served from it
+    for slot, cells in enumerate(access):
+        for cell in cells:
+            beside.setdefault(cell, []).append(slot)
+    cost = [[math.inf] * kind.size for _ in (0, 1)]
+    front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
+    through: set[int] = set()
+    while front:
+        so_far, cell, axis = heapq.heappop(front)
+        if so_far >= cost[axis][cell]:
+            continue
+        cost[axis][cell] = so_far
+        for direction in (axis, axis + 2):
+            if back[cell] >> direction & 1:
+                heapq.heappush(front, (so_far + price.move, cell + offsets[direction], axis))
+        if turns[cell]:
+            heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
+        for slot in beside.get(cell, ()):
+            if slot not in through:  # set down there, taken up from any side
+                through.add(slot)
+                for other in access[slot]:
+                    if other != NIL:
+                        both = ((so_far + price.handling, other, one) for one in (0, 1))
+                        for state in both:
+                            heapq.heappush(front, state)
+    return cost
 
 
 def _visits(resolved: Resolved) -> bool:
     listed = resolved.scenario.orders.listed
     return listed is not None and any(line.source == line.target for line in listed)
-
-
-def _energy(resolved: Resolved, moves: Array) -> float:
-    scenario = resolved.scenario
-    if scenario.battery is None:
-        return 0.0
-    drain, durations = scenario.battery.drain, scenario.durations
-    return float(drain.move * drain.loaded * durations.move * moves.sum())
 
 
 def _held(battery: Battery | None) -> float:

@@ -24,7 +24,7 @@ from automaton.experiments.sweeping import chunk_of
 
 RUNS = 40
 SAMPLES = 5
-TICKS = 17_000  # some 50 ms with 20 robots
+TICKS = 2_800  # some 50 ms with 20 robots
 SHARE, TIMES = "% of the bare runs", "times"
 
 

@@ -125,6 +125,8 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     ends = f"A run that does not finish within {limit:,} ticks fails."
     if not fleets.ends_with_orders:
         ends = f"Every run lasts {limit:,} ticks."
+    if scenario.units.tick != "1 tick":
+        ends += f" 1 tick = {scenario.units.tick}."
     print_answer(console(), session, scenario.name, ends, args.price)
 
 

@@ -5,6 +5,7 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 
@@ -90,7 +91,8 @@ class Fleets:
             if target.metric == "T_total" and target.at_most and self.ends_with_orders:
                 least, reason = least_ticks(found, robots)
                 if least > target.value:
-                    why = f"T_total is at least {least:,.0f} ticks: {reason}"
+                    many = f"at least {least:,.0f} ticks" if math.isfinite(least) else "without end"
+                    why = f"T_total is {many}: {reason}"
             if target.metric == "throughput" and not target.at_most:
                 most, reason = most_throughput(found, robots)
                 if most < target.value:

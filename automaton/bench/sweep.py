@@ -22,8 +22,8 @@ from automaton.experiments.store import arrow
 from automaton.experiments.study import Study
 from automaton.experiments.sweeping import chunk_of
 
-RUNS = 40
-SAMPLES = 5
+RUNS = 80
+SAMPLES = 3
 TICKS = 2_800  # some 50 ms with 20 robots
 SHARE, TIMES = "% of the bare runs", "times"
 

@@ -41,7 +41,6 @@ class Rounds:
         self._spent_s = 0.0
         self._pool: ProcessPoolExecutor | None = None
         self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
-        self._before = set(multiprocessing.active_children())
 
     def __enter__(self) -> Rounds:
         return self
@@ -54,10 +53,10 @@ class Rounds:
     ) -> None:
         if self._pool is None:
             return
+        processes = list((self._pool._processes or {}).values())  # its own, and no others
         self._pool.shutdown(wait=error is None, cancel_futures=True)
-        if error is not None:
-            for process in set(multiprocessing.active_children()) - self._before:
-                process.terminate()
+        for process in processes if error is not None else ():
+            process.terminate()
 
     def run(self, jobs: Sequence[Job]) -> list[Result]:
         """The results of one round, in the order of its jobs. Raises InputError."""

@@ -94,19 +94,19 @@ def test_every_allocation_serves_stations() -> None:
 
 def test_shortest_job_first_and_old_ones_before_new_ones() -> None:
     """Algorithm 2: 0.5 age - 10 (drive to it and with it), highest first."""
-    far, near = {"route": [1, 3], "at": 2}, {"route": [2, 1], "at": 60}
+    first_of_all, far, near = {"route": [3, 1]}, {"route": [3, 2]}, {"route": [1, 2], "at": 12}
 
     def first(age: float) -> int:
         allocation = {"name": "shortest-job", "age": age, "job": 10.0}
         strategy = {"allocation": allocation, "right_of_way": "wait"}
-        run = Simulation(line([far, near], strategy=strategy))
-        run.run(until=1)
-        run.world.robots.busy[0] = 70  # it is asked when both orders are there
-        run.run(until=73)
+        run = Simulation(line([first_of_all, far, near], strategy=strategy))
+        while run.world.orders.delivered[0] == NIL:
+            run.run(until=run.tick + 1)
+        run.run(until=run.tick + 3)  # set down at station 1, where the near one waits
         return int(run.world.robots.order[0])
 
-    assert first(age=0.5) == 1, "2 + 3 cells against 1 + 6"
-    assert first(age=5.0) == 0, "it is 60 ticks older"
+    assert first(age=0.5) == 2, "0 + 3 cells against 6 + 3"
+    assert first(age=10.0) == 1, "it is 10 ticks older"
 
 
 # What a validator finds

@@ -170,11 +170,17 @@ def tell(view, given, k, i):
 
 
 @kernel
+def next_multiple(now, every):
+    """The next tick at which all robots begin to reckon their mean: their clocks agree."""
+    return (now // every + 1) * every
+
+
+@kernel
 def average(view, given, memory, k, i, p, degree, load):
     """Consensus with Metropolis weights: its beginning, or one more step."""
     own, now = memory.own, view.clock[TICK]
     if own[i, ROUND] == NIL:
-        own[i, AVERAGE] = now + p[AVERAGE_EVERY]
+        own[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
         if degree == 0:
             return  # alone it keeps the mean that it has
         tell(view, given, k, i)
@@ -248,7 +254,7 @@ def leave(view, given, memory, k, i, p):
     own[i, CALM] = goes_on
     own[i, SINCE] = goes_on
     own[i, LOOK] = goes_on + p[LOOK_EVERY]
-    own[i, AVERAGE] = goes_on + p[AVERAGE_EVERY]
+    own[i, AVERAGE] = next_multiple(goes_on, p[AVERAGE_EVERY])
     own[i, IN] = NIL
 
 
@@ -399,7 +405,7 @@ def begin(view, given, memory, space, rules, k, i, p):
     identity = np.int64(view.robots.identity[i])
     given.zone[k] = identity
     own[i, LOOK] = now + p[LOOK_EVERY]
-    own[i, AVERAGE] = now + p[AVERAGE_EVERY]
+    own[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
     own[i, SHARE] = now + p[SHARE_EVERY]
     own[i, ROUND] = NIL
     own[i, MEAN] = NIL

@@ -27,6 +27,7 @@ from automaton.world.cells import (
     WALL,
 )
 from automaton.world.state import NIL
+from automaton.zoning.ways import stations_of
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
@@ -69,7 +70,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     canvas.paint(scene.zone_cells, styles.MARKED)
     if laid:
         codes = paired(pixels, glyphs)
-        if scene.zones is not None:
+        if scene.tinted:
             codes = sign_tints(codes, pixels)
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
@@ -200,13 +201,17 @@ class _Pixels:
 
 def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
     """Heat, or zones; whether there is a layer."""
-    if scene.zones is not None:
-        paint_tints(canvas.pixels, canvas.reduced(scene.floor.tints, NIL))
+    if scene.tinted:
+        paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
         canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
-    return scene.zones is not None or scene.values is not None
+    if scene.served is not None:
+        cells, _, shared = stations_of(scene.served.roads, scene.served.design)
+        canvas.paint(cells[~shared].astype(np.int32), styles.STATION)
+        canvas.paint(cells[shared].astype(np.int32), styles.LOADED)
+    return scene.tinted or scene.values is not None
 
 
 def draw_robots(canvas: _Pixels, scene: Scene) -> None:

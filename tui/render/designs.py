@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.picture.ways import stations_of, ways_of
 from automaton.world.state import NIL
-from automaton.zoning.ways import stations_of, ways_of
 from tui.render import styles
 from tui.render.glyphs import GlyphSet, code
 from tui.render.styles import style

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.picture.ways import stations_of
 from automaton.world.cells import (
     BAY,
     CHARGER,
@@ -27,7 +28,6 @@ from automaton.world.cells import (
     WALL,
 )
 from automaton.world.state import NIL
-from automaton.zoning.ways import stations_of
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of

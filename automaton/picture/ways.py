@@ -30,5 +30,5 @@ def ways_of(roads: Roads, design: Design, stride: int) -> tuple[Cells, Cells]:
 
 def stations_of(roads: Roads, design: Design) -> tuple[Cells, Cells, Cells]:
     """(S,) each: the cell of a station, its zone or NIL, and whether it is a transfer station."""
-    shared = np.asarray(design.transfer, bool).any(axis=(0, 1))
+    shared: Cells = np.any(design.transfer, axis=(0, 1))
     return roads.cell[roads.point], design.zone, shared

@@ -63,7 +63,7 @@ def print_pictures(outcome: Outcome) -> None:
         out.print()
         for row in coloured(outcome.zones):
             out.print(row, soft_wrap=True)
-    print()
+        out.print()
 
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:

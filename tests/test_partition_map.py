@@ -15,6 +15,7 @@ from automaton.zoning.designs import read_design
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.describe import describe
+from tui.render.designs import TRANSFER_INK
 from tui.render.glyphs import ASCII
 from tui.render.legend import legend
 from tui.render.scene import Scene
@@ -64,7 +65,7 @@ def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> 
                for x in range(9) for y in (0, 2)}  # fmt: skip
     assert paper(code_at[1, 0]) == ink(code_at[1, 0]) == TINTS[0]
     assert paper(code_at[8, 0]) == TINTS[1] and paper(code_at[6, 0]) == styles.FLOOR
-    assert ink(code_at[4, 0]) == styles.LOADED and ink(code_at[0, 0]) == styles.STATION
+    assert ink(code_at[4, 0]) == TRANSFER_INK and ink(code_at[0, 0]) == styles.STATION
 
 
 def test_from_afar_ways_and_stations_are_seen() -> None:
@@ -72,7 +73,11 @@ def test_from_afar_ways_and_stations_are_seen() -> None:
     codes, camera = composed(scene, "half")
     way, station = (camera.place_of(scene.floor.plan.cell(x, 0)) for x in (1, 4))
     assert TINTS[0] in (ink(int(codes[way])), paper(int(codes[way])))
-    assert styles.LOADED in (ink(int(codes[station])), paper(int(codes[station])))
+    assert TRANSFER_INK in (ink(int(codes[station])), paper(int(codes[station])))
+
+
+def test_from_afar_without_colours_one_half_of_a_character_is_enough_for_a_letter() -> None:
+    assert rows(two_zones(), "half") == ["tdddT===t", "t       t"]
 
 
 def test_without_the_layer_zones_are_not_drawn() -> None:
@@ -81,7 +86,9 @@ def test_without_the_layer_zones_are_not_drawn() -> None:
 
 def test_the_legend_says_who_serves_which_zone() -> None:
     scene = two_zones()
-    said = [entry.meaning for entry in legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)]
+    said = [
+        entry.meaning for entry in legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)
+    ]
     assert said[:3] == [
         "zone 1: robot 0, 3 stations",
         "zone 2: robot 1, 2 stations",

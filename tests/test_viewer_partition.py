@@ -10,7 +10,7 @@ from panel_stage import moment, of_cell, of_robot, shown
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
-from automaton.history.chronicle import Chronicle
+from automaton.history.chronicle import Chronicle, Event
 from automaton.history.explanation import explain
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import take_snapshot
@@ -168,9 +168,10 @@ def test_stations_tell_when_they_are_done_with_a_part(factory: View) -> None:
     expected = sorted((stations.done[w], stations.part[w], stations.station[w]) for w in works)
     assert len(expected) > 20
     assert sorted((tick, part, at) for tick, _, _, part, at in done.tolist()) == expected
-    tick, code, _, part, at = done[0].tolist()
-    assert event_words(factory.run.chronicle.event(int(np.flatnonzero(events[:, 1] == code)[0])))
-    assert Wanted(words=f"part {part}").mask(done)[0] and not Wanted(words="load 0").mask(done).any()
+    part, at = done[0, 3:].tolist()
+    assert event_words(Event(*done[0].tolist())) == f"station {at + 1} is done with part {part}"
+    assert Wanted(words=f"part {part}").mask(done)[0]
+    assert not Wanted(words="load 0").mask(done).any()
     assert {"parts", "zones"} <= set(kinds_of(factory))
     assert not {"parts", "zones"} & set(kinds_of(moment(10, "tabletop-1")))
 
@@ -187,8 +188,7 @@ def test_a_station_that_comes_into_another_zone_is_an_event_and_stops_a_run() ->
     assert point.test(run, run.resolved.plan).tolist() == []
     events = chronicle.events[chronicle.events[:, 1] == REDESIGNED]
     assert events[:, [0, 4]].tolist() == [[51, 1]] and chronicle.redesigns.tolist() == [51]
-    assert event_words(chronicle.event(int(np.flatnonzero(chronicle.events[:, 1] == REDESIGNED)[0]))
-                       ) == "zones redesigned: 1 station"  # fmt: skip
+    assert event_words(Event(*events[0].tolist())) == "zones redesigned: 1 station"
     assert take_snapshot(run).redesigns == 1
 
 

@@ -6,15 +6,17 @@ station 9, zone 1, to zone 3: part 12, 45 ticks left; in line 14, 17; 8 done
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from rich.text import Text
 
 from automaton.units import count
 from automaton.world.plan import FloorPlan
 from automaton.world.state import NIL, TICK, World
 from automaton.zoning.picture import ZONES, design_picture
+
+if TYPE_CHECKING:  # reports alone need it
+    from rich.text import Text
 
 # Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
 COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
@@ -62,6 +64,8 @@ def _zones(world: World, station: int) -> list[str]:
 
 def coloured(picture: str) -> list[Text]:
     """The lines of such a picture; the letters of zones, and the lines on them, in their colours."""
+    from rich.text import Text
+
     letters = {letter: COLOURS[at % len(COLOURS)] for at, letter in enumerate(ZONES)}
     letters |= {letter.upper(): f"bold {colour}" for letter, colour in letters.items()}
     lines = []

@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # they import what is here
     from tui.render.scene import Scene
 
 NONE: Final = "zones: robots have none here, or none yet"
+TRANSFER_INK: Final = styles.TEXT
 DIGITS: Final = 2  # of the number of a station, beside its sign
 
 
@@ -65,7 +66,7 @@ def draw_stations(canvas: Canvas, zoning: Partition) -> None:
     index, seen = canvas.at(cells[served].astype(np.int32))
     which = served[seen]
     paper = np.array(TINTS)[zones[which] % len(TINTS)]
-    ink = np.where(shared[which], styles.LOADED, styles.STATION)
+    ink = np.where(shared[which], TRANSFER_INK, styles.STATION)
     sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
     canvas.flat[index, 0] = code(style(ink, paper), sign)
     if canvas.width > DIGITS:
@@ -86,7 +87,7 @@ def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...]
         ink = TINTS[tint_of(zone)]
         sign = int(code(style(ink, ink), LETTERS[tint_of(zone)]))
         entries.append(((sign,), f"zone {zone + 1}: {_served(zoning, zone)}"))
-    shared = int(code(style(styles.LOADED, styles.FLOOR), glyphs.transfer))
+    shared = int(code(style(TRANSFER_INK, styles.FLOOR), glyphs.transfer))
     entries.append(((shared,), "transfer station: parts change robots"))
     return entries
 

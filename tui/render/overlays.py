@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from automaton.world.cells import FLOOR, TRACK
 from automaton.world.state import NIL
 from tui.render import styles
-from tui.render.designs import design_entries, draw_stations, station_words
+from tui.render.designs import TRANSFER_INK, design_entries, draw_stations, station_words
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
@@ -162,13 +162,25 @@ def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
     pixels[inside] = TINT_INKS[tints[inside]]
 
 
-def sign_tints(codes: Codes, pixels: NDArray[np.uint8]) -> Codes:
-    """A character whose halves have one tint bears its letter, unseen where there are colours."""
+def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> Codes:
+    """A character whose halves have one tint bears its letter, unseen where there are colours.
+
+    thin: ways are no wider than half a character, and there are no colours: one half is enough, and
+    stations bear their signs.
+    """
     top = pixels[0::2]
     whole = (top == pixels[1::2]) & np.isin(top, TINT_INKS)
+    if thin:
+        bottom = pixels[1::2]
+        whole = np.isin(top, TINT_INKS) | np.isin(bottom, TINT_INKS)
+        top = np.where(np.isin(top, TINT_INKS), top, bottom)
     letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
     letter_of[TINT_INKS] = TINT_LETTERS
     ink = top[whole].astype(np.uint32)
     signed = codes.copy()
     signed[whole] = (style(ink, ink) << np.uint32(GLYPH_BITS)) | letter_of[ink]
+    if thin:
+        for sign, its_ink in ((GlyphSet.station, styles.DIM), (GlyphSet.transfer, TRANSFER_INK)):
+            here = (pixels[0::2] == its_ink) | (pixels[1::2] == its_ink)
+            signed[here] = code(style(its_ink, styles.FLOOR), sign)
     return signed

@@ -33,6 +33,7 @@ from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
+from tui.render.designs import TRANSFER_INK
 from tui.render.far import draw_over
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.near import heat_codes
@@ -71,7 +72,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     if laid:
         codes = paired(pixels, glyphs)
         if scene.tinted:
-            codes = sign_tints(codes, pixels)
+            codes = sign_tints(codes, pixels, thin=scene.served is not None and glyphs.shaded)
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
@@ -209,8 +210,8 @@ def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
         canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
     if scene.served is not None:
         cells, _, shared = stations_of(scene.served.roads, scene.served.design)
-        canvas.paint(cells[~shared].astype(np.int32), styles.STATION)
-        canvas.paint(cells[shared].astype(np.int32), styles.LOADED)
+        canvas.paint(cells[~shared].astype(np.int32), styles.DIM)
+        canvas.paint(cells[shared].astype(np.int32), TRANSFER_INK)
     return scene.tinted or scene.values is not None
 
 

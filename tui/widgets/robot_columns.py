@@ -80,6 +80,8 @@ def _cell(view: View, robot: int) -> str:
 
 def _queue(view: View, robot: int) -> list[int]:
     """The orders that wait in the zones that a robot serves."""
+    if partition_of(view) is None:
+        return []
     served = np.flatnonzero(view.snapshot.zoning.server == robot).tolist()
     return queued(view, served)
 

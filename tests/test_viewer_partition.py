@@ -86,7 +86,7 @@ def test_a_robot_tells_its_zone_and_its_queue(factory: View) -> None:
     for robot in range(3):
         said = shown(Inspector(), of_robot(factory, robot), 60)
         mine = (zoning.queue == robot) & (orders.state == WAITING) & (orders.by == NIL)
-        assert f"zone zone {robot + 1}" in said
+        assert f"serves zone {robot + 1}" in said
         assert f"queue {np.count_nonzero(mine)} order" in said and "halted" not in said
 
 

@@ -18,6 +18,7 @@ from automaton.zoning.picture import ZONES, design_picture
 if TYPE_CHECKING:  # reports alone need it
     from rich.text import Text
 
+NAMED: Final = 8  # parts of a line
 # Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
 COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
 
@@ -47,7 +48,9 @@ def station_line(world: World, station: int) -> str:
         left = count(int(stations.until[station] - world.clock[TICK]), "tick")
         said = [f"part {stations.part[works[0]]}, {left} left"]
     if works[1:]:
-        said.append("in line " + ", ".join(str(stations.part[work]) for work in works[1:]))
+        named = [str(stations.part[work]) for work in works[1 : 1 + NAMED]]
+        more = f" and {len(works) - 1 - NAMED} more" if len(works) - 1 > NAMED else ""
+        said.append(f"in line {', '.join(named)}{more}")
     done = (stations.station == station) & (stations.done != NIL)
     return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
 

@@ -117,17 +117,14 @@ def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
     if zoning is None:
         return [("zone", [] if own == NIL else [str(own + 1)])]
     served = np.flatnonzero(zoning.server == robot).tolist()
-    parts: Parts = [served_link(own)] if own != NIL else ["none"]
-    others = [zone for zone in served if zone != own]
-    if own not in served:
-        parts.append(", served by another robot" if own != NIL else "")
-    for zone in others:
-        parts += [", serves ", served_link(zone)]
+    parts = several([served_link(zone) for zone in served]) or ["no zone"]
+    if own != NIL and own not in served:
+        parts += ["; another robot serves its own, ", served_link(own)]
     waiting = queued(view, served)
     left = int(zoning.halt[robot]) - view.snapshot.tick
     halted = f"zones are redesigned: it stands still for {count(left, 'tick')}"
     return [
-        ("zone", parts),
+        ("serves", parts),
         ("queue", [f"{count(len(waiting), 'order')} waiting"]),
         ("halted", [Span(halted, "warn")] if left > 0 else []),
     ]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from panel_stage import moment, of_cell, of_robot, shown
 
+from automaton.commands import main
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
 from automaton.history.chronicle import Chronicle, Event
@@ -19,6 +22,8 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL, WAITING
 from automaton.world.waiting import PART_FINISHED, REDESIGN, REDESIGNED, WORK_DONE
+from tui.cast.making import make_picture
+from tui.cast.request import Request
 from tui.search import find
 from tui.view import View
 from tui.widgets.event_rows import Wanted, event_words
@@ -249,3 +254,38 @@ def test_zones_and_stations_as_text(factory: View) -> None:
 def test_without_zones_and_stations_there_is_nothing_to_draw() -> None:
     run = Simulation(resolve("tabletop-mini"))
     assert partition_picture(run.world, run.resolved.plan) == ""
+
+
+def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "factory", "--until", "40", "--picture"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in lines
+    assert any(line.startswith("station 14, zone 3: ") for line in lines)
+    assert main(["run", "factory", "--until", "40", "--picture", "--json"]) == 0
+    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in json.loads(capsys.readouterr().out)["zones"]
+
+
+def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Path) -> None:
+    file, out = tmp_path / "run.rec", tmp_path / "zones.txt"
+    assert main(["run", "factory", "--until", "40", "--record", str(file), "--json"]) == 0
+    request = Request(layer="served", color="none", ascii=True, size=(100, 40))
+    make_picture(file, request, out, 20)
+    drawn = out.read_text()
+    assert "d zone 1  e zone 2  f zone 3  T transfer station" in drawn
+    assert "eeeeeee" in drawn and drawn.count("T") > 3
+
+
+def test_the_list_says_what_methods_of_zoning_are_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    told = capsys.readouterr().out.split("what zoning is for")[1].splitlines()
+    rows = {line.split()[0]: line.split()[1:] for line in told[2:]}
+    assert rows == {
+        "annealing": ["-", "yes", "yes", "-", "-"],
+        "genetic": ["yes", "yes", "yes", "yes", "-"],
+        "decentralized": ["yes"] * 5,
+    }
+    assert main(["list", "--json"]) == 0
+    listed = {one["name"]: one for one in json.loads(capsys.readouterr().out)["strategies"]}
+    assert listed["genetic"]["properties"]["warehouse"] is True
+    assert listed["genetic"]["properties"]["decentralized"] is False
+    assert "properties" not in listed["static"]

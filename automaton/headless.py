@@ -13,6 +13,7 @@ from automaton.circles import circles
 from automaton.errors import InputError
 from automaton.metrics import OPERATIONS, illegal_by_layer, metrics_by_robot, metrics_of
 from automaton.picture import picture_of
+from automaton.picture.partition import partition_picture
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.strategy.failure import strategy_failure
@@ -50,7 +51,8 @@ class Outcome(NamedTuple):
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # robots that wait for each other at the end, circle by circle
     ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
-    picture: str  # the grid at the end, if it was asked for
+    picture: str  # the grid at the end, if it was asked for,
+    zones: str = ""  # and the zones that robots serve and the work at stations, if there are any
 
 
 def run_to_end(
@@ -130,6 +132,7 @@ def run_once(
         circles=circles(simulation.world, stuck(simulation, still)),
         ran_out=ran_out(simulation),
         picture=picture_of(simulation) if draw else "",
+        zones=partition_picture(simulation.world, resolved.plan) if draw else "",
     )
 
 

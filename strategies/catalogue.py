@@ -10,7 +10,15 @@ import msgspec
 from msgspec import Meta
 
 from automaton.scenario.schema import Scenario
-from automaton.strategy.entry import Entry, NoParameters
+from automaton.strategy.entry import (
+    DYNAMIC,
+    MANUFACTURING,
+    MULTIPLE,
+    PROPERTIES,
+    WAREHOUSE,
+    Entry,
+    NoParameters,
+)
 from automaton.world.cells import DOCK
 from automaton.world.plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
@@ -186,16 +194,19 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             "strategies.zoning.repairing:AnnealedZones",
             Annealing,
             "zones designed anew by simulated annealing (Ho & Liao; Keith & La)",
+            (DYNAMIC, MANUFACTURING),
         ),
         "genetic": Entry(
             "strategies.zoning.repairing:BredZones",
             Genetic,
             "zones designed anew by a genetic algorithm (Keith & La)",
+            (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
         ),
         "decentralized": Entry(
             "strategies.zoning.decentralized:DecentralizedZones",
             Decentralized,
             "robots in range of each other negotiate their zones (DDZ; Keith & La)",
+            PROPERTIES,
         ),
     },
     "charging": {

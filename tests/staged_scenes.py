@@ -59,6 +59,7 @@ def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: A
         ),
         heat=more.pop("heat", None),
         flow=more.pop("flow", None),
+        zoning=more.pop("zoning", None),
     )
     kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
     floor = Floor(plan, cells, endless, headings, more.pop("zones", None), **kinds)

@@ -69,6 +69,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "broken": int(CAUSES[fleet.cause[robot]].name == "broken down"),
         "towed": int(fleet.status[robot] in (5, 6)),
         "ahead": int(fleet.planned[robot]),
+        "zone": int(fleet.zone[robot]) + 1,  # 0: none
         "robot": robot,
         "x": run.plan.xy(int(cell))[0],
         "y": run.plan.xy(int(cell))[1],

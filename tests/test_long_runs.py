@@ -75,7 +75,7 @@ def test_a_curve_without_rows_is_zero() -> None:
 
 def test_a_chronicle_of_a_very_long_run_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("automaton.history.chronicle.KEPT_EVENTS", 2000)
-    monkeypatch.setattr("automaton.history.chronicle.KEPT_DEADLOCKS", 50)
+    monkeypatch.setattr("automaton.history.chronicle.KEPT_TICKS", 50)
     monkeypatch.setattr("automaton.history.chronicle.KEPT_ROWS", 256)
     chronicle = Chronicle()
     for first in range(1, 100_000, 1000):

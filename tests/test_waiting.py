@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from staged_runs import Staged
 
+from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
+from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.world.condition import FULL
-from automaton.world.state import GOAL_CHARGE, GOAL_PICK, NIL, PAUSE, RETREAT, STEP
+from automaton.world.state import GOAL_CHARGE, GOAL_PICK, HALTED, NIL, PAUSE, RETREAT, STEP
 from automaton.world.waiting import (
     CAUSES,
     CYCLE,
@@ -22,6 +24,7 @@ from automaton.world.waiting import (
     LOST_LATELY,
     MEMORY_TICKS,
     NOT_WAITING,
+    REDESIGN,
     congestion_of,
 )
 
@@ -220,6 +223,17 @@ def test_driving_slowly_is_lost_time_but_no_wait() -> None:
         told = {CAUSES[cause].name: watch.lost[i, cause] for cause in np.flatnonzero(watch.lost[i])}
         assert told == {"driving slowly": 1}
         floor.tick()
+
+
+def test_redesign() -> None:
+    run = Simulation(resolve("factory"), on_observe=Simulation.empty_observation)
+    run.run(until=100)
+    i = int(np.flatnonzero(run.world.robots.parked == 0)[0])
+    run.world.zoning.halt[i] = run.world.clock[HALTED] = 110
+    run.run(until=108)
+    assert CAUSES[run.watch.cause[i]].name == "redesign" and run.watch.blocker[i] == NIL
+    run.run(until=115)
+    assert run.watch.cause[i] == NOT_WAITING and run.watch.lost[i, REDESIGN] == 10
 
 
 def test_every_cause_has_a_floor_here() -> None:

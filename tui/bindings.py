@@ -99,7 +99,7 @@ TOPICS: Final = (
                 "layer_congestion", "f5", "Congestion", "congestion: where time was lost of late"
             ),
             Action("layer_flow", "f6", "Flow", "flow: moves out of each cell"),
-            Action("layer_zones", "f7", "Zones", "zones of the floor, one tint each"),
+            Action("layer_zones", "f7", "Zones", "zones of robots; again: of the floor"),
             Action("layer_route", "f8", "Route", "the selected robot's route, on or off"),
             Action("layer_explored", "f9,E", "Explored", "what A* looks at for the selected robot"),
             Action(

@@ -47,7 +47,8 @@ class Choice:
     @property
     def laid(self) -> str:
         """The layer, as it is said."""
-        return f"predicted {self.least}+" if self.layer == "predicted" else self.layer
+        names = {"predicted": f"predicted {self.least}+", "served": "zones served"}
+        return names.get(self.layer, self.layer)
 
 
 class Corner(NamedTuple):
@@ -123,9 +124,10 @@ class Pictures:
             self.floors[0] = floor_of(resolved)
         return other
 
-    def zone_cells(self, zone: int, side: int) -> list[int]:
+    def zone_cells(self, shot: Shot | None, zone: int, side: int) -> list[int]:
         """The cells of a zone, in reading order."""
-        cells: list[int] = Scene(self.floors[side], zone=zone).zone_cells.tolist()
+        snapshot = None if shot is None else shot.snapshots[side]
+        cells: list[int] = Scene(self.floors[side], snapshot, zone=zone).zone_cells.tolist()
         return cells
 
     def picture(self, scene: Scene, choice: Choice, rows: int, columns: int) -> Codes:

@@ -1,4 +1,4 @@
-"""Robots, cells, zones by what a user types: 17, load 7, 12,4, shelf, zone 9, waiting > 20."""
+"""Robots, cells, zones by what a user types: 17, load 7, 12,4, station 11, zone 9, waiting > 20."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from automaton.units import count
 from automaton.world.cells import KIND_BY_NAME, WALL
 from automaton.world.state import NIL
 from tui.view import View
+from tui.widgets.partition_facts import checked_station
 from tui.widgets.zone_facts import checked_zone
 
 
@@ -49,6 +50,8 @@ def find(text: str, view: View) -> Found:
         return _order(words, int(number[1]), view)
     if number := re.fullmatch(r"zone (\d{1,9})", words):
         return Found(words, zones=(checked_zone(view, int(number[1])),))
+    if number := re.fullmatch(r"station (\d{1,9})", words):
+        return Found(words, cells=(checked_station(view, int(number[1])),))
     if pair := re.fullmatch(r"\(?(-?\d{1,9}) ?, ?(-?\d{1,9})\)?", words):
         return Found(words, cells=(_cell(int(pair[1]), int(pair[2]), view),))
     kind = KIND_BY_NAME.get(words, KIND_BY_NAME.get(words.removesuffix("s")))

@@ -329,7 +329,8 @@ class Stage(App[None]):
     def past(self, shot: Shot) -> Past:
         """What the timeline shows."""
         chronicle = self.runs[self.choice.side].chronicle
-        marks = [Mark(tick, "deadlock") for tick in chronicle.deadlocks.tolist()] + self.marks
+        marks = [Mark(tick, "deadlock") for tick in chronicle.deadlocks.tolist()]
+        marks += [Mark(tick, "redesign") for tick in chronicle.redesigns.tolist()] + self.marks
         if self.divergence is not None and self.divergence.tick is not None:
             marks.append(Mark(self.divergence.tick, "difference"))
         return Past(shot.tick, shot.head, shot.end, chronicle.curve, tuple(marks))

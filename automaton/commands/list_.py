@@ -11,6 +11,8 @@ from automaton.scenario.floors import generator_type, generators
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYERS
 
+SAID = ("summary", "properties")  # no columns of the inventory
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton list`."""
@@ -41,7 +43,10 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
         for name in generators()
     ]
     strategies = [
-        {"name": name, "layer": layer, "summary": lookup.summary(layer, name)}
+        {
+            **{"name": name, "layer": layer, "summary": lookup.summary(layer, name)},
+            **({"properties": said} if (said := lookup.properties(layer, name)) else {}),
+        }
         for layer in LAYERS
         for name in lookup.names(layer)
     ]
@@ -57,7 +62,7 @@ def as_text(found: dict[str, list[dict[str, Any]]]) -> str:
     """The inventory as headed, aligned columns; what is empty is left out."""
     blocks = []
     for heading, entries in found.items():
-        columns = [[entry[key] for key in entry if key != "summary"] for entry in entries]
+        columns = [[entry[key] for key in entry if key not in SAID] for entry in entries]
         if not columns:
             continue
         widths = [max(map(len, column)) for column in zip(*columns, strict=True)]
@@ -71,4 +76,16 @@ def as_text(found: dict[str, list[dict[str, Any]]]) -> str:
             for row, entry in zip(columns, entries, strict=True)
         ]
         blocks.append("\n".join([heading, *(f"  {line}" for line in lines)]))
-    return "\n\n".join(blocks)
+    return "\n\n".join([*blocks, _properties(found["strategies"])])
+
+
+def _properties(strategies: list[dict[str, Any]]) -> str:
+    """A table of what the methods of strategies can be used for."""
+    rows = [(entry["name"], entry["properties"]) for entry in strategies if "properties" in entry]
+    names = list(rows[0][1])
+    wide = max(len(name) for name, _ in rows)
+    lines = [f"  {'':<{wide}}  {'  '.join(names)}"]
+    for name, has in rows:
+        cells = (f"{'yes' if has[one] else '-':<{len(one)}}" for one in names)
+        lines.append(f"  {name:<{wide}}  {'  '.join(cells)}".rstrip())
+    return "\n".join(["what zoning is for (Keith & La, Table 1)", *lines])

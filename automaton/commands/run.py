@@ -50,10 +50,10 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
     else:
-        from automaton.run_report import print_report
+        from automaton.run_report import print_pictures, print_report
 
         if args.picture:
-            print(outcome.picture)
+            print_pictures(outcome)
         print_report(resolved, outcome)
     if outcome.finished or outcome.stopped:
         return 0
@@ -127,4 +127,5 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "metrics": outcome.metrics,
         "robots": outcome.robots,
         **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
+        **({"zones": outcome.zones.splitlines()} if outcome.zones else {}),
     }

@@ -3,6 +3,7 @@
 deadlock           a circle of waiting robots has lasted too long
 circular wait      a circle of waiting robots has closed
 delivered [7]      a load was delivered (load 7)
+zones redesigned   stations came into another zone
 stuck > 50         a robot has waited for more than 50 ticks
 loaded and x > 3   any condition on one robot, of the names in FIELDS
 battery < 20       the same: in line, charging, empty, broken
@@ -46,7 +47,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
-    "zone": "the zone it serves, or -1",
+    "zone": "the zone it serves, counted from 1; 0 if it serves none",
     "priority": "its priority",
     "steps": "cells of its route that are left",
     "battery": "percent in its battery; 100 where there are no batteries",
@@ -57,7 +58,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "towed": "whether it was towed and is not back",
     "ahead": "orders in the list that was announced to it",
 }
-NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck")
+NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck", "zones redesigned")
 LONGEST: Final = 200  # characters
 TWO_WORDS: Final = re.compile(r"(?<!['\"\w])in line\b")  # as people say in_line
 NAMED: Final = {"cause": WAITS, "action": list(ACTION_NAMES)}
@@ -86,6 +87,8 @@ def breakpoint_of(text: str) -> Breakpoint:
     if words in ("deadlock", "circular wait"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
         return Breakpoint(words, lambda run, plan: _members(run, run.watch.ring == ticks))
+    if words == "zones redesigned":
+        return Breakpoint(words, lambda run, plan: _redesigned(run))
     delivered = re.fullmatch(r"delivered(?: (\d+))?", words)
     if delivered:
         load = None if delivered[1] is None else int(delivered[1])
@@ -97,6 +100,13 @@ def breakpoint_of(text: str) -> Breakpoint:
 def _members(run: Simulation, mask: Array) -> Array:
     found: Array = run.world.robots.identity[np.flatnonzero(mask)]
     return found
+
+
+def _redesigned(run: Simulation) -> Array:
+    """Robots whose zones gained or lost stations in the last tick."""
+    zones = np.flatnonzero(run.watch.reshaped == run.world.clock[TICK])
+    servers: Array = run.world.zoning.server[zones]
+    return np.unique(servers[servers != NIL])
 
 
 def _delivering(run: Simulation, load: int | None) -> Array:
@@ -233,7 +243,7 @@ def _fields(
         "action": robots.action.astype(np.int64),
         "busy": robots.busy.astype(np.int64),
         "parked": robots.parked.astype(np.int64),
-        "zone": robots.zone,
+        "zone": robots.zone + 1,
         "priority": robots.priority,
         "steps": steps,
         "battery": robots.charge / PERCENT,

@@ -12,11 +12,11 @@ import numpy as np
 
 from automaton.simulation import Simulation
 from automaton.world.state import TICK, Array
-from automaton.world.waiting import CURVE_COLUMNS, DEADLOCK, EVENTS, ROWS
+from automaton.world.waiting import CURVE_COLUMNS, DEADLOCK, EVENTS, REDESIGNED, ROWS
 
 EVENT_COLUMNS = 5
 KEPT_EVENTS: Final = 500_000  # 10 MB
-KEPT_DEADLOCKS: Final = 1000
+KEPT_TICKS: Final = 1000  # of deadlocks, of redesigns
 KEPT_ROWS: Final = 1 << 18  # of the curve: 3 MB, and every tick of a run of so many
 
 
@@ -120,7 +120,8 @@ class Chronicle:
 
     def __init__(self) -> None:
         self._events = Growing(EVENT_COLUMNS, KEPT_EVENTS)
-        self._deadlocks = Growing(1, KEPT_DEADLOCKS)
+        self._deadlocks = Growing(1, KEPT_TICKS)
+        self._redesigns = Growing(1, KEPT_TICKS)
         self._curve = Thinning(CURVE_COLUMNS, KEPT_ROWS)
 
     def __call__(self, simulation: Simulation) -> None:
@@ -134,6 +135,7 @@ class Chronicle:
             events = events[events[:, 0] > last - fresh]
             self._events.append(events)
             self._deadlocks.append(events[events[:, 1] == DEADLOCK, :1])
+            self._redesigns.append(events[events[:, 1] == REDESIGNED, :1])
         simulation.empty_observation()
 
     @property
@@ -155,6 +157,12 @@ class Chronicle:
     def deadlocks(self) -> Array:
         """(N,) int32: the last ticks at which a circle had lasted too long."""
         ticks: Array = self._deadlocks.log.rows[:, 0]
+        return ticks
+
+    @property
+    def redesigns(self) -> Array:
+        """(N,) int32: the last ticks in which stations changed their zones."""
+        ticks: Array = self._redesigns.log.rows[:, 0]
         return ticks
 
     @property

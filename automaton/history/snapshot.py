@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from automaton.simulation import Simulation
-from automaton.world.state import NIL, TICK, Array
+from automaton.world.partition import Partition
+from automaton.world.state import NIL, TICK, Array, Stations
 from automaton.world.waiting import LOST_EVER, congestion_of, visits_of
 
 FLEET: Final = (  # fields of world.robots
@@ -19,6 +20,7 @@ FLEET: Final = (  # fields of world.robots
 WATCHED: Final = (  # fields of the observation
     *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
 )
+AT_STATIONS: Final = ("first", "last", "until", "behind", "came", "done")  # what changes there
 OVERLAYS: Final = ("explored", "predicted")  # automaton.history.overlays brings their numbers
 
 
@@ -101,6 +103,9 @@ class Snapshot:
     robots: Fleet
     orders: OrderBook
     slots: SlotStates
+    stations: Stations  # that work on parts; which works there are is of the world itself
+    zoning: Partition  # that robots serve; its roads are those of the world
+    redesigns: int  # ticks so far in which stations changed their zones
     selected: int  # the robot whose route and plan are given, or NIL
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
     plan: Array  # (k,) int32: orders that the selected robot is to do, one after another
@@ -131,6 +136,11 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
             content=world.slots.content.copy(),
             by=world.slots.by.copy(),
         ),
+        stations=world.stations.replaced(
+            **{name: getattr(world.stations, name).copy() for name in AT_STATIONS}
+        ),
+        zoning=world.zoning.copied().replaced(design=world.zoning.design.copied()),
+        redesigns=int(watch.redesigns[0]),
         selected=selected,
         route=_route(simulation, selected),
         layer=layer,

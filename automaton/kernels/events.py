@@ -31,14 +31,17 @@ from automaton.world.waiting import (
     GAVE_BACK,
     OUT_OF_BAY,
     PARKED,
+    PART_FINISHED,
     PICKED_UP,
     RAN_EMPTY,
+    REDESIGNED,
     REFUSED_ANSWER,
     SET_DOWN,
     TOOK,
     WAITERS,
     WAS_TOWED,
     WITHDREW,
+    WORK_DONE,
 )
 
 MOST_EVENTS = 8  # of one robot in one tick
@@ -46,8 +49,16 @@ IN_CYCLE = NIL  # value of scratch.color
 
 
 @kernel
+def most_events(world):
+    """How many events a tick can have."""
+    return MOST_EVENTS * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
+
+
+@kernel
 def note_events(world, watch):
     """Append what happened in this tick, by identity; call after `observe`."""
+    note_work(world, watch)
+    note_zones(world, watch)
     robots, scratch = world.robots, watch.scratch
     for k in range(scratch.count[EVENTFUL]):
         i = np.int64(scratch.eventful[U(k)])
@@ -71,6 +82,35 @@ def note_events(world, watch):
         watch.set_down[i] = watch.load_before[i] if action == DID_DROP else NIL
         watch.order_before[i] = order
         watch.load_before[i] = robots.load[i]
+
+
+@kernel
+def note_work(world, watch):
+    """The events of stations that are done with a part."""
+    stations = world.stations
+    for k in range(watch.working.shape[0]):
+        work, now = np.int64(watch.working[k]), np.int64(stations.first[k])
+        if work != now and work != NIL:
+            code = WORK_DONE if stations.frees[work] != NIL else PART_FINISHED
+            event(world, watch, code, NIL, np.int64(stations.part[work]), k)
+        watch.working[k] = now
+
+
+@kernel
+def note_zones(world, watch):
+    """The event of stations that came from one zone into another."""
+    design, moved = world.zoning.design, 0
+    for station in range(watch.zone_before.shape[0]):
+        before, now = np.int64(watch.zone_before[station]), np.int64(design.zone[station])
+        if before != now:
+            watch.zone_before[station] = now
+            if before != NIL:  # at the start it had none
+                moved += 1
+                watch.reshaped[before] = world.clock[TICK]
+                watch.reshaped[now] = world.clock[TICK]
+    if moved:
+        event(world, watch, REDESIGNED, NIL, NIL, moved)
+        watch.redesigns[0] += 1
 
 
 @kernel

@@ -29,7 +29,7 @@ from automaton.kernels.decisions import keep_decisions, most_words
 from automaton.kernels.digest import digest_world
 from automaton.kernels.drive import drive, leave_bays, settle, stand_still
 from automaton.kernels.energy import hold_back
-from automaton.kernels.events import MOST_EVENTS, find_cycles, note_events
+from automaton.kernels.events import find_cycles, most_events, note_events
 from automaton.kernels.faults import break_down_and_repair
 from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
@@ -188,7 +188,7 @@ def is_full(world, record, watch):
     """Whether another tick might not fit into the buffers of a recording or of an observation."""
     clock, robots = world.clock, world.robots.cell.shape[0]
     if clock[OBSERVING]:
-        if watch.count[EVENTS] + MOST_EVENTS * robots > watch.events.shape[0]:
+        if watch.count[EVENTS] + most_events(world) > watch.events.shape[0]:
             return True
         if watch.count[ROWS] >= watch.curve.shape[0]:
             return True

@@ -8,8 +8,9 @@
 
     A (0, 1) vertical, fetches 3 from (1, 1) via (2, 1), moved; route nESS
 
-Everything that a digest covers is in the picture. What is not: the memory of strategies, and the
-counters behind the metrics (tallies, and when and from where an order was taken).
+Everything that a digest covers is in the picture but the work at stations and the zones that robots
+serve: `partition_picture` tells of these, and is not read back. Nor are there the memory of strategies,
+and the counters behind the metrics (tallies, and when and from where an order was taken).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -37,9 +37,22 @@ def files_of(parameters: Any) -> tuple[Path, ...]:
     return tuple(getattr(parameters, "files", ()))
 
 
+# What a method of scheduling can be: the columns of Table 1 of Keith & La.
+MULTIPLE: Final = "multiple AMRs"
+DYNAMIC: Final = "dynamic environment"
+MANUFACTURING: Final = "manufacturing"
+WAREHOUSE: Final = "warehouse"
+DECENTRALIZED: Final = "decentralized"
+PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
+
+
 class Entry(NamedTuple):
-    """Where a strategy is implemented, what parameters it takes, and one line for `list`."""
+    """Where a strategy is implemented, what parameters it takes, and one line for `list`.
+
+    `properties`: those of PROPERTIES that its method has; None where nobody has said.
+    """
 
     implementation: str  # "module:Class"
     parameters: type[msgspec.Struct]
     summary: str
+    properties: tuple[str, ...] | None = None

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from automaton.errors import InputError, nearest
-from automaton.strategy.entry import Entry, NoParameters
+from automaton.strategy.entry import PROPERTIES, Entry, NoParameters
 
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
 NONE = "none"  # zoning and charging may be absent
@@ -71,6 +71,14 @@ def place(layer: str, name: str) -> str:
         return ""
     entry = _catalogue()[layer].get(name)
     return entry.implementation if entry else _plugins(layer).get(name, name)
+
+
+def properties(layer: str, name: str) -> dict[str, bool]:
+    """Which of PROPERTIES a strategy's method has, as its table says; empty where that says nothing."""
+    entry = _catalogue()[layer].get(name)
+    if entry is None or entry.properties is None:
+        return {}
+    return {one: one in entry.properties for one in PROPERTIES}
 
 
 def load(layer: str, name: str) -> Any:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.kernels.decisions import most_words
-from automaton.kernels.events import MOST_EVENTS
+from automaton.kernels.events import most_events
 from automaton.kernels.operations import MOST_CHANGES
 from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.scenario.resolve import Resolved
@@ -337,7 +337,7 @@ def build_record(world: World, ticks: int, arrays: int) -> Record:
 def build_observation(world: World, ticks: int) -> Observation:
     """Room to observe so many ticks at a time; tiny when nothing is observed."""
     n, cells = (len(world.robots.cell), len(world.grid.kind)) if ticks else (1, 1)
-    events = max(16 * ticks, 3 * MOST_EVENTS * n) if ticks else 1
+    events = max(16 * ticks, 3 * most_events(world)) if ticks else 1
     nil = np.full(n, NIL, np.int32)
     return Observation(
         cause=np.zeros(n, np.uint8),
@@ -355,6 +355,10 @@ def build_observation(world: World, ticks: int) -> Observation:
         order_before=nil.copy(),
         stays=np.zeros(n, np.int64),
         status_before=np.zeros(n, np.uint8),
+        working=np.full(len(world.stations.slot), NIL, np.int32),
+        zone_before=world.zoning.design.zone.copy(),
+        reshaped=np.full(len(world.zoning.server), NIL, np.int64),
+        redesigns=np.zeros(1, np.int64),
         delay=np.zeros((cells, DELAY_COLUMNS), np.int32),
         flow=np.zeros((cells, 4), np.int32),
         count=np.zeros(COUNTS, np.int64),

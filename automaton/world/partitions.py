@@ -31,7 +31,7 @@ def build_partition(
     resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
 ) -> Partition:
     """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
-    pick = resolved.picks.get("zoning")
+    pick = resolved.picks.get("zoning")  # a story has no strategies
     robots = resolved.scenario.fleet.robots
     if pick is None or pick.name == NO_STRATEGY:
         return partition_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)

@@ -145,7 +145,7 @@ CAUSES: Final = (
 )
 CAUSE_COUNT: Final = len(CAUSES)
 
-# Events: rows (tick, code, robot, subject, value).
+# Events: rows (tick, code, robot, subject, value); parts and stations are counted from 0.
 TOOK: Final = 1  # robot, order
 PICKED_UP: Final = 2  # robot, order, the robot's cell
 SET_DOWN: Final = 3  # robot, order, the robot's cell: on the way, for another leg
@@ -162,10 +162,14 @@ RAN_EMPTY: Final = 13  # robot, none, its cell
 BROKE_DOWN: Final = 14  # robot, none, its cell
 WAS_TOWED: Final = 15  # robot
 CAME_BACK: Final = 16  # robot
+WORK_DONE: Final = 17  # none, part, station: the part goes on to its next station
+PART_FINISHED: Final = 18  # none, part, its last station
+REDESIGNED: Final = 19  # none, none, stations that are in another zone now
 EVENT_NAMES: Final = (
     *("", "took", "picked up", "set down", "delivered", "left bay", "parked", "withdrew"),
     *("gave back", "charges", "illegal answer", "circular wait", "deadlock"),
     *("battery empty", "broken down", "towed", "back"),
+    *("work done", "part finished", "zones redesigned"),
 )
 DEADLOCK_TICKS: Final = 64  # most cycles are two robots head-on that soon withdraw
 
@@ -217,8 +221,9 @@ class Scratch(Struct):
 class Observation(Struct):
     """What is watched while a run goes on; nothing in the world depends on it.
 
-    n robots by storage, C cells, E events and T ticks between two pauses. All but BUFFERS and the
-    scratch is state: it goes on from what it was after the tick before.
+    n robots by storage, C cells, E events and T ticks between two pauses; k stations that work on
+    parts, S stations and P zones of a partition. All but BUFFERS and the scratch is state: it goes on
+    from what it was after the tick before.
     """
 
     cause: Array  # (n,) uint8: why it waits, of CAUSES
@@ -238,6 +243,10 @@ class Observation(Struct):
     order_before: Array  # (n,) int32
     stays: Array  # (n,) int64: stays at chargers that events have told of
     status_before: Array  # (n,) uint8
+    working: Array  # (k,) int32: stations.first after the tick before
+    zone_before: Array  # (S,) int32: zoning.design.zone after the tick before
+    reshaped: Array  # (P,) int64: the last tick in which stations came to or left a zone, or NIL
+    redesigns: Array  # (1,) int64: ticks in which stations changed their zones
     delay: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
     flow: Array  # (C, 4) int32: moves out of a cell, E S W N
     count: Array  # (COUNTS,) int64

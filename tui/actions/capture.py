@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tui.recordings import capture_file, short_path
+from tui.render.designs import design_key
 from tui.render.overlays import zone_key
 from tui.render.still import as_text
 from tui.stage import Stage
@@ -37,6 +38,10 @@ class CaptureActions(Stage):
 
     def _key(self, side: int) -> str:
         """What the letters of zones mean, if they are shown: there is no legend beside a text."""
+        if self.choice.layer == "served":
+            zoning = self.pictures.scene(self.shot, self.choice, side).partition
+            many = 0 if zoning is None else len(zoning.server)
+            return "; ".join(design_key(many, self.glyphs)) + "\n"
         if self.choice.layer != "zones":
             return ""
         return "; ".join(zone_key(self.pictures.floors[side], self.glyphs)) + "\n"

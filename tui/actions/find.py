@@ -110,8 +110,8 @@ class FindActions(PanelActions):
     def choose_zone(self, zone: int) -> None:
         """Select a zone, and bring its middle on the screen unless some of it is there."""
         self.choose(zone=zone)
-        cells = self.pictures.zone_cells(zone, self.choice.side)
-        if not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
+        cells = self.pictures.zone_cells(self.shot, zone, self.choice.side)
+        if cells and not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
             self.show_cell(cells[len(cells) // 2])
 
     def choose_at(self, cell: int) -> None:

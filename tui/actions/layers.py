@@ -30,7 +30,10 @@ class LayerActions(Stage):
         self.show_layer("flow")
 
     def action_layer_zones(self) -> None:
-        if self._zones():
+        """The zones that robots serve; again, or where they serve none: those of the floor."""
+        if self._serve_zones() and self.choice.layer != "served":
+            self.show_layer("served")
+        elif self._zones():
             self.show_layer("zones")
         else:
             self.notify("this floor has no zones: all of it is intersections")
@@ -54,7 +57,9 @@ class LayerActions(Stage):
         self.changed()
 
     def action_next_layer(self) -> None:
-        there = [name for name in LAYERS if name != "zones" or self._zones()]
+        absent = {"zones"} if not self._zones() else set()
+        absent |= {"served"} if not self._serve_zones() else set()
+        there = [name for name in LAYERS if name not in absent]
         name = there[(there.index(self.choice.layer) + 1) % len(there)]
         if name == "explored":  # which may have to say something
             self.action_layer_explored()
@@ -64,6 +69,10 @@ class LayerActions(Stage):
     def _zones(self) -> bool:
         zones = self.pictures.floors[self.choice.side].zones
         return zones is not None and zones.count > 0
+
+    def _serve_zones(self) -> bool:
+        """Whether there are zones that robots serve."""
+        return self.pictures.scene(self.shot, self.choice, self.choice.side).partition is not None
 
     def show_layer(self, name: str) -> None:
         """One of LAYERS."""

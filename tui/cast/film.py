@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.errors import InputError, alternatives
+from automaton.strategy.lookup import NONE
 from automaton.units import unit
 from automaton.world.state import NIL
 from tui.cast.frame import aim, checked_size, size_for
@@ -17,6 +18,7 @@ from tui.cast.status import Status
 from tui.opening import recorded
 from tui.pictures import Choice, Pictures
 from tui.render.depth import DEPTHS, Depth
+from tui.render.designs import design_key
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.overlays import zone_key
 from tui.render.scene import LAYERS
@@ -134,4 +136,7 @@ class Film:
         tick = unit(scenario.units.tick)
         floor = self._pictures.floors[0]
         key = zone_key(floor, self.glyphs) if request.layer == "zones" else []
+        if request.layer == "served":
+            serve = self._resolved.picks["zoning"].name != NONE
+            key = design_key(scenario.fleet.robots if serve else 0, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)

@@ -23,7 +23,7 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
         part = near_picture(scene, camera, glyphs)
         before = camera.left % camera.zoom.width if camera.left > 0 else 0  # columns cut off
         part = part[:, before : before + camera.columns]
-    elif kind == "pixels" or scene.layer in (*SHADED, "zones"):
+    elif kind == "pixels" or scene.layer in SHADED or scene.tinted:
         part = pixel_picture(scene, camera, glyphs)
     else:
         part = far_picture(scene, camera, glyphs)

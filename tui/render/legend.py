@@ -41,7 +41,7 @@ class Entry(NamedTuple):
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
-    solid = zoom.kind == "pixels" and scene.values is None and scene.zones is None
+    solid = zoom.kind == "pixels" and scene.values is None and not scene.tinted
     sign = glyphs.full if solid else glyphs.fleet[255]
     entries = _robots(scene, glyphs) if near else _far_robots(scene, sign)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, glyphs, near)
@@ -123,9 +123,7 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
     if scene.zone >= 0:
         entries.append(
-            Entry(
-                (int(code(style(styles.FLOOR, styles.MARKED), glyphs.blank)),), f"zone {scene.zone}"
-            )
+            Entry((int(code(style(styles.FLOOR, styles.MARKED), glyphs.blank)),), scene.zone_name)
         )
     if len(scene.marked):
         entries.append(Entry(paper(styles.MARKED), "found"))
@@ -134,7 +132,7 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     """Levels with their numbers, or the zones."""
-    if scene.zones is not None:
+    if scene.zones is not None or scene.layer == "served":
         return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
     if scene.layer in OVERLAYS:
         said = overlay_meanings(scene)

@@ -42,7 +42,7 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_route(canvas)
         draw_claims(canvas)
         draw_robots(canvas)
-    if scene.zones is not None or (scene.values is not None and scene.layer in SHADED):
+    if scene.tinted or (scene.values is not None and scene.layer in SHADED):
         keep_heat(canvas, ground)
     if scene.zone != NIL:
         canvas.repaper(canvas.at(scene.zone_cells)[0], styles.MARKED)
@@ -67,8 +67,8 @@ def draw_loads(canvas: Canvas) -> None:
 def draw_layer(canvas: Canvas) -> None:
     """The layer of the scene on the cells that robots drive on."""
     scene = canvas.scene
-    if scene.zones is not None:
-        draw_zone_signs(canvas, scene.zones)
+    if scene.tinted:
+        draw_zone_signs(canvas)
     elif scene.values is not None:
         levels = scene.levels(canvas.cells(scene.values)).reshape(-1)
         index = np.flatnonzero(levels)

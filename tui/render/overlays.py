@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from automaton.world.cells import FLOOR, TRACK
 from automaton.world.state import NIL
-from automaton.world.zones import Zones
 from tui.render import styles
+from tui.render.designs import TRANSFER_INK, design_entries, draw_stations, station_words
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
@@ -75,6 +75,8 @@ def value_words(scene: Scene, value: int) -> list[str]:
 
 def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
     """Signs and meanings of the layer "zones"."""
+    if scene.layer == "served":
+        return design_entries(scene, glyphs)
     zones = scene.floor.zones
     if zones is None or not zones.count:
         return [((), "zones: this floor has none, all of it is intersections")]
@@ -110,7 +112,9 @@ def crossing_sign(glyphs: GlyphSet) -> int:
 
 
 def zone_words(scene: Scene, cell: int) -> list[str]:
-    """The zone of a cell; two where directions have their own."""
+    """The zone of a cell; two where directions have their own; that of its robot, if they serve zones."""
+    if scene.partition is not None:
+        return station_words(scene, cell)
     zones = scene.floor.zones
     if zones is None or not scene.floor.drivable[cell]:
         return []
@@ -120,18 +124,20 @@ def zone_words(scene: Scene, cell: int) -> list[str]:
     return [f"zone{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}"]
 
 
-def draw_zone_signs(canvas: Canvas, zones: Zones) -> None:
+def draw_zone_signs(canvas: Canvas) -> None:
     """Cells tinted by zone. Free floor bears a letter that is seen without colours only.
 
     A straight track bears it in its own colour; other cells keep their signs and bear it beside.
     """
-    tints = canvas.cells(canvas.scene.floor.tints).reshape(-1)
+    scene = canvas.scene
+    tints = canvas.cells(scene.tints).reshape(-1)
     looks = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)
     index = np.flatnonzero(tints != NIL)
     tint = tints[index]
     canvas.repaper(index, TINT_INKS[tint][:, None])
     letters, inks = TINT_LETTERS[tint], TINT_INKS[tint]
-    plain, rails = looks[index] == FLOOR, looks[index] & 15 == TRACK
+    plain = (looks[index] if scene.served is None else looks[index] & 15) == FLOOR
+    rails = looks[index] & 15 == TRACK
     canvas.flat[index[plain], 0] = code(style(inks, inks), letters)[plain]
     tracks = style(np.full(len(index), styles.TRACK), inks)
     canvas.flat[index[rails], 0] = code(tracks, letters)[rails]
@@ -139,6 +145,12 @@ def draw_zone_signs(canvas: Canvas, zones: Zones) -> None:
         beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
         signed = beside & ~plain & ~rails
         canvas.flat[index[signed], 1] = code(style(inks, inks), letters)[signed]
+    if scene.served is not None:
+        draw_stations(canvas, scene.served)
+        return
+    zones = scene.zones
+    if zones is None:
+        return
     crossings = np.flatnonzero(canvas.cells(zones.intersection).reshape(-1) & (tints == NIL))
     crossings = crossings[looks[crossings] == FLOOR]
     canvas.flat[crossings, 0] = crossing_sign(canvas.glyphs)
@@ -150,13 +162,25 @@ def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
     pixels[inside] = TINT_INKS[tints[inside]]
 
 
-def sign_tints(codes: Codes, pixels: NDArray[np.uint8]) -> Codes:
-    """A character whose halves have one tint bears its letter, unseen where there are colours."""
+def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> Codes:
+    """A character whose halves have one tint bears its letter, unseen where there are colours.
+
+    thin: ways are no wider than half a character, and there are no colours: one half is enough, and
+    stations bear their signs.
+    """
     top = pixels[0::2]
     whole = (top == pixels[1::2]) & np.isin(top, TINT_INKS)
+    if thin:
+        bottom = pixels[1::2]
+        whole = np.isin(top, TINT_INKS) | np.isin(bottom, TINT_INKS)
+        top = np.where(np.isin(top, TINT_INKS), top, bottom)
     letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
     letter_of[TINT_INKS] = TINT_LETTERS
     ink = top[whole].astype(np.uint32)
     signed = codes.copy()
     signed[whole] = (style(ink, ink) << np.uint32(GLYPH_BITS)) | letter_of[ink]
+    if thin:
+        for sign, its_ink in ((GlyphSet.station, styles.DIM), (GlyphSet.transfer, TRANSFER_INK)):
+            here = (pixels[0::2] == its_ink) | (pixels[1::2] == its_ink)
+            signed[here] = code(style(its_ink, styles.FLOOR), sign)
     return signed

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.picture.ways import stations_of
 from automaton.world.cells import (
     BAY,
     CHARGER,
@@ -32,6 +33,7 @@ from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
 from tui.render.camera import Camera, Rectangle
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
+from tui.render.designs import TRANSFER_INK
 from tui.render.far import draw_over
 from tui.render.glyphs import Codes, GlyphSet, code
 from tui.render.near import heat_codes
@@ -69,8 +71,8 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     canvas.paint(scene.zone_cells, styles.MARKED)
     if laid:
         codes = paired(pixels, glyphs)
-        if scene.zones is not None:
-            codes = sign_tints(codes, pixels)
+        if scene.tinted:
+            codes = sign_tints(codes, pixels, thin=scene.served is not None and glyphs.shaded)
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
@@ -200,13 +202,17 @@ class _Pixels:
 
 def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
     """Heat, or zones; whether there is a layer."""
-    if scene.zones is not None:
-        paint_tints(canvas.pixels, canvas.reduced(scene.floor.tints, NIL))
+    if scene.tinted:
+        paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
         canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
-    return scene.zones is not None or scene.values is not None
+    if scene.served is not None:
+        cells, _, shared = stations_of(scene.served.roads, scene.served.design)
+        canvas.paint(cells[~shared].astype(np.int32), styles.DIM)
+        canvas.paint(cells[shared].astype(np.int32), TRANSFER_INK)
+    return scene.tinted or scene.values is not None
 
 
 def draw_robots(canvas: _Pixels, scene: Scene) -> None:

@@ -26,16 +26,18 @@ from automaton.world.cells import (
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL
 from automaton.world.zones import Zones
+from tui.render.designs import design_tints, zone_cells_of
 from tui.render.field import Scale, levels_of, scale_for
 from tui.render.overlays import OVERLAYS, overlay_levels
 from tui.render.zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.history.snapshot import Snapshot
+    from automaton.world.partition import Partition
 
 HEAT: Final = ("visits", "waiting", "congestion")
 SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers
-LAYERS: Final = ("", *HEAT, "flow", "zones", *OVERLAYS)
+LAYERS: Final = ("", *HEAT, "flow", "served", "zones", *OVERLAYS)
 
 # What a cell looks like: its kind, and a detail in the bits above.
 DETAIL_SHIFT: Final = 4
@@ -192,13 +194,43 @@ class Scene:
 
     @property
     def zones(self) -> Zones | None:
-        """The zones, while their layer is shown."""
+        """The zones of the floor, while their layer is shown."""
         return self.floor.zones if self.layer == "zones" else None
+
+    @property
+    def partition(self) -> Partition | None:
+        """The zones that robots serve, if there are any."""
+        zoning = None if self.snapshot is None else self.snapshot.zoning
+        return zoning if zoning is not None and len(zoning.roads.cell) else None
+
+    @property
+    def tinted(self) -> bool:
+        """Whether zones of either kind are shown."""
+        return self.zones is not None or self.served is not None
+
+    @property
+    def served(self) -> Partition | None:
+        """The zones that robots serve, while their layer is shown."""
+        return self.partition if self.layer == "served" else None
+
+    @cached_property
+    def tints(self) -> NDArray[np.int8]:
+        """(C,) the tint of each cell, of tui.render.zone_tints, or NIL."""
+        return self.floor.tints if self.served is None else design_tints(self, self.served)
+
+    @property
+    def zone_name(self) -> str:
+        """What the zone that is marked is called: those that robots serve are counted from 1."""
+        return f"zone {self.zone + (self.partition is not None)}"
 
     @cached_property
     def zone_cells(self) -> NDArray[np.int32]:
-        """(k,) the cells of the zone that is marked."""
-        if self.zone == NIL or self.floor.zones is None:
+        """(k,) the cells of the zone that is marked: of one that robots serve, if they do."""
+        if self.zone == NIL:
+            return NOTHING
+        if self.partition is not None:
+            return zone_cells_of(self, self.partition, self.zone)
+        if self.floor.zones is None:
             return NOTHING
         cells = np.flatnonzero((self.floor.zones.of == self.zone).any(axis=1))
         return cells.astype(np.int32)

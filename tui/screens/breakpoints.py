@@ -17,8 +17,8 @@ from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 
 GRAMMAR: Final = (
-    "deadlock, circular wait, delivered 7, stuck > 50, or a condition on one robot, such as "
-    "waiting > 20 and loaded, cause == 'head-on', battery < 20"
+    "deadlock, circular wait, zones redesigned, delivered 7, stuck > 50, or a condition on "
+    "a robot, such as waiting > 20 and loaded, cause == 'head-on'"
 )
 
 

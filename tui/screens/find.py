@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Final
 
+import numpy as np
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.message import Message
@@ -17,12 +18,13 @@ from tui.screens.dialog import Dialog
 from tui.search import Found, find
 from tui.view import View
 from tui.widgets.lines import Line, cell_link, dim, line
+from tui.widgets.partition_facts import partition_of
 from tui.widgets.robot_columns import doing
 from tui.widgets.rows import Rows
 from tui.widgets.zone_facts import robots_in
 
 EXAMPLES: Final = (
-    "17, robot 17, load 7, order 7, 12,4, turntable, zone 9, "
+    "17, robot 17, load 7, order 7, 12,4, station 11, zone 9, "
     "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, battery < 20, in line"
 )
 
@@ -55,6 +57,10 @@ class MatchList(Rows, can_focus=False):
         view = self.view
         if self.found.zones:
             zone = self.found.zones[index]
+            zoning = partition_of(view)
+            if zoning is not None:
+                many = int(np.count_nonzero(zoning.design.zone == zone))
+                return line(f"zone {zone + 1}  ", dim(count(many, "station")))
             return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
         if not self.found.robots:
             cell = self.found.cells[index]

@@ -24,6 +24,7 @@ from tui.widgets.lines import (
     several,
     title,
 )
+from tui.widgets.partition_facts import order_zone, part_of_order, station_facts
 from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
@@ -48,6 +49,7 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     lines = [line(title(f"cell ({x}, {y}) "), kind.name), line(dim(kind.meaning))]
     facts = [
         *_ground(view, cell),
+        *station_facts(view, cell),
         *zone_facts(view, cell),
         *_traffic(view, cell),
         *_stored(view, cell),
@@ -154,7 +156,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     state, by = int(orders.state[order]), int(orders.by[order])
     lines = [line(title(f"order {order} "), STATES[state])]
     done = state == DELIVERED
-    for name, parts in (
+    facts: list[tuple[str, Parts]] = [
         ("from", _place(view, int(orders.source[order]))),
         ("to", _place(view, int(orders.target[order]))),
         ("lies at", [] if done else _place(view, int(orders.place[order]))),
@@ -166,7 +168,10 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
         ("known", ["from ", *_tick(int(orders.released[order]))]),
         ("delivered", _tick(int(orders.delivered[order])) if done else []),
         ("lead time", _lead_time(view, order)),
-    ):
+        *part_of_order(view, order),
+        *order_zone(view, order),
+    ]
+    for name, parts in facts:
         lines += fact(name, *parts, width=width) if parts else []
     return lines
 

@@ -24,6 +24,8 @@ KINDS: Final = {  # what can be picked in the list of events: name and codes
     "charging": (codes.CHARGED,),
     "faults": (codes.RAN_EMPTY, codes.BROKE_DOWN, codes.WAS_TOWED, codes.CAME_BACK),
     "illegal": (codes.REFUSED_ANSWER,),
+    "parts": (codes.WORK_DONE, codes.PART_FINISHED),
+    "zones": (codes.REDESIGNED,),
 }
 TEXTS: Final = {
     codes.TOOK: "takes order {subject}",
@@ -42,6 +44,9 @@ TEXTS: Final = {
     codes.REFUSED_ANSWER: "illegal answer",
     codes.CYCLE: "circle of {value} closes",
     codes.DEADLOCK: "deadlock of {value} robots",
+    codes.WORK_DONE: "station {station} is done with part {subject}",
+    codes.PART_FINISHED: "part {subject} is finished",
+    codes.REDESIGNED: "zones redesigned: {value} station{s}",
 }
 ROBOT: Final = 6  # columns for the number of a robot
 LOOKS: Final = {
@@ -52,6 +57,8 @@ LOOKS: Final = {
     codes.REFUSED_ANSWER: "fault",
     codes.CYCLE: "warn",
     codes.WITHDREW: "warn",
+    codes.PART_FINISHED: "good",
+    codes.REDESIGNED: "warn",
 }
 SUBJECTS: Final = (codes.TOOK, codes.PICKED_UP, codes.SET_DOWN, codes.DELIVERED_AT, codes.GAVE_BACK)
 
@@ -61,6 +68,7 @@ def event_words(event: Event) -> str:
     plural = "" if event.value == 1 else "s"
     percent = f"{event.value / PERCENT:.0f} %"
     words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}
+    words["station"] = event.value + 1
     return TEXTS[event.code].format(**words)
 
 
@@ -68,7 +76,8 @@ def event_line(event: Event, who: bool = True, tick_width: int = 7) -> Line:
     """Tick, robot and what happened; the tick leads there."""
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
-    robot = f"{event.robot:>{ROBOT}}" if who else ""
+    number = "" if event.robot == NIL else event.robot
+    robot = f"{number:>{ROBOT}}" if who else ""
     look = LOOKS.get(event.code, "plain")
     return line(gap, tick, robot, Span(f" {event_words(event)}", look))
 
@@ -86,12 +95,12 @@ class Wanted(NamedTuple):
         if self.robot != NIL:
             holds &= events[:, 2] == self.robot
         rest = self.words.lower()
-        for name, number in re.findall(r"(robot|load|order)\s*(\d+)", rest):
+        for name, number in re.findall(r"(robot|load|order|part)\s*(\d+)", rest):
             column = 2 if name == "robot" else 3
             holds &= events[:, column] == int(number)
             if column == 3:
-                holds &= np.isin(events[:, 1], SUBJECTS)
-        for word in re.sub(r"(robot|load|order)\s*\d+", " ", rest).split():
+                holds &= np.isin(events[:, 1], KINDS["parts"] if name == "part" else SUBJECTS)
+        for word in re.sub(r"(robot|load|order|part)\s*\d+", " ", rest).split():
             holds &= self._called(word, events)
         return holds
 

@@ -17,6 +17,7 @@ from tui.view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
 from tui.widgets.event_rows import KINDS, ROBOT, Wanted, event_line
 from tui.widgets.lines import Line, Link, Span, dim, line, title
+from tui.widgets.partition_facts import partition_of, parts_finished
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 
@@ -58,6 +59,13 @@ class Filter(Input):
 
     def action_leave(self) -> None:
         self.screen.focus_next(EventList)
+
+
+def kinds_of(view: View) -> list[str]:
+    """The kinds of events that can be picked: of parts and of zones only where there are any."""
+    absent = {"parts"} if parts_finished(view) is None else set()
+    absent |= {"zones"} if partition_of(view) is None else set()
+    return [name for name in KINDS if name not in absent]
 
 
 class EventList(Rows):
@@ -116,7 +124,7 @@ class EventList(Rows):
     def _boxes(self, view: View) -> list[tuple[str, bool]]:
         """The kinds of events, and whose."""
         whose = f"robot {view.robot}" if view.robot != NIL else "the selected robot"
-        kinds = [(name, name in self.kinds) for name in KINDS]
+        kinds = [(name, name in self.kinds) for name in kinds_of(view)]
         return [*kinds, (f"only {whose}", self.only_selected)]
 
     def _heading(self, view: View) -> Line:
@@ -156,8 +164,9 @@ class EventList(Rows):
 
     def tick(self, box: int) -> None:
         """A box of `_boxes` was ticked, or its tick taken away."""
-        if box < len(KINDS):
-            self.ask_for(self.kinds ^ {list(KINDS)[box]})
+        kinds = list(KINDS) if self.view is None else kinds_of(self.view)
+        if box < len(kinds):
+            self.ask_for(self.kinds ^ {kinds[box]})
         else:
             self.action_only_selected()
 
@@ -170,7 +179,8 @@ class EventList(Rows):
 
     def action_kind(self, step: int) -> None:
         """All kinds, then one after the other alone."""
-        each = [frozenset(KINDS), *(frozenset({name}) for name in KINDS)]
+        kinds = list(KINDS) if self.view is None else kinds_of(self.view)
+        each = [frozenset(KINDS), *(frozenset({name}) for name in kinds)]
         at = each.index(self.kinds) if self.kinds in each else 0
         self.ask_for(each[(at + step) % len(each)])
 

@@ -22,6 +22,7 @@ from tui.widgets import lost as lost_time
 from tui.widgets.charge_facts import battery_figures, may_fail
 from tui.widgets.compared import compared_lines
 from tui.widgets.lines import Line, Link, Span, dim, fact, length, line, term, title
+from tui.widgets.partition_facts import partition_of, parts_finished
 from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
 from tui.widgets.zone_facts import zone_link
@@ -78,7 +79,23 @@ class Figures(TextPanel):
             *_robots(view, width),
             *self._energy(view, width),
             *_out_of_order(view, width),
+            *self._parts(view, width),
         ]
+
+    def _parts(self, view: View, width: int) -> list[Line]:
+        """Parts that are finished; how often the zones of robots changed, how long they balanced."""
+        lines: list[Line] = []
+        finished = parts_finished(view)
+        if finished is not None:
+            lines.append(_figure("parts", f"{finished[0]:,} of {finished[1]:,} finished"))
+        if partition_of(view) is not None:
+            changed = count(view.snapshot.redesigns, "time")
+            lines.append(_figure("zones", f"redesigned {changed}"))
+        metrics = view.shot.figures[view.side].metrics
+        if metrics.get("ticks_watched"):
+            share = metrics["ticks_in_balance"] / metrics["ticks_watched"]
+            lines.append(_figure("  in balance", f"{percent(share):>{FIGURE + 2}}"))
+        return lines
 
     def _energy(self, view: View, width: int) -> list[Line]:
         """Batteries now, what was used so far, and what charging takes of the time."""
@@ -179,10 +196,11 @@ def slow_zones(view: View) -> list[Line]:
     worst = [zone for zone in np.argsort(-lost, kind="stable")[:ZONES].tolist() if lost[zone]]
     if not worst:
         return []
-    wide = len(str(max(worst)))
+    wide, served = len(str(max(worst))), partition_of(view) is not None
+    names = [str(zone) if served else zone_link(zone) for zone in worst]
     rows = [
-        line("zone ", zone_link(zone), " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
-        for zone in worst
+        line("zone ", name, " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
+        for zone, name in zip(worst, names, strict=True)
     ]
     return [line(title("slowest zones"), dim(" by ticks lost in them")), *rows]
 

@@ -15,6 +15,7 @@ from automaton.world.state import ACTION_NAMES, NIL, Array
 from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, waits
 from tui.view import View
 from tui.widgets.charge_facts import has_batteries
+from tui.widgets.partition_facts import partition_of, queued
 
 OUT_OF_ORDER: Final = {EMPTY: "empty", BROKEN: "broken", TOWED: "towed", GONE: "towed"}
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
@@ -77,6 +78,14 @@ def _cell(view: View, robot: int) -> str:
     return "in bay" if fleet.bay[robot] != NIL else "off"
 
 
+def _queue(view: View, robot: int) -> list[int]:
+    """The orders that wait in the zones that a robot serves."""
+    if partition_of(view) is None:
+        return []
+    served = np.flatnonzero(view.snapshot.zoning.server == robot).tolist()
+    return queued(view, served)
+
+
 def _or_blank(value: int, absent: int) -> str:
     return "" if value == absent else f"{value:,}"
 
@@ -115,6 +124,22 @@ COLUMNS: Final = (
         lambda v, r: _or_blank(int(v.snapshot.robots.planned[r]), 0),
         True,
         there=lambda v: bool(v.snapshot.robots.planned.any()),
+    ),
+    Column(
+        "zone",
+        4,
+        lambda v: v.snapshot.robots.zone,
+        lambda v, r: _or_blank(int(v.snapshot.robots.zone[r]) + 1, 0),
+        False,
+        there=lambda v: partition_of(v) is not None,
+    ),
+    Column(
+        "queue",
+        5,
+        lambda v: np.array([len(_queue(v, r)) for r in range(len(v.snapshot.robots))]),
+        lambda v, r: _or_blank(len(_queue(v, r)), 0),
+        True,
+        there=lambda v: partition_of(v) is not None,
     ),
     Column("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
     Column(

@@ -36,6 +36,7 @@ from tui.widgets.lines import (
     title,
     wrapped,
 )
+from tui.widgets.partition_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
 
 HEADINGS: Final = {  # what a robot's heading means, by kinematics
@@ -51,7 +52,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
     fleet, plan = view.snapshot.robots, view.plan
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
-    for name, parts in (
+    facts: list[tuple[str, list[str | Span]]] = [
         ("waits for", _waits_for(view, robot)),
         ("battery", battery(view, robot, signs)),
         ("charging", charging_plan(view, robot)),
@@ -64,11 +65,12 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),
         ("priority", [str(int(fleet.priority[robot]))]),
-        ("zone", [] if fleet.zone[robot] == NIL else [str(int(fleet.zone[robot]))]),
+        *robot_zone(view, robot),
         ("home", [cell_link(plan, int(fleet.home[robot]))]),
         ("bay", [] if fleet.bay[robot] == NIL else [cell_link(plan, int(fleet.bay[robot]))]),
         ("so far", _so_far(view, robot)),
-    ):
+    ]
+    for name, parts in facts:
         lines += fact(name, *parts, width=width) if parts else []
     return [*lines, (), *_last_events(view, robot)]
 

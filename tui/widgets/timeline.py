@@ -34,7 +34,13 @@ SHORTEST: Final = 50  # ticks in the whole row at least
 ROUND: Final = (10, 15, 20, 30, 50, 75)  # where the row of a run of unknown length ends, times 10^k
 
 
-KINDS: Final = ("branch", "difference", "stop", "deadlock")  # of marks, the gravest last
+KINDS: Final = (
+    "redesign",
+    "branch",
+    "difference",
+    "stop",
+    "deadlock",
+)  # of marks, the gravest last
 
 
 class Mark(NamedTuple):
@@ -211,6 +217,7 @@ def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np
     looks = {
         "deadlock": (glyphs.fault, styles.FAULT),
         "stop": (glyphs.stand, styles.CURSOR),
+        "redesign": (ord("z"), styles.STATION),
         "branch": (ord("Y"), styles.LOADED),
         "difference": (ord("x"), styles.ROUTE),
     }

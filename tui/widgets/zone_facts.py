@@ -13,6 +13,7 @@ from automaton.world.state import NIL
 from automaton.world.zones import Zones, zones_of
 from tui.view import View
 from tui.widgets.lines import Line, Span, cell_link, dim, fact, line, robot_link, title
+from tui.widgets.partition_facts import checked_served, partition_of, served_zone_lines
 
 Parts = list[str | Span]
 MOST = 24  # robots that are named one by one
@@ -24,7 +25,10 @@ def zones_in(view: View) -> Zones:
 
 
 def checked_zone(view: View, zone: int) -> int:
-    """A zone of this floor. Raises InputError."""
+    """A zone of this floor, or by its number one that robots serve. Raises InputError."""
+    zoning = partition_of(view)
+    if zoning is not None:
+        return checked_served(zoning, zone)
     many = zones_in(view).count
     if zone >= many:
         numbers = f"zones are numbered from 0 to {many - 1}" if many else "this floor has none"
@@ -45,7 +49,12 @@ def robots_in(view: View, zone: int) -> NDArray[np.intp]:
 
 
 def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
-    """The zones of a cell, how many robots are in each, and what a move from here takes."""
+    """The zones of a cell, how many robots are in each, and what a move from here takes.
+
+    Where robots serve zones, those of the floor are told of only if they slow robots down.
+    """
+    if partition_of(view) is not None and not _slow(view):
+        return []
     if not DRIVABLE[view.plan.kind.reshape(-1)[cell]]:
         return []
     zones = zones_in(view)
@@ -57,8 +66,9 @@ def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
     for zone in numbers:
         ways = [f" ({way})" for way in _ways(view, zones, cell, zone)]
         now = f" with {count(len(robots_in(view, zone)), 'robot')} now"
-        parts: Parts = [zone_link(zone), *ways, now]
-        facts += [("zone", parts), ("a move", _pace(view, zone))]
+        served = partition_of(view) is not None
+        parts: Parts = [str(zone) if served else zone_link(zone), *ways, now]
+        facts += [("stretch" if served else "zone", parts), ("a move", _pace(view, zone))]
     return facts
 
 
@@ -97,7 +107,10 @@ def _cost(view: View, zone: int) -> Parts:
 
 
 def zone_lines(view: View, zone: int, width: int) -> list[Line]:
-    """Everything about one zone."""
+    """Everything about one zone: of those that robots serve, if they do."""
+    zoning = partition_of(view)
+    if zoning is not None:
+        return served_zone_lines(view, zoning, zone, width)
     zones = zones_in(view)
     if zone >= zones.count:  # of the other of two runs
         return [line(title(f"zone {zone} "), "is none of this floor")]

@@ -1,0 +1,84 @@
+"""The zones that robots serve and the work at stations, as text below the picture of a world.
+
+zone 1 (a): 3* 6 7 9* 10 15*                        * a transfer station
+station 9, zone 1, to zone 3: part 12, 45 ticks left; in line 14, 17; 8 done
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from automaton.units import count
+from automaton.world.plan import FloorPlan
+from automaton.world.state import NIL, TICK, World
+from automaton.zoning.picture import ZONES, design_picture
+
+if TYPE_CHECKING:  # reports alone need it
+    from rich.text import Text
+
+NAMED: Final = 8  # parts of a line
+# Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
+COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
+
+
+def partition_picture(world: World, plan: FloorPlan) -> str:
+    """The zones over their floor and a line on each, a line on each station; "" without either."""
+    lines: list[str] = []
+    if len(world.zoning.roads.cell):
+        drawn = design_picture(plan, world.zoning.roads, world.zoning.design).splitlines()
+        lines += [*drawn[: plan.height], "", *drawn[plan.height :]]
+    if len(world.stations.entering):
+        lines += [""] if lines else []
+        lines += [station_line(world, station) for station in range(len(world.stations.slot))]
+    return "\n".join(lines)
+
+
+def station_line(world: World, station: int) -> str:
+    """What a station works on, who waits there, and how much it has done."""
+    stations = world.stations
+    name = ", ".join([f"station {station + 1}", *_zones(world, station)])
+    works, work = [], int(stations.first[station])
+    while work != NIL:
+        works.append(work)
+        work = int(stations.behind[work])
+    said = ["no work"]
+    if works:
+        left = count(int(stations.until[station] - world.clock[TICK]), "tick")
+        said = [f"part {stations.part[works[0]]}, {left} left"]
+    if works[1:]:
+        named = [str(stations.part[work]) for work in works[1 : 1 + NAMED]]
+        more = f" and {len(works) - 1 - NAMED} more" if len(works) - 1 > NAMED else ""
+        said.append(f"in line {', '.join(named)}{more}")
+    done = (stations.station == station) & (stations.done != NIL)
+    return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
+
+
+def _zones(world: World, station: int) -> list[str]:
+    """Its zone, and those with which it changes parts."""
+    design = world.zoning.design
+    if not len(design.zone) or design.zone[station] == NIL:
+        return []
+    zone = int(design.zone[station])
+    others = np.flatnonzero(design.transfer[zone, :, station]).tolist()
+    return [f"zone {zone + 1}", *(f"to zone {other + 1}" for other in others)]
+
+
+def coloured(picture: str) -> list[Text]:
+    """The lines of such a picture; the letters of zones, and the lines on them, in their colours."""
+    from rich.text import Text
+
+    letters = {letter: COLOURS[at % len(COLOURS)] for at, letter in enumerate(ZONES)}
+    letters |= {letter.upper(): f"bold {colour}" for letter, colour in letters.items()}
+    lines = []
+    for written in picture.split("\n"):
+        text = Text(written)
+        if written.startswith("zone "):
+            text.stylize(letters[written.partition("(")[2][0]])
+        elif not written.startswith("station "):
+            for at, sign in enumerate(written):
+                if sign in letters or sign == "*":
+                    text.stylize(letters.get(sign, "bold reverse"), at, at + 1)
+        lines.append(text)
+    return lines

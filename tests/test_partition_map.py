@@ -1,0 +1,123 @@
+"""Zones that robots serve on the map: tints of their ways, letters without colours, a sign where
+parts change robots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from staged_scenes import camera_at, composed, ink, paper, stage, text
+from zoning_scenes import drawn
+
+from automaton.picture.ways import ways_of
+from automaton.world.partitions import partition_of
+from automaton.world.state import NIL
+from automaton.zoning.designs import read_design
+from tui.render import styles
+from tui.render.compose import compose
+from tui.render.describe import describe
+from tui.render.designs import TRANSFER_INK
+from tui.render.glyphs import ASCII
+from tui.render.legend import legend
+from tui.render.scene import Scene
+from tui.render.zone_tints import TINTS
+
+FLOOR = """
+1...2...3
+.#######.
+4.......5
+"""
+ZONES = {
+    "zones": [
+        {"stations": [1, 2, 4], "segments": [[[0, 0], [4, 0]], [[0, 0], [0, 2]]]},
+        {"stations": [3, 5], "segments": [[[8, 0], [8, 2]]]},
+    ],
+    "transfers": [{"zones": [1, 2], "stations": [2]}],
+}
+
+
+def two_zones(layer: str = "served") -> Scene:
+    plan, roads = drawn(FLOOR)
+    design = read_design(plan, roads, ZONES)
+    slots = plan.slots()
+    station_of = np.full(len(slots), NIL, np.int32)
+    for station, cell in enumerate(roads.cell[roads.point].tolist()):
+        station_of[slots.tolist().index(cell)] = station
+    zoning = partition_of(roads, 2, station_of, 0, 2).replaced(design=design)
+    return stage(plan, zoning=zoning, layer=layer)
+
+
+def rows(scene: Scene, zoom: str) -> list[str]:
+    return text(compose(scene, camera_at(scene.floor.plan, zoom), ASCII), ASCII).split("\n")
+
+
+def test_ways_of_zones_bear_letters_where_there_are_no_colours() -> None:
+    assert rows(two_zones(), "1x1") == ["tdddT...t", "d%%%%%%%e", "t.......t"]
+
+
+def test_where_there_is_room_stations_bear_their_numbers() -> None:
+    assert rows(two_zones(), "3x1")[0] == "t1 d  d  d  T2 .  .  .  t3"
+
+
+def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> None:
+    scene = two_zones()
+    codes, camera = composed(scene, "1x1")
+    code_at = {(x, y): int(codes[camera.place_of(scene.floor.plan.cell(x, y))])
+               for x in range(9) for y in (0, 2)}  # fmt: skip
+    assert paper(code_at[1, 0]) == ink(code_at[1, 0]) == TINTS[0]
+    assert paper(code_at[8, 0]) == TINTS[1] and paper(code_at[6, 0]) == styles.FLOOR
+    assert ink(code_at[4, 0]) == TRANSFER_INK and ink(code_at[0, 0]) == styles.STATION
+
+
+def test_from_afar_ways_and_stations_are_seen() -> None:
+    scene = two_zones()
+    codes, camera = composed(scene, "half")
+    way, station = (camera.place_of(scene.floor.plan.cell(x, 0)) for x in (1, 4))
+    assert TINTS[0] in (ink(int(codes[way])), paper(int(codes[way])))
+    assert TRANSFER_INK in (ink(int(codes[station])), paper(int(codes[station])))
+
+
+def test_from_afar_without_colours_one_half_of_a_character_is_enough_for_a_letter() -> None:
+    assert rows(two_zones(), "half") == ["tdddT===t", "t       t"]
+
+
+def test_without_the_layer_zones_are_not_drawn() -> None:
+    assert rows(two_zones(""), "1x1") == ["t...t...t", ".%%%%%%%.", "t.......t"]
+
+
+def test_the_legend_says_who_serves_which_zone() -> None:
+    scene = two_zones()
+    said = [
+        entry.meaning for entry in legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)
+    ]
+    assert said[:3] == [
+        "zone 1: robot 0, 3 stations",
+        "zone 2: robot 1, 2 stations",
+        "transfer station: parts change robots",
+    ]
+
+
+def test_a_station_and_a_way_are_described() -> None:
+    scene = two_zones()
+    cell = scene.floor.plan.cell
+    told = "station 2, zone 1, transfers between zones 1 and 2"
+    assert told in describe(scene, cell(4, 0))
+    assert describe(scene, cell(1, 0)).endswith("zone 1")
+    assert "zone" not in describe(scene, cell(6, 0))
+
+
+def test_a_marked_zone_is_its_ways_and_stations() -> None:
+    scene = two_zones("").with_(zone=1)
+    plan = scene.floor.plan
+    assert scene.zone_cells.tolist() == [plan.cell(8, y) for y in range(3)]
+    assert scene.zone_name == "zone 2"
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_cells_of_a_way_with_a_corner(back: bool) -> None:
+    plan, roads = drawn("1..\n.#.\n..2")
+    path = [[0, 0], [2, 0], [2, 2]]
+    data = {"zones": [{"stations": [1, 2], "segments": [path[::-1] if back else path]}]}
+    cells, zones = ways_of(roads, read_design(plan, roads, data), plan.stride)
+    expected = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2)]
+    assert sorted(set(cells.tolist())) == [plan.cell(x, y) for x, y in expected]
+    assert set(zones.tolist()) == {0}

@@ -1,0 +1,143 @@
+"""The zones that robots serve: their ways as tints, letters where there are no colours.
+
+fffT+++ddt    T a transfer station, t another one; ways of no zone stay as they are
+f      d
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.picture.ways import stations_of, ways_of
+from automaton.world.state import NIL
+from tui.render import styles
+from tui.render.glyphs import GlyphSet, code
+from tui.render.styles import style
+from tui.render.zone_tints import LETTERS, TINTS
+
+if TYPE_CHECKING:  # they import what is here
+    from automaton.world.partition import Partition
+    from tui.render.canvas import Canvas
+    from tui.render.scene import Scene
+
+NONE: Final = "zones: robots have none here, or none yet"
+TRANSFER_INK: Final = styles.TEXT
+DIGITS: Final = 2  # of the number of a station, beside its sign
+
+
+def tint_of(zone: int) -> int:
+    """Which of TINTS a zone has."""
+    return zone % len(TINTS)
+
+
+def design_tints(scene: Scene, zoning: Partition) -> NDArray[np.int8]:
+    """(C,) the tint of each cell: of ways, of stations, and of slots that belong to one."""
+    tints = np.full(scene.floor.plan.kind.size, NIL, np.int8)
+    cells, zones = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
+    tints[cells] = zones % len(TINTS)
+    for cells, zones in (_slots(scene, zoning), stations_of(zoning.roads, zoning.design)[:2]):
+        tints[cells[zones != NIL]] = zones[zones != NIL] % len(TINTS)
+    return tints
+
+
+def _slots(scene: Scene, zoning: Partition) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Cells of slots that count to a station, and its zone."""
+    cells = scene.floor.slots_cell
+    station = zoning.station_of[: len(cells)]
+    there = station != NIL
+    return cells[there], zoning.design.zone[station[there]]
+
+
+def zone_cells_of(scene: Scene, zoning: Partition, zone: int) -> NDArray[np.int32]:
+    """(k,) the cells of one zone's ways and stations."""
+    ways, ways_zone = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
+    cells, cells_zone, _ = stations_of(zoning.roads, zoning.design)
+    found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
+    return np.unique(found).astype(np.int32)
+
+
+def draw_stations(canvas: Canvas, zoning: Partition) -> None:
+    """Stations that robots serve, with their numbers where there is room."""
+    cells, zones, shared = stations_of(zoning.roads, zoning.design)
+    served = np.flatnonzero(zones != NIL)
+    index, seen = canvas.at(cells[served].astype(np.int32))
+    which = served[seen]
+    paper = np.array(TINTS)[zones[which] % len(TINTS)]
+    ink = np.where(shared[which], TRANSFER_INK, styles.STATION)
+    sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
+    canvas.flat[index, 0] = code(style(ink, paper), sign)
+    if canvas.width > DIGITS:
+        numbers = np.char.ljust((which + 1).astype(str), DIGITS)
+        for column in range(DIGITS):
+            digit = np.array([ord(number[column]) for number in numbers], np.uint32)
+            digit[digit == ord(" ")] = canvas.glyphs.blank
+            canvas.flat[index, 1 + column] = code(style(ink, paper), digit)
+
+
+def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
+    """Signs and meanings of the layer "served"."""
+    zoning = scene.partition
+    if zoning is None:
+        return [((), NONE)]
+    entries: list[tuple[tuple[int, ...], str]] = []
+    for zone in range(len(zoning.server)):
+        ink = TINTS[tint_of(zone)]
+        sign = int(code(style(ink, ink), LETTERS[tint_of(zone)]))
+        entries.append(((sign,), f"zone {zone + 1}: {_served(zoning, zone)}"))
+    shared = int(code(style(TRANSFER_INK, styles.FLOOR), glyphs.transfer))
+    entries.append(((shared,), "transfer station: parts change robots"))
+    return entries
+
+
+def _served(zoning: Partition, zone: int) -> str:
+    who = "nobody" if zoning.server[zone] == NIL else f"robot {zoning.server[zone]}"
+    many = int(np.count_nonzero(zoning.design.zone == zone))
+    return f"{who}, {many} station{'s' * (many != 1)}"
+
+
+def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
+    """What a picture of them without a legend beside it has to say, in a few words each."""
+    if not zones:
+        return [NONE]
+    letters = [f"{chr(LETTERS[tint_of(zone)])} zone {zone + 1}" for zone in range(zones)]
+    return [*letters[: len(TINTS)], f"{glyphs.characters[glyphs.transfer]} transfer station"]
+
+
+def station_words(scene: Scene, cell: int) -> list[str]:
+    """The number and the zone of the station in a cell, and the zone of a way."""
+    zoning = scene.partition
+    if zoning is None:
+        return []
+    station = station_in(scene, zoning, cell)
+    if station == NIL:
+        tint_zone = np.flatnonzero(_ways_here(scene, zoning, cell))
+        return [f"zone {zone + 1}" for zone in tint_zone.tolist()]
+    zone = int(zoning.design.zone[station])
+    words = [f"station {station + 1}", *([f"zone {zone + 1}"] if zone != NIL else [])]
+    pairs = transfer_pairs(zoning, station)
+    return words + [f"transfers between zones {a + 1} and {b + 1}" for a, b in pairs]
+
+
+def station_in(scene: Scene, zoning: Partition, cell: int) -> int:
+    """The station in a cell, or to which its slot counts, or NIL."""
+    points = np.flatnonzero(zoning.roads.cell[zoning.roads.point] == cell)
+    if len(points):
+        return int(points[0])
+    slot = int(scene.floor.slot_in[cell])
+    return NIL if slot == NIL else int(zoning.station_of[slot])
+
+
+def transfer_pairs(zoning: Partition, station: int) -> list[tuple[int, int]]:
+    """The pairs of zones between which parts change robots at a station."""
+    pairs = np.argwhere(zoning.design.transfer[:, :, station])
+    return [(int(a), int(b)) for a, b in pairs if a < b]
+
+
+def _ways_here(scene: Scene, zoning: Partition, cell: int) -> NDArray[np.bool_]:
+    cells, zones = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
+    here = np.zeros(len(zoning.server), bool)
+    here[zones[cells == cell]] = True
+    return here

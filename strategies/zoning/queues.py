@@ -8,7 +8,7 @@ import numpy as np
 
 from automaton.strategy.kernels import FAR, distance, drop_stand, kernel, pick_stand, position
 from automaton.world.condition import EXHAUSTED
-from automaton.world.state import KEEP, NIL, TICK, WAITING
+from automaton.world.state import NIL, TICK, WAITING
 from automaton.zoning.routing import route
 
 FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone set down on its way
@@ -211,7 +211,6 @@ def take_over(view, given):
                     best, least = other, waiting
         if view.zoning.server[zone] != best:
             given.server[zone] = best
-    return KEEP
 
 
 @kernel

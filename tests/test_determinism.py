@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.kernels.digest import DIGEST_NAMES, ORDER_FIELDS, ROBOT_FIELDS, SLOT_FIELDS
+from automaton.kernels.digest import (
+    DIGEST_NAMES,
+    ORDER_FIELDS,
+    ROBOT_FIELDS,
+    SLOT_FIELDS,
+    STATION_FIELDS,
+    WORK_FIELDS,
+    ZONING_FIELDS,
+)
 from automaton.parallel import run_all
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.resolve import resolve
@@ -172,15 +180,20 @@ def test_whole_runs_end_as_they_always_did(name: str, grid_snapshot: GridSnapsho
 
 @pytest.mark.parametrize("name", DIGEST_NAMES)
 def test_the_digest_changes_with_every_field(name: str) -> None:
-    run = simulation("tabletop-mini", *SETTINGS)
+    part, _, field = name.partition(".")
+    if part in ("stations", "zoning"):
+        run = simulation("factory")
+    else:
+        run = simulation("tabletop-mini", *SETTINGS)
     run.run(until=300)
     arrays, whole = run.digests(), run.digest
-    part, _, field = name.partition(".")
     if name == "tick":
         values, element = run.world.clock, TICK
+    elif name == "zoning.design":
+        values, element = run.world.zoning.design.zone, 2
     else:
         told_by = {"route": "route_sum", "plan": "planned"}
-        values = getattr(getattr(run.world, part), told_by.get(field, field))
+        values = getattr(getattr(run.world, part), told_by.get(field, field)).reshape(-1)
         element = 2
     with np.errstate(over="ignore"):
         values[element : element + 1] += values.dtype.type(1)
@@ -218,8 +231,16 @@ def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
         *("dispatched", "dispatched_from", "dispatched_heading", "coming"),
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did", "planned"),
         *("cell", "endless", "access", "spare", "within"),
+        *("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
+        *("roads", "station_of"),
     }
-    parts = {"robots": ROBOT_FIELDS, "orders": ORDER_FIELDS, "slots": SLOT_FIELDS}
+    parts = {
+        "robots": ROBOT_FIELDS,
+        "orders": ORDER_FIELDS,
+        "slots": SLOT_FIELDS,
+        "stations": (*STATION_FIELDS, *WORK_FIELDS),
+        "zoning": ZONING_FIELDS,
+    }
     for part, fields in parts.items():
         missing = set(getattr(run.world, part)._fields) - set(fields)
         assert missing <= left_out, f"{part}: {missing - left_out}"

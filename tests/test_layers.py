@@ -39,9 +39,9 @@ def test_a_named_strategy_and_its_class_are_the_same_strategy() -> None:
 
 
 def test_zones_given_by_zoning_are_seen_by_everybody() -> None:
-    simulation = run("tabletop-mini", "strategy.zoning=example_strategies:HalfAndHalf", until=4)
-    assert set(simulation.view.robots.zone) == {NIL}  # asked for the first time in tick 5
-    simulation.run(5)
+    simulation = run("tabletop-mini", "strategy.zoning=example_strategies:HalfAndHalf", until=0)
+    assert set(simulation.view.robots.zone) == {NIL}
+    simulation.run(1)  # zoning is asked when there are orders in no queue, and every 5 ticks
     assert list(simulation.view.robots.zone) == [0, 1, 0]
 
 

@@ -31,9 +31,9 @@ def build_partition(
     resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
 ) -> Partition:
     """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
-    pick = resolved.picks["zoning"]
+    pick = resolved.picks.get("zoning")
     robots = resolved.scenario.fleet.robots
-    if pick.name == NO_STRATEGY:
+    if pick is None or pick.name == NO_STRATEGY:
         return partition_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
 
     station_of = np.full(len(slots.cell), NIL, np.int32)

@@ -14,7 +14,7 @@ from automaton.world.waiting import CAUSES
 from tui.widgets.lines import Line, Span, dim, line
 from tui.widgets.signs import Signs, bar
 
-LETTERS: Final = ".QHWDICLBwFRopriPebs"  # by cause; capitals count as blocked
+LETTERS: Final = ".QHWDICLBwFRopriPebsz"  # by cause; capitals count as blocked
 BLOCKED: Final = "warn"
 OTHER: Final = "plain"
 

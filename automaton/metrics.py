@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from automaton.station_figures import balance_figures, station_figures
 from automaton.tasks import Measured, task_figures
 from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
 from automaton.world.state import (
@@ -86,6 +87,18 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),
     "out_of_order": ("ticks", "robots stood out of order on the floor"),
+    "travel": ("cells", "driven by all robots"),
+    "parts": ("parts", "worked on at the last station of their routes"),
+    "part_time": ("ticks", "from a part's coming to its first station until it is finished"),
+    "busiest_station": ("number", "of the station that works most"),
+    "busiest": ("share", "ticks in which that station works / ticks of the run"),
+    "redesigns": ("times", "new zones took effect"),
+    "in_balance": ("share", "time in which zones counted as balanced / time that was watched"),
+    "load_shares": (
+        "orders",
+        "given to the robot of another zone because zones were out of balance",
+    ),
+    "messages": ("messages", "that robots sent each other: bids, loads, turns"),
     "alternatives": ("times", "traffic avoidance chose another plan than that of plain A*"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }
@@ -132,7 +145,10 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
         figures["lead_time"] = float(times.mean()) if delivered else 0.0
     figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)
-    counted = run.counted
+    figures |= station_figures(world)
+    if run.resolved.scenario.units.cell is not None:
+        figures["travel"] = int(world.tally.times[:, MOVE].sum())
+    counted = balance_figures(dict(run.counted))
     figures = {**counted, **figures}
     others = [name for name in counted if name not in GLOSSARY]
     return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}

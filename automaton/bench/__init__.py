@@ -29,6 +29,9 @@ PARTS: Final[dict[str, Part]] = {
     "auctions": Part(
         "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
     ),
+    "zoning": Part(
+        "automaton.bench.zoning", True, "days of a factory in zones, and zones designed anew"
+    ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
     "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),

@@ -28,6 +28,7 @@ LOGGED: Final = "design: factory-logged, adjacency: 243.6437908496732"
 NEGOTIATED: Final = "strategy.zoning={{name: decentralized, design: {}, adjacency: 300{}}}"
 STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
+MANY: Final = "many"  # label of the runs that the main claim is judged by
 SINGLE: Final = ("layout.lanes=single",)
 
 
@@ -89,10 +90,11 @@ REFERENCE: Final[Mapping[str, Reference]] = {
 }
 
 
-def cases_named(names: Sequence[str], *more: str) -> list[ScenarioCase]:
-    """The configurations with these names, with further settings."""
+def cases_named(names: Sequence[str], *more: str, **labels: str) -> list[ScenarioCase]:
+    """The configurations with these names, with further settings and labels."""
     return [
-        ScenarioCase({"configuration": name}, SCENARIO, (*SETTINGS[name], *more)) for name in names
+        ScenarioCase({"configuration": name, **labels}, SCENARIO, (*SETTINGS[name], *more))
+        for name in names
     ]
 
 
@@ -103,21 +105,17 @@ def all_cases(_: Sequence[str]) -> list[ScenarioCase]:
 
 def judged_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """The configurations whose evenness is compared over many runs."""
-    return cases_named(JUDGED)
+    return cases_named(JUDGED, runs=MANY)
 
 
 def single_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """SA and DDZ where a cell of an aisle holds one robot."""
-    return [
-        ScenarioCase({"single lanes": case.labels["configuration"]}, case.scenario, case.overrides)
-        for case in cases_named((SA, NO_SHARING, DDZ, FREE), *SINGLE)
-    ]
+    return cases_named((SA, NO_SHARING, DDZ, FREE), *SINGLE, lanes="single")
 
 
 def printed(key: Key, metric: str) -> float | None:
     """The printed figure of a configuration."""
-    [name] = key
-    return PRINTED.get(str(name), {}).get(metric)
+    return PRINTED.get(str(key[0]), {}).get(metric)
 
 
 def unprinted(key: Key, metric: str) -> None:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.reproductions.study import Key, Measured, Reproduced
-from automaton.reproductions.zoning_cases import DDZ, FREE, NEAR, NEAR_STOPS, NO_SHARING, SA
+from automaton.reproductions.zoning_cases import DDZ, FREE, MANY, NEAR, NEAR_STOPS, NO_SHARING, SA
 
-SIGMA: Final = "sigma_ft (claim)"
+SIGMA: Final = "sigma_ft"
 SMALLER: Final = "P(sigma smaller)"
 SAMPLES: Final = 2000
 WIDEST: Final = 0.05  # of half an interval that is called decided
@@ -91,9 +91,9 @@ def all_evenness(made: Reproduced) -> list[Evenness]:
     """All pairs of which both were run."""
     samples = made.samples()
     return [
-        evenness(one, other, (samples[SIGMA, (one,)], samples[SIGMA, (other,)]))
+        evenness(one, other, (samples[SIGMA, (one, MANY)], samples[SIGMA, (other, MANY)]))
         for one, other in PAIRS
-        if (SIGMA, (one,)) in samples and (SIGMA, (other,)) in samples
+        if (SIGMA, (one, MANY)) in samples and (SIGMA, (other, MANY)) in samples
     ]
 
 

@@ -67,9 +67,9 @@ def together(found: Mapping[Key, Sequence[Measured]]) -> Iterator[tuple[tuple[st
     """The placements of all pairs, as samples that claims rest on."""
     for one, other in PAIRS:
         values = [
-            [run.metrics[SIGMA] for run in found[name,]]
+            [run.metrics[SIGMA] for run in found[name, MANY]]
             for name in (one, other)
-            if (name,) in found
+            if (name, MANY) in found
         ]
         if len(values) == 2:
             yield (SMALLER, (one, other)), placements(*values)

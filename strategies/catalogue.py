@@ -47,6 +47,9 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = 2
     withdraw: Span = (1, 12)  # moves
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
+    give_way: Annotated[
+        bool, Meta(description="robots without work make room for those that want their cell")
+    ] = False
 
 
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -68,6 +68,7 @@ from automaton.world.state import (
     HOLD_NONE,
     HOLD_WAITED,
     MOVE,
+    NEED_ALLOCATION,
     NEED_ROUTE,
     NIL,
     NO_STEP,
@@ -122,6 +123,8 @@ def stand_still(world, record):
             begin(world, i, WAIT, ticks)
             robots.did[i] = DID_WAIT
             note(world.clock, record, DURATION, identity, ticks)
+            if robots.need[i] & NEED_ALLOCATION:  # it is asked again when it is free
+                need_allocation(world, i, np.int64(robots.reason[i]))
 
 
 @kernel

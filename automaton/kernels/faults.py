@@ -11,6 +11,7 @@ from automaton.compiled import kernel
 from automaton.kernels.draws import BREAKDOWNS, draw
 from automaton.kernels.energy import end_charging
 from automaton.kernels.motion import vacate
+from automaton.kernels.news import tell_zoning
 from automaton.kernels.operations import (
     allocation_done,
     drop_route,
@@ -52,7 +53,6 @@ from automaton.world.state import (
     PICKED,
     TICK,
     UNPARKED,
-    UNQUEUED,
     WAITING,
 )
 
@@ -142,7 +142,7 @@ def take_out(world, record, i, status):
 @kernel
 def become(world, record, i, status):
     world.robots.status[i] = status
-    world.clock[UNQUEUED] += 1
+    tell_zoning(world)
     note(world.clock, record, STATUS, world.robots.identity[i], status)
 
 

@@ -38,7 +38,7 @@ from automaton.kernels.releases import release_orders
 from automaton.kernels.sight import end_turn, take_turn, turns
 from automaton.kernels.stations import work_at_stations
 from automaton.kernels.zones import count_robots, slow_down
-from automaton.kernels.zoning import commit_zoning
+from automaton.kernels.zoning import commit_zoning, judge_design
 from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.world.state import (
     ALLOCATION,
@@ -114,6 +114,8 @@ def ticks(
                     decide[layer](view, shown, answers, memories[layer], space)
                 else:
                     yield layer
+                if layer == ZONING:
+                    judge_design(world, asked, answers.zoning)
                 if clock[RECORDING]:
                     keep_decisions(world, record, asked, answers, layer)
                 commit(world, record, asked, answers, layer)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.news import tell_zoning
 from automaton.kernels.stations import deliver
 from automaton.recording.codes import DID_ILLEGAL, ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
 from automaton.world.condition import EXHAUSTED, RUNNING
@@ -31,7 +32,6 @@ from automaton.world.state import (
     RECORDING,
     TICK,
     UNDELIVERED,
-    UNQUEUED,
     WAITING,
 )
 
@@ -237,7 +237,7 @@ def pick_up(world, record, i, ticks):
 @kernel
 def leave_queue(world, order):
     """An order waits anew somewhere: zoning is to say in whose queue it is."""
-    world.clock[UNQUEUED] += 1
+    tell_zoning(world)
     if world.zoning.queue.shape[0]:
         former = np.int64(world.zoning.queue[order])
         if former >= 0:

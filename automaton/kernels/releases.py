@@ -4,7 +4,8 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.draws import RELEASES, draw
-from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, UNQUEUED, WAITING
+from automaton.kernels.news import tell_zoning
+from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, WAITING
 
 
 @kernel
@@ -18,7 +19,7 @@ def release_orders(world):
         orders.state[order] = WAITING
         clock[NEXT_ORDER] += 1
         clock[CHANGES] += 1
-        clock[UNQUEUED] += 1
+        tell_zoning(world)
 
 
 @kernel

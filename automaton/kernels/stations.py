@@ -7,13 +7,13 @@ in the tick in which the work on it is done.
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.news import tell_zoning
 from automaton.world.state import (
     CHANGES,
     NEXT_ORDER,
     NEXT_PART,
     NIL,
     TICK,
-    UNQUEUED,
     UNWORKED,
     WAITING,
 )
@@ -69,7 +69,7 @@ def make_known(world, order):
     orders.coming[clock[NEXT_ORDER]] = order
     clock[NEXT_ORDER] += 1
     clock[CHANGES] += 1
-    clock[UNQUEUED] += 1
+    tell_zoning(world)
 
 
 @kernel

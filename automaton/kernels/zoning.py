@@ -16,6 +16,7 @@ from automaton.world.state import (
     HALTED,
     KEEP,
     NIL,
+    REDESIGNED,
     TICK,
     WAITING,
     WAKING,
@@ -33,14 +34,11 @@ def commit_zoning(world, record, asked, answers):
         commit_robot(world, record, np.int64(asked.robot[k]), given, k)
     if world.zoning.queue.shape[0] == 0:
         return
-    if given.redesigned[0]:
-        if world.rules.own_zones and asked.count[0]:
-            fill_in_hidden(world, np.int64(asked.robot[0]), given.design)
-        if is_sound(world, given.design) and may_change(world, asked, given.design):
-            adopt(world.zoning.design, given.design)
+    if given.redesigned[0] and is_sound(world, given.design):
+        adopt(world.zoning.design, given.design)
+        if world.clock[REDESIGNED] != world.clock[TICK]:
             world.clock[CHANGES] += 1
-        else:
-            world.tally.illegal[ZONING] += 1
+        world.clock[REDESIGNED] = world.clock[TICK]
     for zone in range(given.server.shape[0]):
         server = given.server[zone]
         if server != KEEP and 0 <= server < world.robots.cell.shape[0]:
@@ -51,6 +49,18 @@ def commit_zoning(world, record, asked, answers):
             world.tally.illegal[ZONING] += 1
     for k in range(given.queued[0]):
         line_up(world, given, k)
+
+
+@kernel
+def judge_design(world, asked, given):
+    """Make the design of an answer whole, and refuse it if it is not sound or changes too much."""
+    if given.redesigned[0] == 0 or world.zoning.queue.shape[0] == 0:
+        return
+    if world.rules.own_zones and asked.count[0]:
+        fill_in_hidden(world, np.int64(asked.robot[0]), given.design)
+    if not is_sound(world, given.design) or not may_change(world, asked, given.design):
+        world.tally.illegal[ZONING] += 1
+        given.redesigned[0] = 0
 
 
 @kernel
@@ -188,9 +198,10 @@ def may_change(world, asked, design):
         return True
     i = np.int64(asked.robot[0])
     for station in range(design.zone.shape[0]):
-        for zone in (world.zoning.design.zone[station], design.zone[station]):
-            if world.zoning.design.zone[station] == design.zone[station] or zone == NIL:
-                continue
+        before = world.zoning.design.zone[station]
+        if before == design.zone[station] or before == NIL:
+            continue  # NIL: these are the first zones
+        for zone in (before, design.zone[station]):
             server = np.int64(world.zoning.server[zone])
             if server != NIL and not is_seen(world, i, np.int64(world.robots.at_index[server])):
                 return False

@@ -1,7 +1,8 @@
 """The answers of zoning in the stream of decisions: robots one by one, then queues, servers, designs.
 
-A row that is about no robot has MARK + its kind where others have an identity, and its first value is
-the robot that was asked first in that call: with limited sight there is one call for each robot.
+A row that is about no robot has MARK + its kind where others have an identity. With limited sight there
+is one call for each robot; a replay answers all of them at once, and the last design of a tick counts:
+those that are here are whole and sound (automaton.kernels.zoning.judge_design).
 
     robot:    zone, halt, again, tells, then what it says if it tells something new
     QUEUES:   order, queue, stop, direct; again and again
@@ -42,13 +43,12 @@ def most_zoning_words(world):
 
 
 @kernel
-def begin_row(world, record, key, kind, who):
-    """Leave room for the head of a row; returns where its second value goes."""
+def begin_row(world, record, key, kind):
+    """Leave room for the head of a row; returns where its first value goes."""
     at = world.clock[DECIDED]
     record.decisions[at] = key
     record.decisions[at + 1] = (MARK + kind) << COUNT_BITS
-    record.decisions[at + 2] = who
-    return at + 3
+    return at + 2
 
 
 @kernel
@@ -68,18 +68,17 @@ def keep_zoning(world, record, asked, given, key):
         keep_robot(world, record, asked, given, key, k)
     if world.zoning.queue.shape[0] == 0:
         return
-    who = np.int64(world.robots.identity[asked.robot[0]])
     if given.redesigned[0]:
-        keep_design(world, record, given.design, key, who)
+        keep_design(world, record, given.design, key)
     for zone in range(given.server.shape[0]):
         if given.server[zone] != KEEP:
-            at = begin_row(world, record, key, SERVERS, who)
+            at = begin_row(world, record, key, SERVERS)
             for other in range(given.server.shape[0]):
                 record.decisions[at + other] = given.server[other]
             end_row(world, record, at + given.server.shape[0])
             break
     for first in range(0, given.queued[0], MOST_QUEUED):
-        at = begin_row(world, record, key, QUEUES, who)
+        at = begin_row(world, record, key, QUEUES)
         for k in range(first, min(first + MOST_QUEUED, given.queued[0])):
             record.decisions[at] = given.order[k]
             record.decisions[at + 1] = given.queue[k]
@@ -110,10 +109,10 @@ def keep_robot(world, record, asked, given, key, k):
 
 
 @kernel
-def keep_design(world, record, design, key, who):
+def keep_design(world, record, design, key):
     words = record.decisions
     stations = design.zone.shape[0]
-    at = begin_row(world, record, key, STATIONS, who)
+    at = begin_row(world, record, key, STATIONS)
     for station in range(stations):
         words[at + station] = design.zone[station]
     at += stations
@@ -125,7 +124,7 @@ def keep_design(world, record, design, key, who):
                     at += 3
     end_row(world, record, at)
     for segment in range(min(max(0, design.segments[0]), design.owner.shape[0])):
-        at = begin_row(world, record, key, SEGMENT, who)
+        at = begin_row(world, record, key, SEGMENT)
         words[at] = design.owner[segment]
         words[at + 1] = design.ends[segment, 0]
         words[at + 2] = design.ends[segment, 1]
@@ -140,21 +139,17 @@ def repeat_zoning(view, asked, given, words, at, end, key):
     """Answer a call as recorded; returns where the next one begins."""
     while at + 1 < end and words[at] < key:
         at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
-    who = np.int64(view.robots.identity[asked.robot[0]])
     while at + 1 < end and words[at] == key:
         size = words[at + 1] & ((1 << COUNT_BITS) - 1)
         about = words[at + 1] >> COUNT_BITS
         if at + 2 + size > end or size < 1:
             break  # the recording was altered
         if about >= MARK:
-            if words[at + 2] != who:
-                break
-            give_row(view, given, words, at + 3, size - 1, about - MARK)
+            give_row(view, given, words, at + 2, size, about - MARK)
         else:
             k = place_of(view, asked, about)
-            if k == NIL:
-                break
-            give_robot(given, words, at + 2, size, k)
+            if k != NIL:
+                give_robot(given, words, at + 2, size, k)
         at += 2 + size
     return at
 
@@ -197,7 +192,8 @@ def give_row(view, given, words, at, size, kind):
             given.queued[0] = k + 1
     elif kind == SERVERS and size == given.server.shape[0]:
         for zone in range(size):
-            given.server[zone] = words[at + zone]
+            if words[at + zone] != KEEP:
+                given.server[zone] = words[at + zone]
     elif kind == STATIONS and size >= given.design.zone.shape[0]:
         give_stations(given, words, at, size)
     elif kind == SEGMENT and size >= 3:

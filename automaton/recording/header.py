@@ -21,7 +21,7 @@ from automaton.recording.frames import Content
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.strategy import lookup
-from automaton.strategy.entry import NoParameters, files_of
+from automaton.strategy.entry import AsRecorded, files_of
 from automaton.world.plan import FloorPlan
 
 PACKAGES = ("automaton", "strategies", "layouts")
@@ -119,7 +119,9 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
             **{name: floor[name] for name in FLOOR_ARRAYS},
         ),
         picks={
-            layer: _pick(layer, **given) if with_strategies else Pick(given["name"], NoParameters())
+            layer: _pick(layer, **given)
+            if with_strategies
+            else Pick(given["name"], AsRecorded(given["parameters"]))
             for layer, given in ((layer, header["picks"][layer]) for layer in LAYERS)
         },
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]

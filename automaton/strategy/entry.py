@@ -12,6 +12,18 @@ class NoParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A strategy without parameters."""
 
 
+class AsRecorded(msgspec.Struct, frozen=True):
+    """The parameters of a strategy that is not loaded: what a recording says of them."""
+
+    values: dict[str, Any]
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+
 def located(parameters: Any, folder: Path) -> Any:
     """Parameters with the files that they name found from a folder, as absolute paths.
 

@@ -100,7 +100,8 @@ def build_world(
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state))
     clock[UNDELIVERED] = len(orders.state)
     clock[UNWORKED] = len(stations.done)
-    clock[UNQUEUED] = 1  # zoning is asked in the first tick
+    zoning = build_partition(resolved, floor, slots, stations, len(orders.state))
+    clock[UNQUEUED] = int(len(zoning.wake) > 0)  # zoning is asked in the first tick
     clock[WAKING] = NIL
     clock[HALTED] = NIL
     clock[NEXT_ORDER] = int(np.count_nonzero(orders.released == 0))
@@ -127,7 +128,7 @@ def build_world(
         slots=slots,
         stations=stations,
         chargers=build_chargers(floor.grid.kind),
-        zoning=build_partition(resolved, floor, slots, stations, len(orders.state)),
+        zoning=zoning,
         traffic=traffic,
         tally=tally,
         clock=clock,

@@ -129,7 +129,8 @@ NEXT_PART: Final = 23  # entry of stations.entering that comes next
 UNQUEUED: Final = 24  # orders that became known or were set down since zoning was last asked
 HALTED: Final = 25  # the last tick for which zoning made a robot stand still
 WAKING: Final = 26  # the first tick in which zoning asked to be woken, or NIL
-CLOCK_SIZE: Final = 27
+REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
+CLOCK_SIZE: Final = 28
 
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1

@@ -27,14 +27,13 @@ MOST_LISTED = 1000  # orders in all lists together: bounds the memory of a marke
 
 
 class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The weights of a score: age * (waited) - job * (time that it takes)."""
+    """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
 
-    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of how long it waited")] = (
-        0.5
-    )
-    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of how long it takes")] = (
-        10.0
-    )
+    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting")] = 0.5
+    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving")] = 10.0
+    idle: Annotated[
+        Literal["park", "stay"], Meta(description="what robots without an order do")
+    ] = "park"
 
 
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -4,21 +4,21 @@ A free robot takes the order of highest score: C_A times its age minus C_D times
 drive to it and to carry it to where it is set down next. The age counts from the tick in which the
 order became known, and is kept when it is set down at a transfer station. Ties: the lowest number.
 With zones a robot takes orders from the queues of the zones that it serves, and sets each down where
-zoning says; without, any order, which it carries to its target. Robots without work stay where they
-are.
+zoning says; without, any order, which it carries to its target.
 """
 
 import numpy as np
 
 from automaton.strategy.kernels import FAR, distance, drop_stand, kernel, pick_stand, position
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PERIODIC, PICKED, SET_DOWN, TICK
+from automaton.world.state import NIL, PARK, PERIODIC, PICKED, SET_DOWN, TICK
 from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.open_orders import is_open
 
 # memory.parameters
 AGE = 0  # weights, in thousandths
 JOB = 1
+PARKS = 2  # 1: robots without an order drive home
 
 WORST = -(1 << 62)
 
@@ -95,6 +95,8 @@ def decide(view, asked, answers, memory, space):
             order = best_order(view, given, memory, space, i)
             if order != NIL:
                 take_order(view, given, k, order)
+            elif memory.parameters[PARKS]:
+                given.verb[k] = PARK
 
 
 class ShortestJob(Strategy):
@@ -106,4 +108,4 @@ class ShortestJob(Strategy):
     def reset(self, view):
         given = self.parameters
         weights = round(1000 * given.age), round(1000 * given.job)
-        return memory_of(view, parameters=weights)
+        return memory_of(view, parameters=(*weights, int(given.idle == "park")))

@@ -3,6 +3,7 @@
 The world runs the waits and retries that `waits` sets. After a failed retry the robot withdraws if
 the other one wants its cell (head-on), or when it failed `limit` times; else it keeps its plan.
 A withdrawal is a random number of moves away from the target; the plan is made anew after it.
+With `give_way` a robot that has nothing to do makes room for one that wants its cell.
 """
 
 import numpy as np
@@ -17,12 +18,24 @@ from automaton.strategy.kernels import (
     kernel,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PAUSE, RETREAT, STEP, STUCK, TICK, WITHDRAWING
+from automaton.world.state import (
+    GOAL_NONE,
+    NIL,
+    PAUSE,
+    PERIODIC,
+    RETREAT,
+    STEP,
+    STUCK,
+    TICK,
+    WITHDRAWING,
+)
 
 # memory.parameters
 LIMIT = 0
 MOVES = 1  # and 2: range
 ABORT = 3  # and 4: range
+
+PUSHED = 0  # memory.own: the last tick in which an idle robot had no room to step aside
 
 
 @kernel
@@ -98,6 +111,77 @@ def step_away(view, space, i):
 
 
 @kernel
+def is_idle(view, i):
+    """Whether robot i stands on the floor with nothing to do."""
+    robots = view.robots
+    on_floor = robots.cell[i] != NIL and robots.parked[i] == 0
+    return on_floor and robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+
+
+@kernel
+def are_beside(view, i, j):
+    """Whether a way leads from the cell of robot j to that of robot i."""
+    cell = np.int64(view.robots.cell[j])
+    for direction in range(4):
+        if (np.int64(view.grid.rule[cell]) >> direction) & 1:
+            if cell + view.grid.offset[direction] == view.robots.cell[i]:
+                return True
+    return False
+
+
+@kernel
+def who_wants(view, memory, i):
+    """A robot whose route leads into the cell of robot i next, NIL if there is none.
+
+    Or an idle one beside it that had no room to step aside in the tick before.
+    """
+    robots = view.robots
+    before = view.clock[TICK] - 1
+    for identity in range(robots.cell.shape[0]):
+        j = np.int64(robots.at_index[identity])
+        if j == i or robots.cell[j] == NIL:
+            continue
+        if before > 0 and memory.own[j, PUSHED] == before and are_beside(view, i, j):
+            return j
+        if robots.at[j] >= robots.length[j]:
+            continue
+        direction = np.int64(robots.route[j, robots.at[j]])
+        if robots.cell[j] + view.grid.offset[direction] == robots.cell[i]:
+            return j
+    return NIL
+
+
+@kernel
+def is_on_route(view, j, cell):
+    """Whether the rest of the route of robot j leads through a cell."""
+    here = np.int64(view.robots.cell[j])
+    for s in range(view.robots.at[j], view.robots.length[j]):
+        here += view.grid.offset[np.int64(view.robots.route[j, s])]
+        if here == cell:
+            return True
+    return False
+
+
+@kernel
+def step_aside(view, i, j):
+    """The way on which idle robot i makes room for robot j: off its route if there is one; or NIL."""
+    grid, cell = view.grid, np.int64(view.robots.cell[i])
+    best = NIL
+    for direction in range(4):
+        rule = np.int64(grid.rule[cell])
+        straight = direction & (grid.headings - 1) == view.robots.heading[i]
+        if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
+            continue
+        to = cell + grid.offset[direction]
+        if to == view.robots.cell[j] or not has_room(view.traffic.occupancy, to, direction):
+            continue
+        if not is_on_route(view, j, to):
+            return direction
+        best = direction
+    return best
+
+
+@kernel
 def decide(view, asked, answers, memory, space):
     given = answers.right_of_way
     seed, tick = view.rules.seed, view.clock[TICK]
@@ -105,7 +189,15 @@ def decide(view, asked, answers, memory, space):
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         who = np.int64(view.robots.identity[i])
-        if asked.reason[k] == STUCK:
+        if asked.reason[k] == PERIODIC:
+            waiting = who_wants(view, memory, i) if is_idle(view, i) else NIL
+            direction = step_aside(view, i, waiting) if waiting != NIL else NIL
+            if direction != NIL:
+                given.verb[k] = STEP
+                given.value[k] = direction
+            elif waiting != NIL:
+                memory.own[i, PUSHED] = tick
+        elif asked.reason[k] == STUCK:
             if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, i):
                 given.verb[k] = RETREAT
                 given.value[k] = draw_between(p[MOVES], p[MOVES + 1], seed, WITHDRAWALS, tick, who)
@@ -126,10 +218,15 @@ class Withdraw(Strategy):
     layer = "right_of_way"
     compiled = decide
 
+    def __init__(self, parameters=None):
+        super().__init__(parameters)
+        self.every = int(self.parameters.give_way)
+
     def waits(self):
         p = self.parameters
         return (*p.wait_empty, *p.wait_loaded, p.retries)
 
     def reset(self, view):
+        """The parameters; where idle robots give way, all robots are asked about in every tick."""
         p = self.parameters
-        return memory_of(view, parameters=(p.limit, *p.withdraw, *p.abort_wait))
+        return memory_of(view, own=1, parameters=(p.limit, *p.withdraw, *p.abort_wait))

@@ -384,6 +384,15 @@ def share_near(view, given, space, memory, i, p, age, job):
 
 
 @kernel
+def is_blank(design):
+    """Whether no station has a zone, not even one out of sight."""
+    for point in range(design.held.shape[0]):
+        if design.held[point] != NIL:
+            return False
+    return True
+
+
+@kernel
 def begin(view, given, memory, space, rules, k, i, p):
     """The first call for robot i: its timers, its zone, and the transfer stations to its neighbours."""
     own, now = memory.own, view.clock[TICK]
@@ -398,7 +407,7 @@ def begin(view, given, memory, space, rules, k, i, p):
     own[i, CALM] = now
     reach = space.reach
     design = given.design
-    if identity == 0 and design.zone[0] == NIL:
+    if identity == 0 and is_blank(design):
         reach[:] = 1
         legs = space.legs
         for a in range(legs.shape[0]):

@@ -9,6 +9,7 @@ from automaton.reproductions.study import Key, ScenarioCase
 
 SA: Final = "SA"
 GA: Final = "GA"
+UNMATCHED: Final = "GA, zones to any robot"
 DDZ: Final = "DDZ, stops of 862 s"
 LIMITED: Final = "DDZ, stops, limited view"
 FREE: Final = "DDZ, no stops"
@@ -26,10 +27,16 @@ NEAR_DROPS: Final = "DDZ, no stops, both"
 SCENARIO: Final = "factory"
 LOGGED: Final = "design: factory-logged, adjacency: 243.6437908496732"
 NEGOTIATED: Final = "strategy.zoning={{name: decentralized, design: {}, adjacency: 300{}}}"
+GENETIC: Final = (
+    f"strategy.zoning={{{{name: genetic, {LOGGED}, generations: 12, population: 30{{}}}}}}"
+)
+GENETIC: Final = (
+    f"strategy.zoning={{{{name: genetic, {LOGGED}, generations: 12, population: 30{{}}}}}}"
+)
 STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
 MANY: Final = "many"  # label of the runs that the main claim is judged by
-SINGLE: Final = ("layout.lanes=single",)
+SINGLE: Final = ("layout.lanes=single", "strategy.right_of_way=withdraw")
 
 
 def negotiated(more: str = "", design: str = "factory-ddz") -> tuple[str, ...]:
@@ -39,7 +46,8 @@ def negotiated(more: str = "", design: str = "factory-ddz") -> tuple[str, ...]:
 
 SETTINGS: Final[Mapping[str, tuple[str, ...]]] = {
     SA: (),
-    GA: (f"strategy.zoning={{name: genetic, {LOGGED}, generations: 12, population: 30}}",),
+    GA: (GENETIC.format(""),),
+    UNMATCHED: (GENETIC.format(", matched: false"),),
     DDZ: negotiated(STOPS),
     FREE: negotiated(),
     FREE_SA_DESIGN: negotiated(design="factory-logged"),

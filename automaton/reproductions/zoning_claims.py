@@ -16,6 +16,7 @@ from automaton.reproductions.zoning_cases import (
     NEAR_STOPS,
     NO_SHARING,
     SA,
+    UNMATCHED,
 )
 from automaton.reproductions.zoning_evenness import SMALLER
 
@@ -111,6 +112,10 @@ CLAIMS: Final = (
     Claim(
         "Results, Discussion: GA has less sigma than SA",
         (below("sigma_ft", GA, SA, "feet of sigma"),),
+    ),
+    Claim(
+        "Beyond the paper: GA has less sigma if its zones do not go to the robots that began nearest",
+        (below("sigma_ft", UNMATCHED, GA, "feet of sigma"),),
     ),
     Claim("Table 5: DDZ drives more than SA", (above("mean_ft", DDZ, SA, "mean feet"),)),
     Claim(

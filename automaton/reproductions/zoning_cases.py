@@ -36,7 +36,7 @@ GENETIC: Final = (
 STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
 MANY: Final = "many"  # label of the runs that the main claim is judged by
-SINGLE: Final = ("layout.lanes=single", "strategy.right_of_way=withdraw")
+SINGLE: Final = "factory-single"
 
 
 def negotiated(more: str = "", design: str = "factory-ddz") -> tuple[str, ...]:
@@ -98,11 +98,12 @@ REFERENCE: Final[Mapping[str, Reference]] = {
 }
 
 
-def cases_named(names: Sequence[str], *more: str, **labels: str) -> list[ScenarioCase]:
-    """The configurations with these names, with further settings and labels."""
+def cases_named(
+    names: Sequence[str], scenario: str = SCENARIO, **labels: str
+) -> list[ScenarioCase]:
+    """The configurations with these names, with further labels."""
     return [
-        ScenarioCase({"configuration": name, **labels}, SCENARIO, (*SETTINGS[name], *more))
-        for name in names
+        ScenarioCase({"configuration": name, **labels}, scenario, SETTINGS[name]) for name in names
     ]
 
 
@@ -117,8 +118,8 @@ def judged_cases(_: Sequence[str]) -> list[ScenarioCase]:
 
 
 def single_cases(_: Sequence[str]) -> list[ScenarioCase]:
-    """SA and DDZ where a cell of an aisle holds one robot."""
-    return cases_named((SA, NO_SHARING, DDZ, FREE), *SINGLE, lanes="single")
+    """SA and DDZ where a cell of an aisle holds one robot; travel counts withdrawals."""
+    return cases_named((SA, NO_SHARING, DDZ, FREE), SINGLE, lanes="single")
 
 
 def printed(key: Key, metric: str) -> float | None:

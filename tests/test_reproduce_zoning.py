@@ -228,3 +228,11 @@ def test_a_table_with_intervals_and_ranks(capsys: pytest.CaptureFixture[str]) ->
     found = json.loads(capsys.readouterr().out)
     assert {"half_width", "rank"} <= set(found["rows"][0])
     assert len(found["smaller_sigma"]) == len(PAIRS) and "figure_5" not in found
+
+
+def test_lanes_for_one_robot_are_a_table_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["reproduce", "zoning", "--seeds", "1", "--workers", "1", "--json"]
+    assert main([*command, "--tables", "lanes"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {row["case"]["lanes"] for row in found["rows"]} == {"single"}
+    assert found["runs"] == 4 and found["unfinished"] == 0 and found["claims"] == []

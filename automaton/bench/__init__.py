@@ -30,7 +30,7 @@ PARTS: Final[dict[str, Part]] = {
         "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
     ),
     "zoning": Part(
-        "automaton.bench.zoning", True, "days of a factory in zones, and zones designed anew"
+        "automaton.bench.zoning", False, "days of a factory in zones, zones designed anew; a minute"
     ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),

@@ -34,7 +34,7 @@ WHY: Final = (
     "many runs can be compared, and its means are from few runs (+-: 95 % interval of the difference). "
     "It has more redesigns by SA and GA, for which we know no cause. GA's zones go to the robots that "
     "began nearest to them here, as in the authors' code: each robot stays in its part of the floor, "
-    "and loads that differ between parts add up in sigma."
+    "and sigma is greater. With zones to any robot it is that of the program."
 )
 
 

@@ -30,9 +30,6 @@ NEGOTIATED: Final = "strategy.zoning={{name: decentralized, design: {}, adjacenc
 GENETIC: Final = (
     f"strategy.zoning={{{{name: genetic, {LOGGED}, generations: 12, population: 30{{}}}}}}"
 )
-GENETIC: Final = (
-    f"strategy.zoning={{{{name: genetic, {LOGGED}, generations: 12, population: 30{{}}}}}}"
-)
 STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
 MANY: Final = "many"  # label of the runs that the main claim is judged by

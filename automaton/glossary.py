@@ -44,6 +44,18 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),
     "out_of_order": ("ticks", "robots stood out of order on the floor"),
+    "travel": ("cells", "driven by all robots"),
+    "parts": ("parts", "worked on at the last station of their routes"),
+    "part_time": ("ticks", "from a part's coming to its first station until it is finished"),
+    "busiest_station": ("number", "of the station that works most"),
+    "busiest": ("share", "ticks in which that station works / ticks of the run"),
+    "redesigns": ("times", "new zones took effect"),
+    "in_balance": ("share", "time in which zones counted as balanced / time that was watched"),
+    "load_shares": (
+        "orders",
+        "given to the robot of another zone because zones were out of balance",
+    ),
+    "messages": ("messages", "that robots sent each other: bids, loads, turns"),
     "alternatives": ("times", "traffic avoidance chose another plan than that of plain A*"),
     "illegal_answers": ("times", "answers of strategies that broke a rule"),
 }

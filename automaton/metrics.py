@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from automaton.glossary import GLOSSARY as GLOSSARY
+from automaton.station_figures import balance_figures, station_figures
 from automaton.tasks import Measured, quantile_95, task_figures
 from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
 from automaton.world.state import (
@@ -89,7 +90,10 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
         figures["lead_time_p95"] = quantile_95(times)
     figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)
-    counted = run.counted
+    figures |= station_figures(world)
+    if run.resolved.scenario.units.cell is not None:
+        figures["travel"] = int(world.tally.times[:, MOVE].sum())
+    counted = balance_figures(dict(run.counted))
     figures = {**counted, **figures}
     others = [name for name in counted if name not in GLOSSARY]
     return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}

@@ -13,7 +13,8 @@ from automaton.metrics import GLOSSARY
 from automaton.picture.partition import coloured
 from automaton.scenario.resolve import Resolved
 from automaton.strategy.lookup import NONE
-from automaton.units import Unit, count, number, percent, unit
+from automaton.translation import units_of
+from automaton.units import Unit, count, duration, number, percent
 
 LOST = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's figures
@@ -32,6 +33,7 @@ ROBOT_COLUMNS = {  # head: what of the robot's figures
 }
 SLOWED = "slowed"  # shown with the lost time, though it is none of its causes
 ROBOTS_SHOWN = 50
+NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 
 def console(stream: Any = None) -> Console:
@@ -68,13 +70,14 @@ def print_pictures(outcome: Outcome) -> None:
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:
     """Print the whole report."""
-    tick = unit(resolved.scenario.units.tick)
+    tick, cell = units_of(resolved)
     out = console()
     for line in heading(resolved, outcome, tick):
         out.print(line, soft_wrap=True)
-    for table in (metrics_table, lost_table, robots_table):
+    tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
+    for table in (*tables, robots_table(outcome, tick, cell)):
         out.print()
-        print_table(out, table(outcome, tick))
+        print_table(out, table)
     if len(outcome.robots) > ROBOTS_SHOWN:
         rest = len(outcome.robots) - ROBOTS_SHOWN
         out.print(f"... and {count(rest, 'more robot')}: --json prints all", soft_wrap=True)
@@ -84,6 +87,9 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     """What ran, how it ended, and what one tick is."""
     scenario = resolved.scenario
     time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
+    value, told = duration(outcome.ticks, tick)
+    if told != tick.plural:
+        time += f" ({number(value)} {told})"
     finished = "finished after" if scenario.stop.when != "never" else "ran for"
     unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
     end = f"{finished if outcome.finished else unfinished} {time}"
@@ -92,13 +98,14 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         for layer, pick in resolved.picks.items()
         if pick.name != NONE
     ]
+    cell = "" if scenario.units.cell is None else f", 1 cell = {scenario.units.cell}"
     return [
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(picks),
         *out_of_orders(outcome),
         *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
-        f"1 tick = {scenario.units.tick}; digest {outcome.digest}"
+        f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
 
@@ -115,26 +122,33 @@ def out_of_orders(outcome: Outcome) -> list[str]:
     ]
 
 
-def metrics_table(outcome: Outcome, tick: Unit) -> Table:
-    """The metrics of the fleet with their units and meanings."""
-    table = plain_table("metric", "value", "unit")
+def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
+    """The metrics of the fleet with their units and meanings.
+
+    Where the scenario says what a cell is, ticks and cells stand beside the translated values.
+    """
+    table = plain_table("metric", "value", "unit", *(["of the grid"] if cell else []))
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
     for name in outcome.metrics:
         if name.startswith(LOST) or name == SLOWED:
             continue
         kind, meaning = GLOSSARY.get(name, ("times", "counted by a strategy"))
-        value, in_unit = in_units(outcome.metrics[name], kind, tick)
-        table.add_row(name, value, in_unit, meaning)
+        value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
+        raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
+        table.add_row(name, value, in_unit, *([raw] if cell else []), meaning)
     return table
 
 
-def in_units(value: float, kind: str, tick: Unit) -> tuple[str, str]:
+def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
     """A value and its unit as text; `kind` is the unit in GLOSSARY."""
     if kind == "share":
         return f"{100 * value:.1f}", "%"
     if kind == "ticks":
-        return number(tick.of(value)), tick.plural
+        amount, told = duration(value, tick) if cell else (tick.of(value), tick.plural)
+        return number(amount), told
+    if kind == "cells" and cell is not None:
+        return number(cell.of(value)), cell.name
     if kind.endswith("1000 ticks"):
         return number(value / tick.size), kind.replace("ticks", tick.plural)
     return number(value), kind
@@ -157,15 +171,20 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     return table
 
 
-def robots_table(outcome: Outcome, tick: Unit) -> Table:
-    """One line for each robot, at most ROBOTS_SHOWN."""
+def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
+    """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
     slows = SLOWED in outcome.metrics
     columns = {head: name for head, name in ROBOT_COLUMNS.items() if slows or name != SLOWED}
+    if cell is not None:
+        columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
+        columns[cell.name] = "travel"
     table = plain_table(*columns, gap=1)  # long runs fit 80 columns
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST))
         shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}
+        if cell is not None:
+            cells["travel"] = number(cell.of(row["moves"]))
         if slows:
             cells[SLOWED] = number(tick.of(row[SLOWED]))
         texts = [cells[name] for name in columns.values()]

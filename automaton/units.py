@@ -32,6 +32,19 @@ def unit(text: str) -> Unit:
     return Unit(float(found[1]), found[2].strip())
 
 
+SECOND = ("s", "sec", "second", "seconds")
+LONG_MINUTES = 120  # seconds from which a duration is told in minutes
+LONG_HOURS = 7200  # and in hours
+
+
+def duration(ticks: float, tick: Unit) -> tuple[float, str]:
+    """Ticks in the unit in which they are told: long ones in minutes or hours, if in seconds."""
+    value = tick.of(ticks)
+    if tick.name not in SECOND or value < LONG_MINUTES:
+        return value, tick.plural
+    return (value / 3600, "h") if value >= LONG_HOURS else (value / 60, "min")
+
+
 def number(value: float) -> str:
     """A number for a table: whole ones with thousands separators, others to four digits."""
     if abs(value) >= 1000 or float(value).is_integer():

@@ -29,6 +29,9 @@ PARTS: Final[dict[str, Part]] = {
     "auctions": Part(
         "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
     ),
+    "zoning": Part(
+        "automaton.bench.zoning", False, "days of a factory in zones, zones designed anew; a minute"
+    ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
     "sweep": Part("automaton.bench.sweep", False, "what a sweep adds to its runs; two workers"),

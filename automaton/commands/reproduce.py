@@ -35,7 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="run these instead of the published ones",
     )
     parser.add_argument(
-        "--tables", default="", metavar="A,B", help="only these, where tables have names"
+        "--tables",
+        default="",
+        metavar="A,B",
+        help="only these, where tables have names; some are made only when named here",
     )
     parser.add_argument(
         "--workers", type=int, metavar="N", help="processes, default one for each core"
@@ -55,9 +58,9 @@ def run(args: argparse.Namespace) -> int:
     reproduction = find(args.name)
     strategies, tables = listed(args.strategies), listed(args.tables)
     with progress() as (on_start, on_done):
-        seeds = args.seeds or reproduction.seeds
         listeners = on_start, on_done
-        reproduced = reproduce(reproduction, seeds, strategies, args.workers, *listeners, tables)
+        many = args.seeds, strategies, args.workers
+        reproduced = reproduce(reproduction, *many, *listeners, tables)
     samples, printed = reproduced.samples(), reproduced.published()
     judged = [judge(claim, samples, printed) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
@@ -122,6 +125,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
                 "mean": row.mean,
                 "sd": row.sd,
                 "error": row.error,
+                **({"half_width": row.half_width, "rank": row.rank} if row.ranked else {}),
             }
             for row in reproduced.rows()
         ],
@@ -136,7 +140,14 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
             for claim in judged
         ],
         "remarks": list(reproduced.reproduction.remarks),
+        **further_as_json(reproduced),
     }
+
+
+def further_as_json(reproduced: Reproduced) -> dict[str, Any]:
+    """What a reproduction reads off its runs besides tables."""
+    further = reproduced.reproduction.further
+    return {one.name: one.data for one in further(reproduced)} if further is not None else {}
 
 
 def figure_as_json(figure: Judged) -> dict[str, Any]:

@@ -111,7 +111,14 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 
 
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
-    """The run as one object; times are in ticks."""
+    """The run as one object; times are in ticks, `in_units` translates them."""
+    from automaton.translation import translated, units_of
+
+    tick, cell = units_of(resolved)
+    told = translated(outcome.metrics, tick, cell)
+    if cell is not None:
+        feet = [cell.of(robot["moves"]) for robot in outcome.robots]
+        told["travel_by_robot"] = {"value": feet, "unit": cell.name}
     return {
         "scenario": resolved.scenario.name,
         "seed": resolved.scenario.seed,
@@ -126,6 +133,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "wall_s": None if outcome.wall_s is None else round(outcome.wall_s, 6),
         "metrics": outcome.metrics,
         "robots": outcome.robots,
+        **({"in_units": told} if told else {}),
         **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
         **({"zones": outcome.zones.splitlines()} if outcome.zones else {}),
     }

@@ -28,6 +28,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
         "automaton.reproductions.living_auctions",
         "auctions, batteries, lines and failures in the living world: beyond the paper",
     ),
+    "zoning": (
+        "automaton.reproductions.zoning",
+        "zones of a factory that are redesigned (Keith & La, Table 5 and Figure 5)",
+    ),
 }
 
 

@@ -29,19 +29,21 @@ def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> N
     for line in textwrap.wrap(reproduction.source, text_width(out)):
         out.print(line, soft_wrap=True)
     for made in reproduced.tables:
-        print_made(out, made, reproduced.seeds)
+        print_made(out, made)
+    if reproduction.further is not None:
+        print_texts(out, [(one.title, one.text) for one in reproduction.further(reproduced)])
     print_errors(out, reproduced)
     print_claims(out, reproduction.claims_title, judged)
     print_remarks(out, reproduction.remarks_title, reproduction.remarks)
     print_texts(out, reproduction.texts() if reproduction.texts is not None else ())
 
 
-def print_made(out: Console, made: MadeTable, seeds: int) -> None:
+def print_made(out: Console, made: MadeTable) -> None:
     """Print a table: what was run for it, then its panels."""
     if made.table.title:
         out.print()
         out.print(Text(made.table.title, "bold"), soft_wrap=True)
-    for line in textwrap.wrap(effort(made, seeds), text_width(out)):
+    for line in textwrap.wrap(effort(made), text_width(out)):
         out.print(line, soft_wrap=True)
     rows = made.rows()
     for panel in made.table.panels:
@@ -50,12 +52,13 @@ def print_made(out: Console, made: MadeTable, seeds: int) -> None:
             print_table(out, panel_table(metrics, rows, made.table))
 
 
-def effort(made: MadeTable, seeds: int) -> str:
+def effort(made: MadeTable) -> str:
     """How much was run, and what means and spreads are taken over."""
     if made.table.stored is not None:
         return made.table.stored()
     what, each, spread = made.table.repetition, made.table.per_seed, made.table.spread
     repeated = f" of {count(each, what)}" if each > 1 else ""
+    seeds = len(made.results[0]) // each if made.results else 0
     return (
         f"{count(made.repetitions, what)}, {made.unfinished} unfinished; {count(seeds, 'seed')}"
         f"{repeated} for each case; mean and {spread} over the {what + 's' if each > 1 else 'seeds'}"
@@ -113,6 +116,8 @@ def heads_of(table: PublishedTable, printed: bool) -> list[str]:
     """The columns of a metric; a stored figure has no spread."""
     spread = table.spread
     heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]
+    if table.ranked:
+        heads = ["paper", "rank", "ours", "95 %", spread] if printed else ["ours", "95 %", spread]
     return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
 
 
@@ -131,11 +136,13 @@ def figures(row: Row | None, metric: str, printed: bool, table: PublishedTable) 
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
     cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se}
+    around = "-" if row.half_width is None else f"+-{in_table(row.half_width, metric, table)}"
+    rank = "" if row.rank is None else percent(row.rank, 0)
     shown = {
         head: "-" if value is None else in_table(value, metric, table)
         for head, value in cells.items()
     }
-    return [(shown | {"error": error})[head] for head in heads]
+    return [(shown | {"error": error, "95 %": around, "rank": rank})[head] for head in heads]
 
 
 def in_table(value: float, metric: str, table: PublishedTable) -> str:
@@ -184,7 +191,8 @@ def evidence(claim: JudgedClaim) -> str:
     of_all = f" ({good} of {most} figures hold)" if most > 1 else ""
     parts = [f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{of_all}"]
     if figure.printed is not None:
-        agrees = "agrees" if claim.in_print else "DISAGREES"
+        in_print = figure.in_print if claim.in_print is None else claim.in_print
+        agrees = "agrees" if in_print else "DISAGREES"
         parts.append(f"the paper's own table: {shown(figure, figure.printed)}, {agrees}")
     return "; ".join(parts)
 

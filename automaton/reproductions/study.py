@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.parallel import OnDone, Result, run_all
-from automaton.reproductions.claims import Claim
+from automaton.reproductions.claims import Claim, student
 from automaton.scenario.resolve import resolve
 
 Label = str | int
@@ -66,6 +66,12 @@ def run_scenarios(
     return run_all(scenarios, seeds, workers, on_done)
 
 
+# by the key of a case, its repetitions -> (metric, key) and values, one for each repetition
+Together = Callable[
+    [Mapping[Key, Sequence[Measured]]], Iterator[tuple[tuple[str, Key], list[float]]]
+]
+
+
 @dataclass(frozen=True)
 class Table:
     """A published table, and how it is made again."""
@@ -80,6 +86,10 @@ class Table:
     per_seed: int = 1  # repetitions
     shares: tuple[str, ...] = ()  # metrics that are shown in per cent
     digits: int = 0  # of the other metrics, after the decimal point
+    seeds: int = 0  # unless another number is asked for; 0: as many as the reproduction
+    usual: bool = True  # made when no table is chosen
+    ranked: bool = False  # shown: 95 % intervals, and where printed figures lie among our runs
+    together: Together | None = None  # figures for claims that rest on the runs of several cases
     grouped: int = -1  # lines with the same labels[:grouped] stand together
     spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
     stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
@@ -87,6 +97,16 @@ class Table:
     @property
     def metrics(self) -> tuple[str, ...]:
         return tuple(metric for panel in self.panels for metric in panel)
+
+
+@dataclass(frozen=True)
+class Further:
+    """What is read off all runs besides tables: a text under a title, and the data behind it."""
+
+    name: str
+    title: str
+    text: str
+    data: Any
 
 
 @dataclass(frozen=True)
@@ -103,6 +123,7 @@ class Reproduction:
     remarks: tuple[str, ...]
     seeds: int = 60  # unless another number is asked for
     texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
+    further: Callable[[Reproduced], Sequence[Further]] | None = None
     claims_title: str = "The publication's claims"
     remarks_title: str = "Where the publication contradicts itself or leaves things open"
 
@@ -117,11 +138,18 @@ class Row:
     mean: float
     sd: float | None  # of single repetitions, n - 1 in the denominator; None for a single one
     repetitions: int
+    ranked: bool = False  # its interval and rank are reported
+    rank: float | None = None  # share of repetitions below the printed figure, ties by half
 
     @property
     def se(self) -> float | None:
         """The standard error of the mean."""
         return None if self.sd is None else self.sd / math.sqrt(self.repetitions)
+
+    @property
+    def half_width(self) -> float | None:
+        """Half of the 95 % interval of the mean; None for a single repetition."""
+        return None if self.se is None else student(self.repetitions - 1) * self.se
 
     @property
     def error(self) -> float | None:
@@ -160,7 +188,8 @@ class MadeTable:
         mean = math.fsum(values) / len(values)
         spread = math.fsum((value - mean) ** 2 for value in values)
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
-        return Row(case.labels, metric, paper, mean, sd, len(values))
+        rank = _rank(paper, values) if self.table.ranked else None
+        return Row(case.labels, metric, paper, mean, sd, len(values), self.table.ranked, rank)
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
         """(metric, key of a case) and its values, of the metrics that every repetition has."""
@@ -168,6 +197,9 @@ class MadeTable:
             for metric in batch[0].metrics:
                 if all(metric in one.metrics for one in batch):
                     yield (metric, case.key), [one.metrics[metric] for one in batch]
+        if self.table.together is not None:
+            keys = [case.key for case in self.cases]
+            yield from self.table.together(dict(zip(keys, self.results, strict=True)))
 
     def published(self) -> Iterator[tuple[tuple[str, Key], float]]:
         """(metric, key of a case) and the printed figure, where there is one."""
@@ -176,6 +208,13 @@ class MadeTable:
                 value = self.table.published(case.key, metric)
                 if value is not None:
                     yield (metric, case.key), value
+
+
+def _rank(paper: float | None, values: Sequence[float]) -> float | None:
+    if paper is None:
+        return None
+    below = sum(value < paper for value in values) + sum(value == paper for value in values) / 2
+    return below / len(values)
 
 
 @dataclass(frozen=True)
@@ -219,7 +258,7 @@ class Reproduced:
 
 
 def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Table, ...]:
-    """The tables with these names, all without names. Raises InputError for an unknown one."""
+    """The tables with these names, the usual ones without names. Raises InputError for an unknown one."""
     known = {table.name: table for table in reproduction.tables if table.name}
     for name in names:
         if not known:
@@ -229,19 +268,21 @@ def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Tabl
                 f"{reproduction.name} has no table '{name}'{nearest(name, known)}; "
                 f"there is {alternatives(known)}"
             )
-    return tuple(known[name] for name in names) or reproduction.tables
+    usual = tuple(table for table in reproduction.tables if table.usual)
+    return tuple(known[name] for name in names) or usual
 
 
 def reproduce(
     reproduction: Reproduction,
-    seeds: int,
+    seeds: int | None,
     strategies: Sequence[str] = (),
     workers: int | None = None,
     on_start: Callable[[int], Any] | None = None,
     on_done: OnDone | None = None,
     tables: Sequence[str] = (),
 ) -> Reproduced:
-    """Make all tables, or those with these names, with seeds 1..`seeds`.
+    """Make the usual tables, or those with these names, with seeds 1..`seeds` (None: as many as
+    each table needs).
 
     `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
     InputError for an unknown strategy before anything runs, and where there is none to choose.
@@ -251,17 +292,18 @@ def reproduce(
     reproduction = replace(reproduction, tables=tables_named(reproduction, tables))
     chosen = tuple(strategies) or reproduction.strategies
     cases = [table.cases(chosen) for table in reproduction.tables]
+    many = [seeds or table.seeds or reproduction.seeds for table in reproduction.tables]
+    plan = list(zip(reproduction.tables, cases, many, strict=True))
     if on_start is not None:
-        pairs = zip(reproduction.tables, cases, strict=True)
         on_start(
             sum(
-                len(of_table) * seeds * table.per_seed
-                for table, of_table in pairs
+                len(of_table) * n * table.per_seed
+                for table, of_table, n in plan
                 if table.stored is None
             )
         )
     made = [
-        MadeTable(table, of_table, table.run(of_table, range(1, seeds + 1), workers, on_done))
-        for table, of_table in zip(reproduction.tables, cases, strict=True)
+        MadeTable(table, of_table, table.run(of_table, range(1, n + 1), workers, on_done))
+        for table, of_table, n in plan
     ]
-    return Reproduced(reproduction, seeds, made)
+    return Reproduced(reproduction, seeds or reproduction.seeds, made)

@@ -86,6 +86,13 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     mutation: Annotated[float, Meta(ge=0, le=0.95, description="chance of one more mutation")] = (
         0.45
     )
+    matched: Annotated[
+        bool,
+        Meta(
+            description="new zones go to the robots that began nearest to them; false: in the order "
+            "in which they are bred"
+        ),
+    ] = True
 
 
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -88,7 +88,7 @@ class BredZones(Repaired):
             view.rules.seed,
             int(view.clock[TICK]),
         )
-        if found:
+        if found and given.matched:
             self._give_out(view, design)
         return bool(found)
 

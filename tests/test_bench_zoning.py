@@ -1,0 +1,61 @@
+"""What `automaton bench --only zoning` measures. How fast is for no test."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from automaton.bench import PARTS, zoning
+from automaton.scenario.pictures import draw_floor
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.zoning.roads import roads_of
+
+
+@pytest.mark.parametrize("stations", [18, 50, 200])
+def test_a_lattice_has_its_stations_on_aisles_that_hang_together(stations: int) -> None:
+    picture = zoning.lattice(stations)
+    assert picture.count("t") == stations and zoning.lattice(stations) == picture
+    plan = draw_floor(picture)
+    between = roads_of(plan, plan.stations()).between
+    assert between.shape == (stations, stations) and between.max() < 1000
+
+
+@pytest.mark.parametrize(("stations", "zones"), [(18, 3), (50, 3), (50, 10)])
+def test_a_repair_gives_every_station_of_a_lattice_a_zone(stations: int, zones: int) -> None:
+    plan = draw_floor(zoning.lattice(stations))
+    rng = np.random.default_rng(4)
+    flow = rng.integers(0, 2, (stations, stations)).astype(float)
+    one = zoning.task(roads_of(plan, plan.stations()), flow, zones)
+    assert zoning.anneal(one, 1) == 1
+    assert set(one.design.zone.tolist()) == set(range(zones))
+
+
+def test_a_run_of_the_factory_has_work_to_its_end() -> None:
+    run = Simulation(resolve("factory", zoning.PARTS))
+    assert run.resolved.scenario.orders.parts is not None
+    assert [kind.count for kind in run.resolved.scenario.orders.parts] == [45, 45, 30, 30]
+    run.run(until=round(3600 * 7 / 0.635055))
+    assert not run.finished
+
+
+def test_the_parts_take_samples() -> None:
+    for scenario, settings in zoning.RUNS.values():
+        assert zoning.prepare_run(scenario, settings, hours=0.05)() > 0
+    assert zoning.prepare_repair()() > 0
+    assert zoning.prepare_breeding(2, 12)() > 0
+    assert zoning.prepare_lattice(18, 3)() > 0
+
+
+def test_fleets_of_any_size_run_in_zones() -> None:
+    for kind in ("annealing", "decentralized"):
+        resolved = resolve(zoning.fleet(kind, 3, stations=18))
+        run = Simulation(resolved)
+        run.run(until=1500)
+        assert (run.world.orders.delivered >= 0).sum() > 0
+        assert run.world.tally.illegal.sum() == 0
+
+
+def test_names_are_unique() -> None:
+    names = [one.name for one in zoning.measurements()]
+    assert len(set(names)) == len(names) and "zoning" in PARTS

@@ -68,10 +68,6 @@ def test_all_parts_finish_and_nothing_is_illegal(scenario: str, method: str) -> 
         run = factory(*METHODS[method], seed=seed, scenario=scenario)
         assert run.finished and set(run.world.orders.state) == {DELIVERED}
         assert run.world.stations.done.min() > 0
-        assert run.world.tally.illegal[:ZONING].sum() == 0
-    if (
-        method != "decentralized, limited sight"
-    ):  # who sees little may run into what it does not see
         assert run.world.tally.illegal.sum() == 0
 
 

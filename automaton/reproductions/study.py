@@ -13,8 +13,9 @@ from typing import Any, Literal, Protocol
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.parallel import OnDone, Result, run_all
-from automaton.reproductions.claims import Claim, student
+from automaton.reproductions.claims import Claim
 from automaton.scenario.resolve import resolve
+from automaton.statistics.student import student
 
 Label = str | int
 Key = tuple[Label, ...]  # the labels of a case, in order

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from automaton.compiled import kernel
 from automaton.struct import Struct
+from automaton.world.state import NIL
 from automaton.zoning.annealing import FEWEST, facing_tips, forget_tips, random_tip
 from automaton.zoning.chance import NEGOTIATION, below, chance
 from automaton.zoning.consensus import sigma_about
@@ -154,6 +155,8 @@ def requeue(roads, design, space, parts, reach):
         if parts.carried[k] == 1 or reach[parts.zone[k]] == 0:
             continue
         at, to = np.int64(parts.at[k]), np.int64(parts.to[k])
+        if design.zone[at] == NIL or design.zone[to] == NIL:
+            continue  # in a zone out of sight
         zone, stop, _ = route(roads, design, space, NEIGHBOURS, design.zone[at], at, to)
         parts.zone_then[k] = zone
         parts.stop_then[k] = stop

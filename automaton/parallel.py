@@ -86,7 +86,7 @@ def run_jobs(
 ) -> list[Result]:
     """Run each scenario with its seed; like `run_all`. `conduct`: a function of a module."""
     workers = cores() if workers is None else workers
-    chunks = list(_chunks(jobs, workers, conduct))
+    chunks = list(chunks_of(jobs, workers, conduct))
     results: list[Result | None] = [None] * len(jobs)
     workers = min(workers, len(chunks))
     run = _run_here(chunks) if workers <= 1 else _run_spread(chunks, workers)
@@ -110,7 +110,8 @@ def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
     return chunk.first, batch
 
 
-def _chunks(jobs: Sequence[Job], workers: int, conduct: Conduct) -> Iterator[Chunk]:
+def chunks_of(jobs: Sequence[Job], workers: int, conduct: Conduct) -> Iterator[Chunk]:
+    """The jobs in chunks that spread evenly over so many workers."""
     size = max(1, min(LARGEST_CHUNK, len(jobs) // (CHUNKS_PER_WORKER * workers)))
     for first in range(0, len(jobs), size):
         yield Chunk(first, tuple(jobs[first : first + size]), conduct)
@@ -122,13 +123,13 @@ def _run_here(chunks: Sequence[Chunk]) -> Batches:
 
 def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
     """Results in the order in which they are ready."""
-    _warm(chunks)
+    warm(chunks)
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
     executor = ProcessPoolExecutor(workers, mp_context=context)
     finished = False
     try:
-        with _children_ignore_interrupts():
+        with children_ignore_interrupts():
             futures: list[Future[tuple[int, list[Result]]]] = [
                 executor.submit(run_chunk, chunk) for chunk in chunks
             ]
@@ -142,7 +143,7 @@ def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
                 process.terminate()
 
 
-def _warm(chunks: Sequence[Chunk]) -> None:
+def warm(chunks: Sequence[Chunk]) -> None:
     """Compile, or find in the cache, whatever the workers will load."""
     seen = set()
     for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
@@ -154,7 +155,7 @@ def _warm(chunks: Sequence[Chunk]) -> None:
 
 
 @contextmanager
-def _children_ignore_interrupts() -> Iterator[None]:
+def children_ignore_interrupts() -> Iterator[None]:
     """Processes started in here ignore Ctrl-C from their first moment on: the parent ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield

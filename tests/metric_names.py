@@ -7,7 +7,7 @@ from automaton.tasks import TASK_METRICS
 # Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later,
 # robots run on batteries or may fail.
 OF_OTHER_RUNS = (
-    *(*TASK_METRICS, "slowed", "alternatives", "lead_time"),
+    *(*TASK_METRICS, "slowed", "alternatives", "lead_time", "lead_time_p95"),
     *("lost_in_line", "energy", "charging", "least_charge", "ran_empty"),
     *("breakdowns", "towed", "out_of_order"),
 )

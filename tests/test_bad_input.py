@@ -308,7 +308,7 @@ def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
         (["--jsn"], "unknown option '--jsn'"),
         (["check"], "the following arguments are required: FILE"),
         (["list", "--jsn"], "did you mean '--json'?"),
-        (["schema", "x"], "unknown argument 'x'"),
+        (["schema", "x"], "invalid choice: 'x' (choose from"),
     ],
 )
 def test_a_wrong_command_line_is_explained(

@@ -18,7 +18,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import run_all
 from automaton.reproductions import REPRODUCTIONS, find
-from automaton.reproductions.claims import Claim, Figure, judge, student
+from automaton.reproductions.claims import Claim, Figure, judge
 from automaton.reproductions.study import Reproduced, reproduce
 from automaton.reproductions.tabletop import (
     REPRODUCTION,
@@ -28,6 +28,7 @@ from automaton.reproductions.tabletop import (
     published,
 )
 from automaton.scenario.resolve import resolve
+from automaton.statistics.student import student
 
 METRICS = ("T_total", "T_R", "T_Rtotal", "E_U_moves", "E_U_operations", "E_U_cycles")
 
@@ -170,7 +171,7 @@ def test_a_claim_needs_its_whole_interval() -> None:
     [figure] = judged.figures
     # The paired differences are 1, 1.5, 0.5 and 1: mean 1, standard error 0.2041.
     assert figure.value == pytest.approx(1.0)
-    assert figure.low == pytest.approx(1 - 3.182 * math.sqrt(1 / 24))
+    assert figure.low == pytest.approx(1 - 3.182446 * math.sqrt(1 / 24))
     assert (judged.verdict, judged.in_print) == ("holds", False)
     wide = Figure("less", less.of, at_least=0.9)
     undecided = judge(Claim("T falls", (less, wide)), samples, {})

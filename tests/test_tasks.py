@@ -16,7 +16,7 @@ from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.tasks import TASK_METRICS
+from automaton.tasks import TASK_METRICS, quantile_95
 from automaton.world.cells import DOCK, RACK
 from automaton.world.demand import build_orders
 from automaton.world.floor import floor_for
@@ -159,7 +159,7 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
 
 NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders that come later
     *("slowed", "alternatives", "lost_in_line", "energy", "charging", "least_charge", "ran_empty"),
-    *("breakdowns", "towed", "out_of_order", "lead_time"),
+    *("breakdowns", "towed", "out_of_order", "lead_time", "lead_time_p95"),
 )
 
 
@@ -402,3 +402,13 @@ def test_a_rack_out_of_reach_is_no_fault_if_there_are_others(scenario):
     rows = "\n".join("    " + row for row in ("i~~", "#rr", "##r"))
     text = DRAWN.replace("{picture}", rows).replace("{fleet}", TWO).replace("{orders}", TEN)
     assert scenario(text).plan.width == 3
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [([], 0), ([7], 7), (list(range(1, 101)), 95), (list(range(1, 21)), 19), ([3, 1, 2], 3)],
+)
+def test_a_quantile_is_the_least_value_that_95_percent_do_not_exceed(
+    values: list[int], found: float
+) -> None:
+    assert quantile_95(np.array(values, np.int64)) == found

@@ -31,6 +31,7 @@ PARTS: Final[dict[str, Part]] = {
     ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),
+    "sweep": Part("automaton.bench.sweep", False, "what a sweep adds to its runs; two workers"),
     "viewer": Part("tui.bench.viewer", False, "the viewer in a pseudo-terminal; some minutes"),
     "compile": Part("automaton.bench.compile", False, "the first run, in a process of its own"),
     "startup": Part("automaton.bench.startup", False, "commands, in processes of their own"),

@@ -18,16 +18,19 @@ from automaton.errors import InputError, nearest
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
+    "sweep": ("automaton.commands.sweep", "do the many runs of a study, or go on with them"),
     "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
     "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
+    "report": ("automaton.commands.report", "report on the results of a sweep"),
+    "size": ("automaton.commands.size", "find the smallest fleet that meets a target"),
     "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
     "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
-    "check": ("automaton.commands.check", "check scenario files"),
-    "schema": ("automaton.commands.schema", "print the JSON Schema of scenario files"),
-    "list": ("automaton.commands.list_", "list scenarios, floors and strategies"),
+    "check": ("automaton.commands.check", "check scenario and study files"),
+    "schema": ("automaton.commands.schema", "print the JSON Schema of scenarios or studies"),
+    "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
     "bench": ("automaton.commands.bench", "measure the speed of this machine"),
 }
 

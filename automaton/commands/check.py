@@ -1,4 +1,4 @@
-"""Check scenario files: everything that can be known without running them."""
+"""Check scenario and study files: everything that can be known without running them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import numpy as np
 
 from automaton.commands.arguments import add_settings_argument, tell_doubts
 from automaton.errors import InputError
+from automaton.experiments.plan import check_study
+from automaton.experiments.study import is_study, shipped_studies
 from automaton.scenario.document import Document
 from automaton.scenario.matrices import write_matrix
+from automaton.scenario.reading import read, shipped
 from automaton.scenario.resolve import Resolved, document_of, resolve
 from automaton.strategy.entry import files_of
 from automaton.units import count
@@ -28,7 +31,7 @@ SLOTS = {  # what a scenario's line counts
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
-    parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or a shipped scenario")
+    parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or what is shipped")
     add_settings_argument(parser)
     parser.add_argument(
         "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
@@ -42,6 +45,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--matrix writes the floor of one scenario, found {len(args.file)}")
     for file in args.file:
         try:
+            if names_study(file):
+                print(described_study(file, args))
+                continue
             resolved = resolve(file, args.settings)
             if args.matrix is not None:
                 export_matrix(resolved, args.matrix)
@@ -55,6 +61,24 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.flush()  # keeps the order where both streams meet
             print(f"automaton: {error}", file=sys.stderr)
     return 2 if bad else 0
+
+
+def names_study(file: str) -> bool:
+    """Whether a file, or a shipped name, is a study. Raises InputError for a file that is none."""
+    if not Path(file).exists() and file not in shipped():
+        return file in shipped_studies()
+    return is_study(read(file))
+
+
+def described_study(file: str, args: argparse.Namespace) -> str:
+    """A good study in one line. Raises InputError."""
+    if args.settings or args.matrix is not None:
+        option = "--set" if args.settings else "--matrix"
+        raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
+    study, scenarios = check_study(file)
+    runs = count(study.runs, "run")
+    points = count(len(scenarios), "point")
+    return f"{study.name}: {points} x {count(study.replications, 'replication')}, {runs}, ok"
 
 
 def check_files(resolved: Resolved, document: Document) -> None:

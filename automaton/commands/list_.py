@@ -6,6 +6,7 @@ import argparse
 import json
 from typing import Any
 
+from automaton.experiments.study import shipped_studies, study_document
 from automaton.scenario.floors import generator_type, generators
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.schema import LAYERS
@@ -31,6 +32,10 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
         {"name": name, "summary": read(path).data.get("summary") or ""}
         for name, path in shipped().items()
     ]
+    studies = [
+        {"name": name, "summary": study_document(path).data.get("summary") or ""}
+        for name, path in shipped_studies().items()
+    ]
     floors = [
         {"name": name, "summary": (generator_type(name).__doc__ or "").split("\n")[0]}
         for name in generators()
@@ -40,7 +45,12 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
         for layer in LAYERS
         for name in lookup.names(layer)
     ]
-    return {"scenarios": scenarios, "studies": [], "floors": floors, "strategies": strategies}
+    return {
+        "scenarios": scenarios,
+        "studies": studies,
+        "floors": floors,
+        "strategies": strategies,
+    }
 
 
 def as_text(found: dict[str, list[dict[str, Any]]]) -> str:

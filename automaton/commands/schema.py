@@ -1,18 +1,28 @@
-"""Print the JSON Schema of scenario files, with the parameters of generators and strategies."""
+"""Print the JSON Schema of scenario files, or of study files, for editors and other programs."""
 
 from __future__ import annotations
 
 import argparse
 import json
 
+from automaton.experiments.json_schema import study_schema
 from automaton.scenario.json_schema import json_schema
+
+SCHEMAS = {"scenario": json_schema, "study": study_schema}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """`automaton schema` takes no arguments."""
+    """The arguments of `automaton schema`."""
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="scenario",
+        choices=SCHEMAS,
+        help="scenario (default), with the parameters of generators and strategies, or study",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the schema."""
-    print(json.dumps(json_schema(), indent=2))
+    print(json.dumps(SCHEMAS[args.what](), indent=2))
     return 0

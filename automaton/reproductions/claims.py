@@ -13,12 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from automaton.statistics.student import student
+
 Verdict = Literal["holds", "does not hold", "undecided"]
 Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
-
-# Student's t, 97.5 %, for 1..10 degrees of freedom; beyond, the expansion is good to 0.002.
-T_975 = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228)
 
 
 @dataclass(frozen=True)
@@ -161,10 +160,3 @@ def _half_width(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> fl
     centre = math.fsum(left_out) / n
     spread = math.fsum((value - centre) ** 2 for value in left_out)
     return student(n - 1) * math.sqrt(spread * (n - 1) / n)
-
-
-def student(degrees: int) -> float:
-    """The factor of a two-sided 95 % interval."""
-    if degrees <= len(T_975):
-        return T_975[degrees - 1]
-    return 1.960 + 2.372 / degrees + 2.822 / degrees**2

@@ -11,9 +11,11 @@ from automaton.errors import InputError
 from automaton.scenario.document import Document, Keys, Override, parse
 
 
-def override(document: Document, settings: Iterable[str]) -> Document:
+def override(document: Document, settings: Iterable[str | Override]) -> Document:
     """The document with each KEY=VALUE applied in turn; VALUE is YAML. Raises InputError."""
-    overrides = tuple(parse_setting(text) for text in settings)
+    overrides = tuple(
+        parse_setting(setting) if isinstance(setting, str) else setting for setting in settings
+    )
     if not overrides:
         return document
     data = copy.deepcopy(document.data)
@@ -25,13 +27,18 @@ def override(document: Document, settings: Iterable[str]) -> Document:
 def parse_setting(text: str) -> Override:
     """Split "fleet.robots=5" into its keys and its typed value."""
     name, equals, value = text.partition("=")
-    keys: Keys = tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
+    keys = keys_of(name)
     if not equals or "" in keys:
         raise InputError("expected KEY=VALUE such as fleet.robots=5", f"--set {text}")
     try:
         return Override(f"--set {text}", keys, parse(value, None)[0])
     except InputError as error:
         raise InputError(error.message, f"--set {text}") from None
+
+
+def keys_of(name: str) -> Keys:
+    """The way to a value: "fleet.start.0" -> ("fleet", "start", 0)."""
+    return tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
 
 
 def _put(data: dict[str, Any], setting: Override) -> None:

@@ -48,11 +48,14 @@ class Resolved:
 
 
 def resolve(
-    scenario: str | Path | Scenario, overrides: Iterable[str] = (), seed: int | None = None
+    scenario: str | Path | Scenario,
+    overrides: Iterable[str | Override] = (),
+    seed: int | None = None,
 ) -> Resolved:
     """Check a scenario completely: a path, the name of a shipped one, or a Scenario.
 
-    `overrides` are KEY=VALUE texts, `seed` replaces the scenario's own. Raises InputError.
+    `overrides` are KEY=VALUE texts, or values with their places; `seed` replaces the scenario's
+    own. Raises InputError.
     """
     settings = tuple(overrides)
     document = document_of(scenario, settings)
@@ -74,7 +77,9 @@ def resolve(
         picks=picks,
         start=start,
         source=document.text,
-        overrides=settings,
+        overrides=tuple(
+            setting if isinstance(setting, str) else setting.argument for setting in settings
+        ),
     )
 
 
@@ -108,7 +113,9 @@ def naming_files(scenario: Scenario, picks: dict[str, Pick]) -> Scenario:
     )
 
 
-def document_of(scenario: str | Path | Scenario, settings: Iterable[str] = ()) -> Document:
+def document_of(
+    scenario: str | Path | Scenario, settings: Iterable[str | Override] = ()
+) -> Document:
     """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
     if not isinstance(scenario, Scenario):
         return override(read(scenario), settings)

@@ -65,16 +65,23 @@ def summary(layer: str, name: str) -> str:
     return (load(layer, name).__doc__ or "").strip().split("\n")[0]
 
 
+def place(layer: str, name: str) -> str:
+    """Where a strategy is implemented, "module:Class"; "" for none."""
+    if name == NONE:
+        return ""
+    entry = _catalogue()[layer].get(name)
+    return entry.implementation if entry else _plugins(layer).get(name, name)
+
+
 def load(layer: str, name: str) -> Any:
     """The class of a strategy. Raises InputError for an unknown name or a class of another layer."""
-    entry = _catalogue()[layer].get(name)
-    place = entry.implementation if entry else _plugins(layer).get(name, name)
-    if ":" not in place:
+    where = place(layer, name)
+    if ":" not in where:
         raise InputError(
             f"{layer} strategy {name!r} is unknown; known are {', '.join(names(layer))}"
             f"{nearest(name, names(layer))}; your own is named as 'module:Class'"
         )
-    module_name, _, class_name = place.partition(":")
+    module_name, _, class_name = where.partition(":")
     try:
         module = importlib.import_module(module_name)
     except ImportError as error:

@@ -1,0 +1,94 @@
+"""Report on a folder of results: tables, intervals, comparisons, curves, maps.
+
+Exit code 0: done; 2: bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from automaton.commands.arguments import whole
+from automaton.errors import InputError
+
+if TYPE_CHECKING:
+    from automaton.reporting.document import Document
+
+FORMATS = ("text", "markdown", "html")
+SUFFIXES = {".md": "markdown", ".html": "html", ".htm": "html", ".txt": "text"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton report`."""
+    add = parser.add_argument
+    add("folder", type=Path, metavar="DIR", help="where a sweep keeps its results")
+    add("--format", choices=FORMATS, help="text; or what the name of --out says")
+    add("--out", type=Path, metavar="FILE", help="write the report there: one file to give away")
+    add("--plots", type=Path, metavar="DIR", help="curves and maps as PNG and SVG (extra plots)")
+    add("--csv", type=Path, metavar="FILE", help="all rows, for a spreadsheet")
+    add("--parquet", type=Path, metavar="FILE", help="all rows, for pandas, polars or DuckDB")
+    add(
+        "--floor",
+        type=whole("a design point", 0),
+        action="append",
+        default=[],
+        metavar="POINT",
+        help="also where robots lost time and drove in one run of this point; may be repeated",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, compose, write."""
+    from automaton.experiments.store import Store
+    from automaton.reporting.compose import compose
+    from automaton.reporting.export import write_csv, write_parquet
+    from automaton.reporting.plots import figure_class, write_plots
+
+    if args.plots is not None:
+        figure_class()  # says what is missing before anything is computed
+    store = Store(args.folder)
+    document = compose(store, args.floor)
+    wrote: list[Path] = []
+    if args.csv is not None or args.parquet is not None:
+        rows = store.rows()
+        for path, write in ((args.csv, write_csv), (args.parquet, write_parquet)):
+            if path is not None:
+                write(rows, path)
+                wrote.append(path)
+    if args.plots is not None:
+        wrote += write_plots(document.blocks, args.plots)
+    text = rendered(document, form_of(args.format, args.out))
+    if args.out is None:
+        print(text, end="")
+    else:
+        from automaton.whole_file import written
+
+        with written(args.out) as file:
+            file.write(text.encode())
+        wrote.append(args.out)
+    for path in wrote:
+        print(f"automaton: wrote {path}", file=sys.stderr)
+    return 0
+
+
+def form_of(form: str | None, out: Path | None) -> str:
+    """The format that was asked for, or that a file's name says. Raises InputError."""
+    if form is not None or out is None:
+        return form or "text"
+    if out.suffix.lower() not in SUFFIXES:
+        known = ", ".join(SUFFIXES)
+        raise InputError(f"--out {out}: its name says no format ({known}); say --format")
+    return SUFFIXES[out.suffix.lower()]
+
+
+def rendered(document: Document, form: str) -> str:
+    """The report in a format."""
+    if form == "html":
+        from automaton.reporting.html import as_html
+
+        return as_html(document)
+    from automaton.reporting.writing import as_markdown, as_text
+
+    return as_markdown(document) if form == "markdown" else as_text(document)

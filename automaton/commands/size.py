@@ -1,0 +1,148 @@
+"""Find the smallest fleet that meets a target, and say how sure that is.
+
+Exit code 0: answered; 1: not reached, or undecided; 2: bad input; 130: interrupted, with what is
+known.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
+
+if TYPE_CHECKING:
+    from automaton.sizing.candidates import Place, Run
+    from automaton.sizing.question import Question
+    from automaton.sizing.runner import Fleets
+    from automaton.sizing.session import Session
+
+INTERRUPTED = 130
+
+
+def positive(text: str) -> float:
+    """The type of an argument that is a number above 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return number
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton size`."""
+    add_scenario_arguments(parser)
+    add = parser.add_argument
+    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'throughput>=20'")
+    add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
+    add("--share", type=positive, default=0.95, metavar="P", help="of runs that must meet it (.95)")
+    add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
+    add(
+        "--zone",
+        type=positive,
+        metavar="Z",
+        help="share +- Z may be judged either way (.02); with --mean in its unit (1 %% of the target)",
+    )
+    add("--error", type=positive, default=0.05, metavar="E", help="of all verdicts together (.05)")
+    add(
+        "--budget",
+        type=whole("a number of runs", 1),
+        default=20_000,
+        metavar="RUNS",
+        help="at most so many runs (20,000)",
+    )
+    add("--strategies", metavar="A,B", help="compare these, such as independent,cooperative")
+    add("--price", type=positive, default=0.0, metavar="P", help="of a robot")
+    add(
+        "--workers",
+        type=whole("a number of processes", 1),
+        metavar="N",
+        help="processes, default one for each core",
+    )
+    add("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search and report; Ctrl-C reports what is known."""
+    from automaton.sizing.question import question, read_robots, read_target
+
+    target, robots = read_target(args.target), read_robots(args.robots)
+    strategies: tuple[str, ...] = ("",)
+    if args.strategies is not None:
+        from automaton.sizing.strategies import strategies_named
+
+        strategies = strategies_named(args.strategies)
+    asked = question(
+        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
+    )
+    return answered(args, asked)
+
+
+def answered(args: argparse.Namespace, asked: Question) -> int:
+    """Run the search, and print it."""
+    from automaton.rounds import Rounds
+    from automaton.sizing.runner import Fleets, conducted_with_use
+    from automaton.sizing.session import Session
+
+    with Rounds(args.workers, conducted_with_use) as rounds:
+        fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
+        tell_doubts(fleets.base)
+        fleets.check(asked)
+        runner, excluded = Telling(fleets, asked), fleets.excluded(asked)
+        session = Session(asked, runner, excluded, fleets.changes)
+        interrupted = False
+        try:
+            session.go()
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            if sys.stderr.isatty():
+                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        show(args, session, fleets)
+        if interrupted:
+            raise KeyboardInterrupt
+    return 0 if session.settled else 1
+
+
+def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
+    """Print the answer."""
+    scenario = fleets.base.scenario
+    if args.json:
+        from automaton.sizing.record import as_json
+
+        found = as_json(session, scenario.name, fleets.seed, args.price)
+        print(json.dumps(found, indent=2, ensure_ascii=False))
+        return
+    from automaton.run_report import console
+    from automaton.sizing.report import print_answer
+
+    limit = scenario.stop.at_most
+    ends = f"A run that does not finish within {limit:,} ticks fails."
+    if not fleets.ends_with_orders:
+        ends = f"Every run lasts {limit:,} ticks."
+    if scenario.units.tick != "1 tick":
+        ends += f" 1 tick = {scenario.units.tick}."
+    print_answer(console(), session, scenario.name, ends, args.price)
+
+
+class Telling:
+    """A runner that checks the first run's metrics, and says on a terminal how far it is."""
+
+    def __init__(self, fleets: Fleets, asked: Question) -> None:
+        self._fleets, self._asked, self._runs = fleets, asked, 0
+
+    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
+        from automaton.sizing.runner import check_measured
+
+        if sys.stderr.isatty():
+            text = f"{place.robots} robots, {self._runs:,} runs of at most {self._asked.budget:,}"
+            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+        if self._runs == 0:
+            check_measured(self._asked.target, self._fleets(place, 0, 1)[0])
+        self._runs += number
+        return self._fleets(place, first, number)

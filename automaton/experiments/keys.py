@@ -1,0 +1,211 @@
+"""What a folder of results was made of, and the key by which each run is known.
+
+    key = hash(version of the code, resolved scenario, seed)
+
+A row belongs to a folder's study as it stands if its key is one of those that follow from here; so
+results of other code, or of another floor, are never taken for these.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+
+from automaton.errors import InputError
+from automaton.experiments.study import Levels, Study
+from automaton.recording.header import DECIDING, PACKAGES, file_hashes
+from automaton.scenario.resolve import Resolved
+from automaton.strategy import lookup
+
+MANIFEST: Final = "sweep.json"
+FORMAT: Final = 1
+Sources = dict[str, str]  # file -> 16 hex digits of its content
+
+
+class Run(NamedTuple):
+    """One run of a study."""
+
+    key: str
+    point: int
+    replication: int
+    seed: int
+
+
+class PlannedPoint(msgspec.Struct, frozen=True):
+    """A design point as it was resolved."""
+
+    scenario: str
+    levels: Levels
+    fingerprint: str  # of the resolved scenario, floor included
+
+
+class Manifest(msgspec.Struct, frozen=True):
+    """What the results in a folder follow from."""
+
+    study: str
+    replications: int
+    seed: int
+    common_random_numbers: bool
+    points: tuple[PlannedPoint, ...]
+    sources: Sources
+    versions: dict[str, str]  # of libraries; for the record
+    counted: tuple[str, ...]  # metrics that the strategies count themselves
+    earlier: tuple[Any, ...] = ()  # analyses that were declared before, when runs had been made
+    format: int = FORMAT
+
+    @property
+    def version(self) -> str:
+        """16 hex digits of the code."""
+        return hashed(self.sources)
+
+    def runs(self) -> Iterator[Run]:
+        """All runs: replications one after the other, and in each all points."""
+        version = self.version
+        for replication in range(self.replications):
+            for point in range(len(self.points)):
+                yield self.run(version, point, replication)
+
+    def run(self, version: str, point: int, replication: int) -> Run:
+        """One of them; `version` is `self.version`, which takes a while."""
+        planned = self.points[point]
+        salt = "" if self.common_random_numbers else f" {planned.fingerprint}"
+        seed = seed_of(f"{self.seed} {replication}{salt}")
+        key = digest(f"{version} {planned.fingerprint} {seed}")[:32]
+        return Run(key, point, replication, seed)
+
+    def keys(self) -> set[str]:
+        """The keys of all runs."""
+        return {run.key for run in self.runs()}
+
+
+def seed_of(text: str) -> int:
+    """A seed from 0 to 2^63 - 1 that follows from a text."""
+    return int(digest(text)[:16], 16) >> 1
+
+
+def digest(text: str) -> str:
+    """The SHA-256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def hashed(value: Any) -> str:
+    """16 hex digits of data; the order of keys does not matter."""
+    return digest(json.dumps(value, sort_keys=True, ensure_ascii=False, default=str))[:16]
+
+
+def fingerprint(resolved: Resolved, window: int = 0) -> str:
+    """Of a resolved scenario but for its seed and summary: 32 hex digits.
+
+    The floor counts as it was built, files of strategies by their contents. `window`: ticks of a
+    window of the series that its rows keep.
+    """
+    scenario = msgspec.to_builtins(resolved.scenario)
+    del scenario["seed"], scenario["summary"]
+    picks = {
+        layer: [pick.name, msgspec.to_builtins(pick.parameters)]
+        for layer, pick in resolved.picks.items()
+    }
+    whole = [
+        scenario,
+        picks,
+        resolved.plan.fingerprint,
+        resolved.start,
+        file_hashes(resolved),
+        window,
+    ]
+    return digest(json.dumps(whole, sort_keys=True, ensure_ascii=False, default=str))[:32]
+
+
+def plugins_of(resolved: Resolved) -> set[str]:
+    """The modules of a scenario's strategies that are no built-ins."""
+    places = (lookup.place(layer, pick.name) for layer, pick in resolved.picks.items())
+    modules = {place.partition(":")[0] for place in places if place}
+    return {module for module in modules if module.partition(".")[0] not in PACKAGES}
+
+
+def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
+    """The files from which runs follow: automaton's packages, and the modules of plug-ins.
+
+    Of a plug-in that is a package all its files count, of a single module those beside it.
+    """
+    found: Sources = {}
+    for package in PACKAGES:
+        root = _folder(package)
+        files = (path for path in root.rglob("*") if path.suffix in DECIDING)
+        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in files}
+    for plugin in plugins:
+        top = plugin.partition(".")[0]
+        root = _folder(top)
+        whole = (root / "__init__.py").is_file() and root.name == top
+        files = root.rglob("*.py") if whole else root.glob("*.py")
+        found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
+    return dict(sorted(found.items()))
+
+
+def _folder(package: str) -> Path:
+    import importlib.util
+
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        raise InputError(f"the package {package} is not installed here")
+    return Path(spec.origin).parent
+
+
+def _content(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def changed_sources(before: Sources, now: Sources) -> str:
+    """What differs between two states of the code, in a phrase; "" if nothing does."""
+    changes = [
+        f"{file} {'is new' if file not in before else 'is gone' if file not in now else 'changed'}"
+        for file in sorted({*before, *now})
+        if before.get(file) != now.get(file)
+    ]
+    more = len(changes) - 3
+    return ", ".join([*changes[:3], *([f"and {more} files more"] if more > 0 else [])])
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """What the results in a folder follow from; None if it holds none yet. Raises InputError."""
+    path = folder / MANIFEST
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Manifest)
+    except FileNotFoundError:
+        return None
+    except (msgspec.DecodeError, OSError) as error:
+        raise InputError(f"cannot be read: {error}", str(path)) from None
+
+
+def manifest_of(
+    study: Study,
+    scenarios: tuple[Resolved, ...],
+    windows: tuple[int, ...],
+    versions: dict[str, str],
+    counted: tuple[str, ...],
+) -> tuple[Manifest, tuple[str, ...]]:
+    """The manifest of a study, of which the points were resolved to these scenarios.
+
+    And the modules of plug-ins that they use.
+    """
+    plugins = tuple(sorted(set().union(*map(plugins_of, scenarios))))
+    each = zip(study.points, scenarios, windows, strict=True)
+    manifest = Manifest(
+        study=study.name,
+        replications=study.replications,
+        seed=study.seed,
+        common_random_numbers=study.common_random_numbers,
+        points=tuple(
+            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window))
+            for point, resolved, window in each
+        ),
+        sources=sources_of(plugins),
+        versions=versions,
+        counted=counted,
+    )
+    return manifest, plugins

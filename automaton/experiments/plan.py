@@ -1,0 +1,189 @@
+"""A study made ready to run: every design point resolved, its contradictions refused beforehand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from automaton.errors import InputError, nearest
+from automaton.experiments.keys import Manifest, fingerprint, manifest_of
+from automaton.experiments.names import COLUMNS, COUNTS
+from automaton.experiments.study import (
+    Point,
+    Study,
+    checked_study,
+    study_document,
+)
+from automaton.glossary import GLOSSARY
+from automaton.recording.header import versions
+from automaton.scenario.document import Document, Override, line_of
+from automaton.scenario.overrides import keys_of
+from automaton.scenario.reading import find
+from automaton.scenario.resolve import Resolved, resolve
+from automaton.strategy import lookup
+
+SHORTEST_SERIES = 1000  # windows of a run, if a study does not say how long they are
+WARM_UP = ("measure", "warm_up")
+
+
+class Plan(NamedTuple):
+    """All that the runs of a study follow from."""
+
+    study: Study
+    text: str  # of its file
+    points: tuple[Point, ...]
+    scenarios: tuple[Resolved, ...]  # by point
+    windows: tuple[int, ...]  # by point: ticks of a window of its series; 0: none is kept
+    plugins: tuple[str, ...]  # modules of foreign strategies
+    manifest: Manifest
+
+
+def plan_of(study: str | Path | Study) -> Plan:
+    """Check a study completely: a path, the name of a shipped one, or a Study. Raises InputError.
+
+    Imports what its strategies are made of, and so Numba.
+    """
+    declared, document, scenarios = resolved_study(study)
+    names = counted_by(scenarios)
+    check_metrics(document, declared, names)
+    windows = tuple(window_of(declared, resolved) for resolved in scenarios)
+    manifest, plugins = manifest_of(declared, scenarios, windows, versions(), names)
+    text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
+    return Plan(declared, text, declared.points, scenarios, windows, plugins, manifest)
+
+
+def resolved_study(study: str | Path | Study) -> tuple[Study, Document, tuple[Resolved, ...]]:
+    """The study, what it was read from, and the scenario of each point. Raises InputError.
+
+    Needs no Numba, but for metrics that only strategies know.
+    """
+    document = Document(data=_plain(study)) if isinstance(study, Study) else study_document(study)
+    declared = checked_study(document)
+    scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
+    seen: dict[str, Point] = {}
+    for point, resolved in zip(declared.points, scenarios, strict=True):
+        first = seen.setdefault(fingerprint(resolved), point)
+        if first is not point:
+            text = f"points {first.number} and {point.number} are the same runs: {told(point)}"
+            raise document.error(_where(declared, point), text)
+    return declared, document, scenarios
+
+
+def _plain(study: Study) -> dict[str, Any]:
+    import msgspec
+
+    data: dict[str, Any] = msgspec.to_builtins(study)
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def _resolved(document: Document, study: Study, point: Point) -> Resolved:
+    settings = [
+        Override(_place(document, study, point, key), keys_of(key), value)
+        for key, value in point.levels.items()
+    ]
+    if isinstance(study.warm_up, int):
+        argument = _at(document, ("warm_up",))
+        settings.append(Override(argument, WARM_UP, study.warm_up))
+    file = scenario_file(document, point.scenario)
+    try:
+        resolved = resolve(file, settings)
+    except InputError as error:
+        error.message = f"{error.message} (point {point.number}: {told(point)})"
+        raise error.at(document.file, document.line(("scenario",))) from None
+    if study.design == "steady-state" and resolved.scenario.stop.when != "never":
+        text = (
+            "a steady state is seen in runs of a given length: the scenario needs stop.when never"
+        )
+        raise document.error(("design",), f"{text} (point {point.number}: {told(point)})")
+    spelled = tuple(f"{key}={json.dumps(value)}" for key, value in point.levels.items())
+    return replace(resolved, overrides=spelled)
+
+
+def told(point: Point) -> str:
+    """A point in words: "tabletop-1, fleet.robots 3"."""
+    levels = (
+        f"{key} {level if isinstance(level, str) else json.dumps(level)}"
+        for key, level in point.levels.items()
+    )
+    return ", ".join([point.scenario, *levels])
+
+
+def scenario_file(document: Document, name: str) -> Path:
+    """A scenario that a study names: a file seen from its folder, from here, or a shipped one.
+
+    Raises InputError.
+    """
+    beside = document.folder / name
+    if document.file is not None and beside.is_file():
+        return beside
+    try:
+        return find(name)
+    except InputError as error:
+        text = f"{name}: {error.message}" if error.file else error.message
+        raise document.error(("scenario",), text) from None
+
+
+def _where(study: Study, point: Point) -> tuple[str | int, ...]:
+    """The keys of a point in its study."""
+    if study.listed is None:
+        return ("factors",)
+    return ("points", point.number % len(study.listed))
+
+
+def _place(document: Document, study: Study, point: Point, key: str) -> str:
+    """Where a level of a point stands, as errors name it."""
+    if study.factors is None:
+        return _at(document, (*_where(study, point), key))
+    levels = study.factors[key]
+    index = next(i for i, level in enumerate(levels) if level is point.levels[key])
+    return _at(document, ("factors", key, index))
+
+
+def _at(document: Document, keys: tuple[str | int, ...]) -> str:
+    if document.root is None:
+        return ".".join(map(str, keys))
+    return f"{document.file}:{line_of(document.root, keys)[0]}"
+
+
+def window_of(study: Study, resolved: Resolved) -> int:
+    """Ticks of a window of the series that a row keeps; 0: it keeps none."""
+    if study.design != "steady-state":
+        return 0
+    return study.window or max(1, resolved.scenario.stop.at_most // SHORTEST_SERIES)
+
+
+def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
+    """Metrics that the strategies in use count themselves, those of every run left out."""
+    picks = {(layer, pick.name) for resolved in scenarios for layer, pick in resolved.picks.items()}
+    names = {
+        name
+        for layer, strategy in sorted(picks)
+        if strategy != lookup.NONE
+        for name in getattr(lookup.load(layer, strategy), "counters", {})
+    }
+    return tuple(sorted(names - set(GLOSSARY) - set(COLUMNS)))
+
+
+def check_metrics(document: Document, study: Study, counted: tuple[str, ...]) -> None:
+    """Raises InputError for a metric of the analysis that no run has."""
+    known = [*COUNTS, *GLOSSARY, *counted]
+    for number, name in enumerate(study.analysis.metrics if study.analysis else ()):
+        if name not in known:
+            hint = nearest(name, known) or f"; there are {', '.join(known)}"
+            raise document.error(
+                ("analysis", "metrics", number), f"no metric is called '{name}'{hint}"
+            )
+
+
+def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
+    """Everything that can be known of a study without running it. Raises InputError."""
+    study, document, scenarios = resolved_study(name)
+    ordinary = {*COUNTS, *GLOSSARY}
+    asked = study.analysis.metrics if study.analysis else ()
+    strange = [metric for metric in asked if metric not in ordinary]
+    check_metrics(document, study, counted_by(scenarios) if strange else ())
+    return study, scenarios

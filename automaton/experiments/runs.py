@@ -1,0 +1,131 @@
+"""What a worker does: some runs of one design point, each of which becomes a row.
+
+A worker is told everything by the coordinator, and gives rows back; it reads and writes no files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import signal
+import threading
+import time
+from functools import lru_cache
+from multiprocessing import connection, parent_process
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.experiments.keys import Run, hashed, sources_of
+from automaton.headless import is_finished, run_to_end, strategies_blamed
+from automaton.metrics import metrics_of
+from automaton.scenario.resolve import Resolved
+from automaton.simulation import Simulation
+from automaton.world.state import DELIVERED
+
+Row = dict[str, Any]  # columns of a run; its metrics under "metrics"
+LONGEST_REASON = 500  # characters
+
+
+class Chunk(NamedTuple):
+    """Work for one call of a worker: runs of one design point."""
+
+    number: int  # of the chunk
+    version: str  # of the code that the coordinator has
+    plugins: tuple[str, ...]
+    fingerprint: str  # of the scenario
+    scenario: bytes  # the resolved scenario, pickled
+    window: int
+    runs: tuple[Run, ...]
+
+
+class OtherCode(Exception):
+    """A worker has other code than its coordinator."""
+
+
+def run_chunk(chunk: Chunk) -> list[Row]:
+    """The rows of a chunk. Raises OtherCode; a run that fails is a row."""
+    here = _version(chunk.plugins)
+    if here != chunk.version:
+        raise OtherCode(f"{os.uname().nodename} has version {here}, not {chunk.version}")
+    resolved = _scenario(chunk.fingerprint, chunk.scenario)
+    return [run_one(resolved, run, chunk.window) for run in chunk.runs]
+
+
+@lru_cache(maxsize=4)
+def _version(plugins: tuple[str, ...]) -> str:
+    return hashed(sources_of(plugins))
+
+
+_SCENARIOS: dict[str, Resolved] = {}
+KEPT_SCENARIOS = 16
+
+
+def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
+    """The scenario of a chunk: the same object again for chunks of the same point."""
+    if fingerprint not in _SCENARIOS:
+        first = not _SCENARIOS
+        while len(_SCENARIOS) >= KEPT_SCENARIOS:
+            _SCENARIOS.pop(next(iter(_SCENARIOS)), None)
+        _SCENARIOS[fingerprint] = pickle.loads(pickled)
+        if first:  # loads the compiled loop, so that no run's time counts it
+            with contextlib.suppress(Exception):
+                Simulation(_SCENARIOS[fingerprint])
+    return _SCENARIOS[fingerprint]
+
+
+def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
+    """Run a scenario with the seed of a run, to its end or its limit."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    row = blank(run)
+    try:
+        with strategies_blamed(resolved):
+            simulation = Simulation(resolved, run.seed)
+            run_to_end(simulation)
+            row |= figures_of(simulation, window)
+    except InputError as error:
+        row["failed"] = str(error)[:LONGEST_REASON]
+    except Exception as error:  # whatever goes wrong is told beside the other runs
+        row["failed"] = f"{type(error).__name__}: {error}"[:LONGEST_REASON]
+    row["wall_s"] = time.perf_counter() - wall
+    row["cpu_s"] = time.process_time() - cpu
+    return row
+
+
+def blank(run: Run, failed: str | None = None) -> Row:
+    """The row of a run that gave no figures."""
+    return {**run._asdict(), "finished": False, "failed": failed, "metrics": {}}
+
+
+def figures_of(simulation: Simulation, window: int) -> Row:
+    """What a row tells of a run that is over."""
+    orders = simulation.world.orders
+    row: Row = {
+        "finished": is_finished(simulation),
+        "ticks": simulation.tick,
+        "orders": len(orders.state),
+        "delivered": int((orders.state == DELIVERED).sum()),
+        "digest": simulation.digest,
+        "metrics": metrics_of(simulation),
+    }
+    if window:
+        done = np.maximum(orders.delivered[orders.state == DELIVERED], 1)  # ticks count from 1
+        windows = simulation.tick // window
+        whole = done[done <= windows * window]
+        row["series"] = np.bincount((whole - 1) // window, minlength=windows).tolist()
+    return row
+
+
+def attend() -> None:
+    """Begin a worker process: deaf to Ctrl-C, and gone when its coordinator is."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _leave_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)

@@ -1,0 +1,130 @@
+"""One sweep into a folder: begun, or gone on with if the code and the study are the same."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from automaton.errors import InputError
+from automaton.experiments.keys import Manifest, changed_sources, read_manifest
+from automaton.experiments.plan import Plan, told
+from automaton.experiments.pools import Crew
+from automaton.experiments.store import STUDY_FILE, Store, arrow
+from automaton.experiments.study import Point, read_study
+from automaton.experiments.sweeping import Coordinator, OnRows, Tally
+from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
+from automaton.simulation import Simulation
+
+ADVICE = "take another folder, or --recompute: older rows then count no more"
+
+
+class Begun(NamedTuple):
+    """What a sweep found when it began."""
+
+    runs: int
+    done: int  # of these, before
+    aside: tuple[Path, ...]  # files that were damaged; their runs are done again
+    reanalysed: bool  # the declared analysis is not that with which runs were made
+
+
+class Swept(NamedTuple):
+    """A sweep that came to its end."""
+
+    store: Store
+    begun: Begun
+    tally: Tally
+
+
+def sweep_into(
+    folder: Path,
+    plan: Plan,
+    crew: Callable[[], Crew],
+    recompute: bool = False,
+    on_begun: Callable[[Begun], None] | None = None,
+    on_rows: OnRows | None = None,
+) -> Swept:
+    """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case."""
+    arrow()
+    with locked(folder):
+        store, reanalysed = opened(folder, plan, recompute)
+        aside = tuple(set_damaged_aside(store))
+        done = store.keys()
+        begun = Begun(plan.study.runs, len(done), aside, reanalysed)
+        if on_begun is not None:
+            on_begun(begun)
+        writer = Writer(store)
+        tally = Tally(0, 0, 0, 0)
+        try:
+            if len(done) < plan.study.runs:
+                warm(plan)
+                tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
+            writer.close()
+        finally:
+            writer.release()
+        return Swept(store, begun, tally)
+
+
+def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:
+    """The folder's results, if they are of this plan; whether its analysis was another one.
+
+    Raises InputError if they follow from anything else, unless they are to be computed anew.
+    """
+    manifest = plan.manifest
+    before = read_manifest(folder)
+    if before is None:
+        return declare(folder, plan.text, manifest), False
+    objection = "" if recompute else difference(before, manifest)
+    if objection:
+        raise InputError(f"{objection}; {ADVICE}", str(folder))
+    earlier = read_study(folder / STUDY_FILE).analysis
+    reanalysed = not recompute and earlier != plan.study.analysis
+    history = () if recompute else before.earlier
+    if reanalysed:
+        history = (*history, earlier)
+    manifest = manifest_with(manifest, history)
+    return declare(folder, plan.text, manifest), reanalysed
+
+
+def manifest_with(manifest: Manifest, earlier: tuple[object, ...]) -> Manifest:
+    """The manifest with the analyses that were declared before."""
+    import msgspec
+
+    return msgspec.structs.replace(manifest, earlier=tuple(map(msgspec.to_builtins, earlier)))
+
+
+def difference(before: Manifest, now: Manifest) -> str:
+    """Why results do not belong to a plan, in a phrase; "" if they do."""
+    if before.study != now.study:
+        return f"holds the results of the study '{before.study}', not of '{now.study}'"
+    changed = changed_sources(before.sources, now.sources)
+    if changed:
+        return f"holds results of other code: {changed}"
+    for name in ("seed", "common_random_numbers"):
+        if getattr(before, name) != getattr(now, name):
+            was, becomes = getattr(before, name), getattr(now, name)
+            return f"holds results of a study with {name} {was}, not {becomes}".lower()
+    if len(before.points) != len(now.points):
+        return f"holds results of {len(before.points)} points, not {len(now.points)}"
+    for number, (old, new) in enumerate(zip(before.points, now.points, strict=True)):
+        point = told(Point(number, old.scenario, old.levels))
+        if (old.scenario, old.levels) != (new.scenario, new.levels):
+            becomes = told(Point(number, new.scenario, new.levels))
+            return f"holds results of other points: point {number} was {point}, is {becomes}"
+        if old.fingerprint != new.fingerprint:
+            return f"holds results of other scenarios: {point} changed (the file, or its floor)"
+    if now.replications < before.replications:
+        return f"holds {before.replications} replications; the study asks for fewer"
+    return ""
+
+
+def warm(plan: Plan) -> None:
+    """Compile, or find in the cache, what the workers will load, so that it is done once."""
+    seen = set()
+    for resolved in plan.scenarios:
+        names = tuple(pick.name for pick in resolved.picks.values())
+        if names not in seen:
+            seen.add(names)
+            with contextlib.suppress(Exception):  # rows will say what a strategy raises
+                Simulation(resolved)

@@ -1,0 +1,164 @@
+"""A folder of results: rows in Parquet files that are whole, checked, and read as one table.
+
+    DIR/study.yaml      the study as declared
+    DIR/sweep.json      what the rows follow from: points, seeds, hashes of the code
+    DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
+    DIR/rows/*.bad      files that were damaged; their runs are done again
+
+Readers need no lock: files appear whole under their names, and never change.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from automaton.errors import InputError
+from automaton.experiments.keys import Manifest, read_manifest
+from automaton.experiments.names import COLUMNS, SERIES, metric_names
+from automaton.experiments.study import Study, read_study
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+STUDY_FILE: Final = "study.yaml"
+ROWS: Final = "rows"
+ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
+
+
+class Damaged(Exception):
+    """A file of rows is not what was written."""
+
+
+def arrow() -> Any:
+    """The module pyarrow. Raises InputError where it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise InputError(
+            f"results are kept with pyarrow, which cannot be imported ({error}): "
+            "pip install 'fleet-automaton[experiments]'"
+        ) from None
+    return pyarrow
+
+
+class Store:
+    """The results in a folder; reading alone. Raises InputError where there are none."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        manifest = read_manifest(self.folder)
+        if manifest is None:
+            why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
+            raise InputError(why, str(folder))
+        self.manifest: Manifest = manifest
+        self.study: Study = read_study(self.folder / STUDY_FILE)
+        self.damaged: list[Path] = []  # files that the last reading left out
+
+    @property
+    def schema(self) -> pa.Schema:
+        """The columns of every row: the same for all runs of the study."""
+        return schema_of(self.study, self.manifest)
+
+    def rows(self) -> pa.Table:
+        """All valid rows, each run once, by point and replication.
+
+        Rows of other code or of another floor are left out, as are files that are damaged.
+        """
+        pa = arrow()
+        schema = self.schema
+        tables = [fitted(table, schema) for _, table in self._tables(None)]
+        table = pa.concat_tables(tables) if tables else schema.empty_table()
+        expected = self.manifest.keys()
+        first: dict[str, int] = {}
+        for index, key in enumerate(table.column("key").to_pylist()):
+            if key in expected:
+                first.setdefault(key, index)
+        chosen = table.take(pa.array(list(first.values()), pa.int64()))
+        return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
+
+    def keys(self) -> set[str]:
+        """The keys of the runs that are done."""
+        expected = self.manifest.keys()
+        found: set[str] = set()
+        for _, table in self._tables(["key"]):
+            found.update(table.column("key").to_pylist())
+        return found & expected
+
+    def files(self) -> list[Path]:
+        """The files of rows, damaged ones included."""
+        return sorted((self.folder / ROWS).glob("*.parquet"))
+
+    def _tables(self, columns: list[str] | None) -> Iterator[tuple[Path, pa.Table]]:
+        """Each file's table. A file that is merged into another one while we read is read there."""
+        self.damaged = []
+        seen: set[Path] = set()
+        for _ in range(ATTEMPTS):
+            fresh = [path for path in self.files() if path not in seen]
+            for path in fresh:
+                try:
+                    table = read_rows(path, columns)
+                except FileNotFoundError:
+                    continue
+                except Damaged:
+                    self.damaged.append(path)
+                else:
+                    yield path, table
+                seen.add(path)
+            if not fresh:
+                return
+
+
+def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
+    """Columns of a study's rows: of every run, factors, metrics; metrics are null where absent."""
+    pa = arrow()
+    types = {"text": pa.string(), "int": pa.int64(), "float": pa.float64(), "bool": pa.bool_()}
+    factors = study.column_types()
+    kinds = {**dict(list(COLUMNS.items())[:6]), **factors, **COLUMNS}
+    fields = [pa.field(name, types[kind]) for name, kind in kinds.items()]
+    fields += [pa.field(name, pa.float64()) for name in metric_names(manifest.counted)]
+    if study.design == "steady-state":
+        fields.append(pa.field(SERIES, pa.list_(pa.int32())))
+    return pa.schema(fields)
+
+
+def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
+    """A table with exactly these columns; what it lacks, or has in another type, is null."""
+    pa = arrow()
+    columns = []
+    for field in schema:
+        held = (
+            field.name in table.column_names and table.schema.field(field.name).type == field.type
+        )
+        columns.append(table.column(field.name) if held else pa.nulls(table.num_rows, field.type))
+    return pa.table(columns, schema=schema)
+
+
+def content_name(content: bytes | str, first: str) -> str:
+    """The name of a file with this content, or of this digest; `first` makes names sort by time."""
+    digest = content if isinstance(content, str) else hashlib.sha256(content).hexdigest()
+    return f"{first}-{digest[:16]}.parquet"
+
+
+def file_digest(path: Path) -> str:
+    """The SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
+    """The rows of a file, verified. Raises Damaged, or FileNotFoundError."""
+    pa = arrow()
+    content = path.read_bytes()
+    if content_name(content, path.name.rpartition("-")[0]) != path.name:
+        raise Damaged(path)
+    chosen = None if columns is None else list(columns)
+    try:
+        return pa.parquet.read_table(
+            pa.BufferReader(content), columns=chosen, page_checksum_verification=True
+        )
+    except (OSError, ValueError, KeyError) as error:
+        raise Damaged(path) from error

@@ -1,0 +1,268 @@
+"""Rows on their way into a folder: a file at a time, whole or not at all, by one coordinator.
+
+Rows are written when 500 have come together or one is a second old: at most those are lost when
+the machine goes down, and their runs are done again. A file is written beside its place, synced,
+and renamed; small files are merged as they become many, and at the end all into one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from automaton.errors import InputError
+from automaton.experiments.keys import MANIFEST, Manifest
+from automaton.experiments.names import COLUMNS, SERIES, column_value
+from automaton.experiments.runs import Row
+from automaton.experiments.store import (
+    ROWS,
+    STUDY_FILE,
+    Damaged,
+    Store,
+    arrow,
+    content_name,
+    file_digest,
+    read_rows,
+)
+from automaton.units import count
+
+BATCH_ROWS: Final = 500
+BATCH_S: Final = 1.0
+MANY_FILES: Final = 256  # small ones, that are then merged
+GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
+RESERVE: Final = ".reserve"
+RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
+LOCK: Final = ".lock"
+SMALL, MERGED = "part", "rows"
+NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
+    with _told(folder):
+        (folder / ROWS).mkdir(parents=True, exist_ok=True)
+        file = (folder / LOCK).open("a+")
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            who = file.read().strip() or "another process"
+            raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
+        file.truncate(0)
+        file.write(f"process {os.getpid()} on {socket.gethostname()}")
+        file.flush()
+        for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
+            left.unlink()  # of a sweep that was killed
+        yield
+
+
+class Writer:
+    """Takes rows and writes them; used by the one who holds the folder's lock."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.folder = store.folder / ROWS
+        self.schema = store.schema
+        self.types = store.study.column_types()
+        self.held: list[Row] = []
+        self.since = 0.0
+        numbers = (NAME.match(path.name) for path in self.folder.iterdir())
+        self.number = max((int(match[1]) for match in numbers if match), default=0)
+        self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
+        with _told(self.folder):
+            reserve = self.folder / RESERVE
+            if not reserve.exists():
+                reserve.write_bytes(bytes(RESERVE_BYTES))
+
+    def add(self, rows: list[Row]) -> None:
+        """Take rows, and write what has come together if it is time."""
+        if not self.held:
+            self.since = time.monotonic()
+        self.held += rows
+        self.tick()
+
+    def tick(self) -> None:
+        """Write if it is time."""
+        old = self.held and time.monotonic() - self.since >= BATCH_S
+        if len(self.held) >= BATCH_ROWS or old:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write all rows in hand. Raises InputError, with the rows written if any way is left."""
+        if not self.held:
+            return
+        try:
+            self._write()
+        except OSError as error:
+            raise self._rescued(error) from error
+        if self.small >= MANY_FILES:
+            self.merge(only_small=True)
+
+    def _write(self) -> None:
+        pa = arrow()
+        table = table_of(self.held, self.store, self.schema, self.types)
+        sink = pa.BufferOutputStream()
+        pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
+        content = sink.getvalue().to_pybytes()
+        self.number += 1
+        place = self.folder / content_name(content, f"{SMALL}-{self.number:06d}")
+        write_whole(place, content)
+        self.small += 1
+        self.held.clear()
+
+    def _rescued(self, error: OSError) -> InputError:
+        """What to say when rows cannot be written, after giving back the room that was kept."""
+        self.release()
+        runs = count(len(self.held), "finished run")
+        why = (error.strerror or str(error)).lower()
+        try:
+            self._write()
+            end = "all finished runs are kept; the same command goes on when there is room"
+        except OSError:
+            self.held.clear()
+            end = f"{runs} could not be kept and will be done again; all others are kept"
+        return InputError(f"cannot write results: {why}; {end}", str(self.folder))
+
+    def close(self) -> None:
+        """Write what is in hand, and merge all files into one."""
+        self.flush()
+        self.merge()
+
+    def release(self) -> None:
+        """Give back the room that was kept."""
+        (self.folder / RESERVE).unlink(missing_ok=True)
+
+    def merge(self, only_small: bool = False) -> None:
+        """Put files together, each run once. Files of other columns or that are damaged stay."""
+        pattern = f"{SMALL}-*.parquet" if only_small else "*.parquet"
+        paths = sorted(self.folder.glob(pattern))
+        if len(paths) < 2 and not (paths and paths[0].name.startswith(SMALL)):
+            return
+        self.number += 1
+        part = self.folder / f"{MERGED}-{self.number:06d}.writing"
+        try:
+            merged = self._merge_into(part, paths)
+            if merged:
+                place = self.folder / content_name(file_digest(part), f"{MERGED}-{self.number:06d}")
+                os.replace(part, place)
+                sync_folder(self.folder)
+        except OSError:
+            return  # no room for a second copy: many files are as good
+        finally:
+            part.unlink(missing_ok=True)
+        for path in merged:
+            path.unlink()
+        self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
+
+    def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
+        """Write the rows of files to one file; the files that it replaces."""
+        pa = arrow()
+        merged: list[Path] = []
+        group: list[Any] = []
+        seen: set[str] = set()
+        with part.open("wb") as file:
+            with pa.parquet.ParquetWriter(
+                file, self.schema, compression="zstd", write_page_checksum=True
+            ) as writer:
+                for path in paths:
+                    try:
+                        table = read_rows(path)
+                    except (Damaged, FileNotFoundError):
+                        continue
+                    if not table.schema.equals(self.schema):
+                        continue
+                    keys = table.column("key").to_pylist()
+                    fresh = [index for index, key in enumerate(keys) if key not in seen]
+                    seen.update(keys)
+                    group.append(table.take(pa.array(fresh, pa.int64())))
+                    merged.append(path)
+                    if sum(one.num_rows for one in group) >= GROUP_ROWS:
+                        writer.write_table(pa.concat_tables(group), GROUP_ROWS)
+                        group.clear()
+                if group:
+                    writer.write_table(pa.concat_tables(group), GROUP_ROWS)
+            file.flush()
+            os.fsync(file.fileno())
+        return merged
+
+
+def set_damaged_aside(store: Store) -> list[Path]:
+    """Rename the files that are not what was written; their new names."""
+    store.keys()
+    aside = []
+    for path in store.damaged:
+        aside.append(path.with_suffix(".bad"))
+        os.replace(path, aside[-1])
+    return aside
+
+
+def declare(folder: Path, text: str, manifest: Manifest) -> Store:
+    """Write what a folder's results follow from. Raises InputError."""
+    with _told(folder):
+        write_whole(folder / STUDY_FILE, text.encode())
+        pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
+        write_whole(folder / MANIFEST, pretty + b"\n")
+    return Store(folder)
+
+
+def table_of(rows: list[Row], store: Store, schema: Any, types: dict[str, str]) -> Any:
+    """Rows as an Arrow table of the schema's columns."""
+    pa = arrow()
+    points, study = store.manifest.points, store.study
+    columns: dict[str, list[Any]] = {name: [] for name in schema.names}
+    for row in rows:
+        planned, metrics = points[row["point"]], row["metrics"]
+        own = {**row, "study": study.name, "scenario": planned.scenario}
+        for name, column in columns.items():
+            if name in types:
+                column.append(column_value(planned.levels.get(name), types[name]))
+            elif name in COLUMNS or name == SERIES:
+                column.append(own.get(name))
+            else:
+                column.append(metrics.get(name))
+    arrays = [pa.array(columns[field.name], field.type) for field in schema]
+    return pa.table(arrays, schema=schema)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that takes its name when it is on the disk. Raises OSError."""
+    part = path.with_name(f"{path.name}.writing")
+    try:
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+        sync_folder(path.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def _told(place: Path) -> Iterator[None]:
+    """Turns what goes wrong with files in here into an InputError."""
+    try:
+        yield
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot write results: {why}", str(place)) from error

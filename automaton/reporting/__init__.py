@@ -1,0 +1,1 @@
+"""Reports on folders of results: tables, intervals, comparisons, curves and maps, to give away."""

@@ -1,0 +1,126 @@
+"""The comparisons that a study declares, with the correction of their family.
+
+baseline   each other level of the baseline's factors with the baseline, at equal other levels
+pairs      all pairs of points
+
+The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from automaton.experiments.study import SCENARIO, Levels, Point
+from automaton.reporting.results import Results
+from automaton.statistics.effects import Effect, effect
+from automaton.statistics.families import bonferroni, holm
+
+
+class Compared(NamedTuple):
+    """One line of a table of comparisons: `a` against `b`."""
+
+    metric: str
+    a: Point
+    b: Point
+    effect: Effect
+    adjusted: float  # Holm's p value
+    family: int  # comparisons in it
+    runs: tuple[int, int]  # that count, of a and b
+
+
+def comparisons(results: Results) -> list[Compared]:
+    """All comparisons that can be made; those with fewer than two runs are left out."""
+    analysis = results.analysis
+    pairs = list(declared_pairs(results))
+    metrics = [metric for metric in analysis.metrics if results.has(metric)]
+    families = [[m] for m in metrics] if analysis.family == "metric" else [metrics]
+    return [one for family in families for one in _family(results, family, pairs)]
+
+
+def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
+    """The points that are compared: the first against the second."""
+    analysis, points = results.analysis, results.points
+    if analysis.comparisons == "pairs":
+        for earlier, later in itertools.combinations(points, 2):
+            yield later, earlier
+    if analysis.comparisons != "baseline" or not analysis.baseline:
+        return
+    varied = set(analysis.baseline)
+    bases = {_rest(p, varied): p for p in points if _is(p, analysis.baseline)}
+    for point in points:
+        base = bases.get(_rest(point, varied))
+        if base is not None and base is not point:
+            yield point, base
+
+
+def _level(point: Point, key: str) -> object:
+    return point.scenario if key == SCENARIO else point.levels.get(key)
+
+
+def _is(point: Point, levels: Levels) -> bool:
+    return all(_level(point, key) == level for key, level in levels.items())
+
+
+def _rest(point: Point, varied: set[str]) -> str:
+    """What identifies the points that differ in the varied factors alone."""
+    rest = {key: level for key, level in point.levels.items() if key not in varied}
+    if SCENARIO not in varied:
+        rest[SCENARIO] = point.scenario
+    return repr(sorted(rest.items()))
+
+
+def _family(
+    results: Results, metrics: list[str], pairs: list[tuple[Point, Point]]
+) -> Iterator[Compared]:
+    analysis = results.analysis
+    asked = [
+        (metric, a, b, results.values(a, metric), results.values(b, metric))
+        for metric in metrics
+        for a, b in pairs
+    ]
+    usable = []
+    for metric, a, b, x, y in asked:
+        if analysis.paired:
+            both = sorted(set(x) & set(y))
+            x, y = {r: x[r] for r in both}, {r: y[r] for r in both}
+        if min(len(x), len(y)) >= 2:
+            usable.append((metric, a, b, x, y))
+    if not usable:
+        return
+    level = bonferroni(1 - analysis.error, len(usable))
+    effects = [_effect(x, y, analysis.paired, level) for _, _, _, x, y in usable]
+    adjusted = holm([one.p for one in effects])
+    for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
+        yield Compared(metric, a, b, found, p, len(usable), (len(x), len(y)))
+
+
+def _effect(x: dict[int, float], y: dict[int, float], paired: bool, level: float) -> Effect:
+    """The effect; correlation and variance ratio always from runs of the same replication."""
+    found = effect(list(x.values()), list(y.values()), paired, level)
+    both = sorted(set(x) & set(y))
+    if len(both) < 2:
+        return found._replace(correlation=None, variance_ratio=None)
+    pairs = effect([x[r] for r in both], [y[r] for r in both], True, level)
+    return found._replace(correlation=pairs.correlation, variance_ratio=pairs.variance_ratio)
+
+
+def pairing_remark(compared: list[Compared], paired: bool) -> str:
+    """Whether pairing helps in these comparisons, in a sentence; "" without pairs."""
+    ratios = [
+        one.effect.variance_ratio for one in compared if one.effect.variance_ratio is not None
+    ]
+    if not ratios:
+        return ""
+    low, high = min(ratios), max(ratios)
+    spread = f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"
+    declared = "paired" if paired else "not paired"
+    helps = sum(ratio < 0.95 for ratio in ratios)
+    if helps == len(ratios):
+        what = "pairing helps" if paired else "pairing would have helped; it was not declared"
+    elif helps == 0:
+        what = "pairing does not help"
+    else:
+        what = f"pairing helps in {helps} of {len(ratios)} comparisons"
+    return f"Comparisons are {declared}, as declared; variance ratio of pairs {spread}: {what}."

@@ -1,0 +1,97 @@
+"""A whole report on a folder of results."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from automaton.errors import InputError
+from automaton.experiments.plan import resolved_study, window_of
+from automaton.experiments.store import STUDY_FILE, Store
+from automaton.reporting.curves import curves
+from automaton.reporting.document import Document, Heading, Listed, Text
+from automaton.reporting.results import Results, point_name, read_results
+from automaton.reporting.sections import (
+    Scenarios,
+    comparison_section,
+    design,
+    metric_section,
+    remarks,
+    steady_section,
+)
+
+
+def compose(store: Store, floors: Sequence[int] = ()) -> Document:
+    """The report; `floors`: points of which one run is observed again. Raises InputError."""
+    results = read_results(store)
+    if not results.rows:
+        raise InputError("holds no runs of its study yet", str(store.folder))
+    scenarios, lacking = scenarios_of(store)
+    study = results.study
+    document = Document(study.name)
+    document.add(Heading(study.name, 1))
+    if study.summary:
+        document.add(Text(study.summary))
+    notes = [*remarks(results), *([lacking] if lacking else [])]
+    if notes:
+        document.add(Listed(notes))
+    document.add(*design(results, scenarios), Heading("Figures"))
+    for metric in results.analysis.metrics:
+        if results.has(metric):
+            document.add(*metric_section(results, scenarios, metric))
+        else:
+            document.add(Heading(metric, 3), Text("No run has this metric."))
+    windows = {number: window_of(study, resolved) for number, resolved in scenarios.items()}
+    document.add(*steady_section(results, windows), *comparison_section(results))
+    drawn = list(curves(results, scenarios))
+    if drawn:
+        document.add(Heading("Curves"), *drawn)
+    add_floors(document, results, scenarios, floors)
+    add_repeat(document, store)
+    return document
+
+
+def scenarios_of(store: Store) -> tuple[Scenarios, str]:
+    """The scenario of each point as it is now, or why they cannot be read."""
+    try:
+        _, _, scenarios = resolved_study(store.folder / STUDY_FILE)
+    except InputError as error:
+        return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
+    return dict(enumerate(scenarios)), ""
+
+
+def add_floors(
+    document: Document, results: Results, scenarios: Scenarios, floors: Sequence[int]
+) -> None:
+    """Maps of the floor. Raises InputError for points that there are not."""
+    if not floors:
+        return
+    from automaton.reporting.floor_maps import floor_maps
+
+    document.add(Heading("Floors"))
+    for number in floors:
+        if number >= len(results.points):
+            last = len(results.points) - 1
+            raise InputError(f"--floor {number}: the study has the points 0 to {last}")
+        if number not in scenarios:
+            raise InputError(f"--floor {number}: its scenario cannot be read")
+        point = results.points[number]
+        first = results.first_run(point)
+        if first is None:
+            raise InputError(f"--floor {number}: this point has no runs with figures yet")
+        name = f"point {number}: {point_name(results.study, point)}"
+        document.add(*floor_maps(scenarios[number], *first, name))
+
+
+def add_repeat(document: Document, store: Store) -> None:
+    """How to get the same again."""
+    folder = Path(store.folder)
+    command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
+    document.add(
+        Heading("Repeat"),
+        Text("This command, with the code named above and this study file, gives the same rows:"),
+        Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
+        Text(f"{STUDY_FILE}:"),
+        Text((folder / STUDY_FILE).read_text(encoding="utf-8").strip(), code=True),
+    )

@@ -1,0 +1,32 @@
+"""The rows of a folder for pandas, polars or DuckDB: as CSV, and as one Parquet file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from automaton.whole_file import written
+
+
+def write_csv(table: Any, path: Path) -> None:
+    """All rows of an Arrow table; lists as JSON, what is absent as nothing. Raises InputError."""
+    columns = {name: table.column(name).to_pylist() for name in table.column_names}
+    with written(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow([json.dumps(cell) if isinstance(cell, list) else cell for cell in row])
+        text.flush()
+        text.detach()
+
+
+def write_parquet(table: Any, path: Path) -> None:
+    """All rows of an Arrow table. Raises InputError."""
+    import pyarrow.parquet
+
+    with written(path) as file:
+        pyarrow.parquet.write_table(table, file, write_page_checksum=True)

@@ -1,0 +1,53 @@
+"""Where the robots of a design point lost time and drove: one of its runs, observed again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from automaton.headless import strategies_blamed
+from automaton.reporting.document import HeatMap
+from automaton.scenario.resolve import Resolved
+from automaton.simulation import Simulation
+from automaton.world.plan import DRIVABLE
+from automaton.world.state import NIL, Array
+from automaton.world.waiting import LOST_EVER, visits_of
+
+
+def floor_maps(resolved: Resolved, seed: int, digest: str, name: str) -> Iterator[HeatMap]:
+    """Robot ticks lost and robots that came by, for each cell, over the whole run.
+
+    `digest`: of the run in the results; a run that comes to another one says so.
+    """
+    with strategies_blamed(resolved):
+        simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+        simulation.run()
+    grid, watch = simulation.world.grid, simulation.watch
+    note = f"one run, seed {seed}, {simulation.tick:,} ticks"
+    if simulation.digest != digest:
+        note += "; this code comes to another end than that of the results"
+    lost = watch.delay[:, LOST_EVER].astype(np.float64)
+    zone = grid.zone.max(axis=1)
+    slowed = np.where(zone == NIL, 0.0, by_cell(watch.lost_in_zone, zone))
+    visits = visits_of(watch.flow, grid.offset).astype(np.float64)
+    yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
+    if slowed.any():
+        title = f"Driving slowly, {name}"
+        yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
+    yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
+
+
+def by_cell(lost: Array, zone: Array) -> Array:
+    """(C,) what each cell has of its zone's ticks, shared evenly."""
+    cells = np.bincount(zone[zone != NIL], minlength=len(lost))
+    shared: Array = (lost / np.maximum(cells, 1))[np.maximum(zone, 0)]
+    return shared
+
+
+def laid_out(resolved: Resolved, values: Array) -> Array:
+    """(height, width) the values of cells; NaN where robots do not drive."""
+    plan = resolved.plan
+    field = np.where(DRIVABLE[plan.kind.reshape(-1)], values, np.nan)
+    whole: Array = field.reshape(plan.kind.shape)[1:-1, 1:-1]
+    return whole

@@ -1,0 +1,180 @@
+"""The rows of a study by design point: which runs there are, and the figures of those that count.
+
+A run that failed has no figures. One that did not finish has some, but they do not say what it
+would have come to: means leave it out, and every table counts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from automaton.experiments.study import Analysis, Point, Study
+from automaton.glossary import GLOSSARY
+
+if TYPE_CHECKING:
+    from automaton.experiments.store import Store
+
+USUAL_METRICS = ("T_total", "throughput", "utilization", "blocked", "delay", "lead_time")
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What became of the runs of a point."""
+
+    planned: int
+    done: int  # rows, failed ones included
+    finished: int
+    censored: int  # did not finish within the limit
+    failed: int  # have no figures
+
+    @property
+    def missing(self) -> int:
+        """Runs without a row."""
+        return self.planned - self.done
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a folder holds, as columns of equal length."""
+
+    study: Study
+    columns: Mapping[str, Sequence[Any]]
+    version: str  # hash of the code
+    versions: Mapping[str, str] = field(default_factory=dict)  # of libraries
+    folder: str = ""
+    damaged: Sequence[str] = ()
+    earlier: int = 0  # analyses that were declared before, when runs had been made
+
+    @cached_property
+    def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
+        """The rows of each point, by replication."""
+        points = np.asarray(self.columns["point"], np.int64)
+        order = np.lexsort((np.asarray(self.columns["replication"], np.int64), points))
+        ends = np.searchsorted(points[order], np.arange(len(self.study.points) + 1))
+        return {number: order[ends[number] : ends[number + 1]] for number in range(len(ends) - 1)}
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The design points."""
+        return self.study.points
+
+    @property
+    def rows(self) -> int:
+        """Runs that have a row."""
+        return len(self.columns["key"])
+
+    @property
+    def analysis(self) -> Analysis:
+        """What was declared; without a declaration: the usual metrics, no comparisons."""
+        declared = self.study.analysis
+        if declared is not None:
+            return declared
+        return Analysis(metrics=tuple(name for name in USUAL_METRICS if self.has(name)))
+
+    def has(self, metric: str) -> bool:
+        """Whether any run has this metric."""
+        column = self.columns.get(metric)
+        return column is not None and any(value is not None for value in column)
+
+    def counts(self, point: Point) -> Counts:
+        """What became of the runs of a point."""
+        rows = self._rows[point.number]
+        failed = sum(self.columns["failed"][row] is not None for row in rows)
+        finished = sum(self._finished(row) for row in rows)
+        done = len(rows)
+        return Counts(self.study.replications, done, finished, done - failed - finished, failed)
+
+    def values(self, point: Point, metric: str) -> dict[int, float]:
+        """A metric by replication, of the runs that finished and have it."""
+        column = self.columns.get(metric)
+        if column is None:
+            return {}
+        replication = self.columns["replication"]
+        return {
+            int(replication[row]): float(column[row])
+            for row in self._rows[point.number]
+            if self._finished(row) and column[row] is not None
+        }
+
+    def series(self, point: Point) -> list[Sequence[int]]:
+        """The deliveries by window of each run that has them, in the order of replications."""
+        column = self.columns.get("series")
+        if column is None:
+            return []
+        return [column[row] for row in self._rows[point.number] if column[row] is not None]
+
+    def first_run(self, point: Point) -> tuple[int, str] | None:
+        """Seed and digest of a point's first run that has figures."""
+        for row in self._rows[point.number]:
+            if self.columns["failed"][row] is None:
+                return int(self.columns["seed"][row]), str(self.columns["digest"][row])
+        return None
+
+    def _finished(self, row: int) -> bool:
+        return self.columns["failed"][row] is None and bool(self.columns["finished"][row])
+
+
+def read_results(store: Store) -> Results:
+    """The results of a folder. Raises InputError."""
+    table = store.rows()
+    return Results(
+        study=store.study,
+        columns={name: table.column(name).to_pylist() for name in table.column_names},
+        version=store.manifest.version,
+        versions=store.manifest.versions,
+        folder=str(store.folder),
+        damaged=[path.name for path in store.damaged],
+        earlier=len(store.manifest.earlier),
+    )
+
+
+def described(metric: str) -> tuple[str, str]:
+    """Unit and meaning of a metric."""
+    counts = {"ticks": ("ticks", "ticks of the run"), "orders": ("orders", "orders of the run")}
+    return GLOSSARY.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
+
+
+def level_text(level: Any) -> str:
+    """A level of a factor as text."""
+    if isinstance(level, Mapping):
+        return " ".join(str(value) for value in level.values())
+    if isinstance(level, float):
+        return f"{level:g}"
+    return "null" if level is None else str(level)
+
+
+def factor_heads(study: Study) -> list[str]:
+    """Names of factors for the heads of tables: their last part, where that tells them apart."""
+    names = list(study.factor_names)
+    short = [name.rpartition(".")[2] for name in names]
+    heads = [s if short.count(s) == 1 else name for s, name in zip(short, names, strict=True)]
+    return (["scenario"] if len(study.scenarios) > 1 else []) + heads
+
+
+def factor_cells(study: Study, point: Point) -> list[str]:
+    """The levels of a point, under `factor_heads`."""
+    several = [point.scenario] if len(study.scenarios) > 1 else []
+    missing = "-"
+    levels = (
+        level_text(point.levels[name]) if name in point.levels else missing
+        for name in study.factor_names
+    )
+    return [*several, *levels]
+
+
+def point_name(study: Study, point: Point) -> str:
+    """The levels of a point in one phrase: "robots 4, allocation cooperative"."""
+    pairs = zip(factor_heads(study), factor_cells(study, point), strict=True)
+    return ", ".join(f"{head} {cell}" for head, cell in pairs) or point.scenario
+
+
+def levels_apart(study: Study, point: Point, other: Point) -> str:
+    """The levels of `other` that are not those of a point: "independent"."""
+    pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
+    return ", ".join(theirs for own, theirs in pairs if own != theirs)

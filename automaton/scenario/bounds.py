@@ -1,0 +1,225 @@
+"""What a fleet cannot do better, whatever its strategies: bounds that need no run.
+
+work       each order is taken, carried over the cheapest way with the turns that it needs, and set
+           down: N robots need work / N ticks. A load may be set down on the way and taken up from
+           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
+stations   a station holds one robot: picks and drops at stations, shared evenly among them
+chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
+           from repairs
+
+Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
+Loads are assumed to be moved by robots alone: not by one that goes out of order and leaves its load
+to the other side.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.scenario.resolve import Resolved
+from automaton.scenario.schema import DRAWN, Battery, ChargeRange
+from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.world.plan import TURNS
+from automaton.world.reach import backward_exits, slot_access
+from automaton.world.state import NIL, Array
+
+MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
+ENDS: Final = {  # generator: kinds of slots where its orders begin and end
+    "full-shelves": (SHELF, DESTINATION),
+    "drawn-loads": (SHELF, DESTINATION),
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION, STATION),
+}
+
+
+class Bounds(NamedTuple):
+    """What all orders of a scenario take at least."""
+
+    orders: int
+    work: float  # robot ticks of all orders
+    least_order: float  # robot ticks of the shortest
+    longest_order: float  # robot ticks of the longest
+    station_ticks: float  # of each station, if they share the work evenly
+    energy: float  # percent of a battery, all orders
+    held: float  # the same, in each battery at the start
+    given: float  # the same, by all chargers in a tick
+    mended: float  # the same, by each robot and tick, if it is towed and comes back full
+
+
+class Price(NamedTuple):
+    """What operations with a load cost, in ticks or in energy."""
+
+    move: float
+    turn: float
+    handling: float  # a pick and a drop
+
+
+def bounds(resolved: Resolved) -> Bounds:
+    """The bounds of a scenario; they do not depend on the number of robots."""
+    scenario = resolved.scenario
+    durations, battery = scenario.durations, scenario.battery
+    turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
+    handling = durations.pick + durations.drop
+    drives, picks, drops = least_drives(resolved, Price(durations.move, turn, handling))
+    ticks = handling + drives
+    if scenario.orders.generator == "visits" or _visits(resolved):
+        ticks = np.zeros(len(drives))  # a visit may take no operation at all
+    stations = int(np.count_nonzero(resolved.plan.kind == STATION))
+    busy = picks * durations.pick + drops * durations.drop
+    energy = 0.0
+    if battery is not None:
+        drain, loaded = battery.drain, battery.drain.loaded
+        price = Price(loaded * drain.move * durations.move, loaded * drain.turn * turn, 0.0)
+        energy = float(least_drives(resolved, price)[0].sum())
+    return Bounds(
+        orders=len(drives),
+        work=float(ticks.sum()),
+        least_order=float(ticks.min(initial=math.inf)),
+        longest_order=float(ticks.max(initial=0)),
+        station_ticks=busy / stations if stations else 0.0,
+        energy=energy,
+        held=_held(battery),
+        given=_given(resolved),
+        mended=_mended(resolved),
+    )
+
+
+def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
+    """Ticks in which so many robots cannot do all orders faster, and why."""
+    lacking = found.energy - robots * found.held
+    income = found.given + robots * found.mended
+    charging = (lacking / income if income else math.inf) if lacking > 0 else 0.0
+    return max(
+        (found.work / robots, f"work of {found.work:,.0f} robot ticks shared by {robots}"),
+        (found.longest_order, "the longest order alone"),
+        (found.station_ticks, "stations hold one robot each"),
+        (charging, "chargers give no more energy"),
+    )
+
+
+def most_throughput(found: Bounds, robots: int) -> tuple[float, str]:
+    """Orders by 1000 ticks that so many robots cannot exceed, and why."""
+    if not 0 < found.least_order < math.inf:
+        return math.inf, ""
+    return (
+        1000 * robots / found.least_order,
+        f"the shortest order takes a robot {found.least_order:,.0f} ticks",
+    )
+
+
+def least_drives(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
+    """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
+    scenario, plan = resolved.scenario, resolved.plan
+    orders, kinds = scenario.orders, plan.kind.reshape(-1)
+    if orders.listed is not None:
+        pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
+        picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
+        return _listed_drives(resolved, pairs, price), int(picks), int(drops)
+    if orders.generator not in ENDS:
+        return np.zeros(orders.count or 0), 0, 0
+    begin, end = ENDS[orders.generator]
+    slots = plan.slots()
+    source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
+    if orders.generator == "drawn-loads":
+        source = source[plan.loads.reshape(-1)[source] == 1]
+    if orders.generator in DRAWN:
+        count = orders.count or 0
+        if begin == end:  # from a station to another one
+            return np.full(count, float(price.move)), count, count
+        return np.full(count, cheapest(resolved, source, target, price).min()), 0, 0
+    return cheapest(resolved, source, target, price), 0, 0
+
+
+def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Price) -> Array:
+    targets = sorted({target for _, target in pairs})
+    if len(targets) > MOST_TARGETS:
+        return cheapest(resolved, np.array([a for a, _ in pairs]), np.array(targets), price)
+    drives = np.zeros(len(pairs))
+    for cell in targets:
+        rows = [row for row, (_, target) in enumerate(pairs) if target == cell]
+        sources = np.array([pairs[row][0] for row in rows])
+        drives[rows] = cheapest(resolved, sources, np.array([cell]), price)
+    return drives
+
+
+def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
+    """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
+    plan = resolved.plan
+    index = {cell: row for row, cell in enumerate(plan.slots().tolist())}
+    access = slot_access(plan).tolist()
+    goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
+    cost = _costs(resolved, goals, access, price)
+    found = [
+        min((cost[axis][c] for c in access[index[slot]] if c != NIL for axis in (0, 1)), default=0)
+        for slot in source.tolist()
+    ]
+    return np.array([one if math.isfinite(one) else 0.0 for one in found])
+
+
+def _costs(
+    resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
+) -> list[list[float]]:
+    """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
+    plan = resolved.plan
+    back, offsets = backward_exits(plan).tolist(), (1, plan.stride, -1, -plan.stride)
+    rail = resolved.scenario.fleet.kinematics == "rail"
+    kind = plan.kind.reshape(-1)
+    turns = (TURNS[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
+    beside: dict[int, list[int]] = {}  # cell: slots that are served from it
+    for slot, cells in enumerate(access):
+        for cell in cells:
+            beside.setdefault(cell, []).append(slot)
+    cost = [[math.inf] * kind.size for _ in (0, 1)]
+    front = [(0.0, cell, axis) for cell in goals for axis in (0, 1)]
+    through: set[int] = set()
+    while front:
+        so_far, cell, axis = heapq.heappop(front)
+        if so_far >= cost[axis][cell]:
+            continue
+        cost[axis][cell] = so_far
+        for direction in (axis, axis + 2):
+            if back[cell] >> direction & 1:
+                heapq.heappush(front, (so_far + price.move, cell + offsets[direction], axis))
+        if turns[cell]:
+            heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
+        for slot in beside.get(cell, ()):
+            if slot not in through:  # set down there, taken up from any side
+                through.add(slot)
+                for other in access[slot]:
+                    if other != NIL:
+                        both = ((so_far + price.handling, other, one) for one in (0, 1))
+                        for state in both:
+                            heapq.heappush(front, state)
+    return cost
+
+
+def _visits(resolved: Resolved) -> bool:
+    listed = resolved.scenario.orders.listed
+    return listed is not None and any(line.source == line.target for line in listed)
+
+
+def _held(battery: Battery | None) -> float:
+    start = 0.0 if battery is None else battery.start
+    if isinstance(start, ChargeRange):
+        return start.most
+    return max(start) if isinstance(start, tuple) else start
+
+
+def _given(resolved: Resolved) -> float:
+    battery = resolved.scenario.battery
+    if battery is None:
+        return 0.0
+    charge = battery.charge
+    rate = max(step[1] for step in charge) if isinstance(charge, tuple) else charge
+    return float(rate * np.count_nonzero(resolved.plan.kind == CHARGER))
+
+
+def _mended(resolved: Resolved) -> float:
+    faults = resolved.scenario.faults
+    if resolved.scenario.battery is None or faults.tow_after is None or faults.repair is None:
+        return 0.0
+    return 100.0 / max(1, faults.tow_after + faults.repair)

@@ -1,0 +1,1 @@
+"""How many robots are enough? A search that says how sure its answer is."""

@@ -1,0 +1,107 @@
+"""Fleets that may be an answer: their runs so far, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.sizing.question import Question
+from automaton.statistics.intervals import Interval, mean_interval
+from automaton.statistics.selection import BATCH, batches, feasible
+from automaton.statistics.shares import Verdict, confidence_sequence
+
+
+class Place(NamedTuple):
+    """What is run."""
+
+    robots: int
+    strategy: str = ""  # a setting; "": the scenario's own
+    percent: int = 0  # by how much durations are longer
+
+
+class Run(NamedTuple):
+    """What is kept of a run."""
+
+    finished: bool
+    figures: dict[str, float | int]
+
+
+Runner = Callable[[Place, int, int], Sequence[Run]]  # place, first replication, number of runs
+
+
+@dataclass
+class Candidate:
+    """One fleet with one strategy."""
+
+    place: Place
+    runs: list[Run] = field(default_factory=list)
+    verdict: Verdict = "undecided"
+    after: int = 0  # runs when the verdict fell
+    excluded: str = ""  # the bound that it cannot meet; no run was needed
+
+    def add(self, runs: Sequence[Run], asked: Question) -> None:
+        """Take further runs, and judge unless that is done."""
+        self.runs += runs
+        if self.verdict == "undecided":
+            self.verdict, self.after = judged(self.runs, asked)
+
+    def values(self, metric: str) -> list[float]:
+        """A metric of the runs that finished."""
+        return [float(run.figures[metric]) for run in self.runs if run.finished]
+
+    @property
+    def censored(self) -> int:
+        """Runs that did not finish."""
+        return sum(not run.finished for run in self.runs)
+
+    def met(self, asked: Question) -> int:
+        """Runs that meet the target."""
+        return sum(meets(run, asked) for run in self.runs)
+
+    def share(self, asked: Question) -> Interval:
+        """The share of runs that meet the target; holds although the search decided when to stop."""
+        return confidence_sequence(self.met(asked), len(self.runs), 1 - asked.error)
+
+    def mean(self, metric: str) -> Interval | None:
+        """The mean of a metric over the runs that finished, or None."""
+        values = self.values(metric)
+        return mean_interval(values) if values else None
+
+
+def meets(run: Run, asked: Question) -> bool:
+    """Whether a run meets the target; one that did not finish does not."""
+    return run.finished and asked.target.met(float(run.figures[asked.target.metric]))
+
+
+def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
+    """The verdict on a candidate from its runs in their order, and after how many it fell."""
+    if not asked.mean:
+        return asked.share_test.verdict(meets(run, asked) for run in runs)
+    for number, run in enumerate(runs, 1):
+        if not run.finished:
+            return "fails", number  # its mean is not known
+    sign = 1.0 if asked.target.at_most else -1.0
+    values = np.array([float(run.figures[asked.target.metric]) for run in runs]) * sign
+    verdict, after = feasible(batches(values), sign * asked.target.value, asked.region)
+    return verdict, min(BATCH * after, len(runs)) if verdict != "undecided" else len(runs)
+
+
+def lost_by_cause(candidate: Candidate) -> dict[str, float]:
+    """Mean ticks of a run that robots lose, by cause, without those of nothing; runs censored too."""
+    names = [name for name in _names(candidate) if name.startswith("lost_") or name == "slowed"]
+    means = {name: mean_of(candidate, name) for name in names}
+    return {name: value for name, value in means.items() if value > 0}
+
+
+def mean_of(candidate: Candidate, name: str) -> float:
+    """The mean of a figure over all runs, those that did not finish included; NaN without any."""
+    values = [float(run.figures[name]) for run in candidate.runs if name in run.figures]
+    return math.fsum(values) / len(values) if values else math.nan
+
+
+def _names(candidate: Candidate) -> list[str]:
+    return list(dict.fromkeys(name for run in candidate.runs for name in run.figures))

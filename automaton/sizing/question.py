@@ -1,0 +1,144 @@
+"""What is asked: a target for a metric, fleets to try, and how sure the answer must be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from automaton.errors import InputError, nearest
+from automaton.glossary import GLOSSARY
+from automaton.statistics.selection import BATCH, FIRST, Region, region
+from automaton.statistics.shares import ShareTest, share_test
+
+SHARE, ZONE, ERROR, BUDGET = 0.95, 0.02, 0.05, 20_000
+MEAN_ZONE: Final = 0.01  # of the target, where a mean is asked for without a zone
+MOST_ROBOTS: Final = 1_000_000
+
+_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S+)\s*")
+_RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
+
+
+class Target(NamedTuple):
+    """What a run must reach."""
+
+    metric: str
+    at_most: bool  # else at least
+    value: float  # in the metric's unit
+
+    def met(self, value: float) -> bool:
+        """Whether a run with this value meets it."""
+        return value <= self.value if self.at_most else value >= self.value
+
+    @property
+    def text(self) -> str:
+        """As it is typed."""
+        return f"{self.metric} {'<=' if self.at_most else '>='} {shown(self.value)}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of the metric; of what strategies count: times."""
+        return GLOSSARY.get(self.metric, ("times", ""))[0]
+
+
+def shown(value: float) -> str:
+    """A value of a target, with separators."""
+    return f"{value:,.0f}" if float(value).is_integer() else f"{value:,g}"
+
+
+class Question(NamedTuple):
+    """What is to be found out, completely; part of every report."""
+
+    target: Target
+    first: int  # the fleets that may be an answer
+    last: int
+    strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): as it is
+    share: float = SHARE
+    zone: float = ZONE  # of the share; of a mean in the metric's unit
+    error: float = ERROR
+    budget: int = BUDGET  # runs
+    mean: bool = False  # the mean must meet the target, not a share of the runs
+
+    @property
+    def candidates(self) -> int:
+        """Over how many the error is shared."""
+        return (self.last - self.first + 1) * len(self.strategies)
+
+    @property
+    def share_test(self) -> ShareTest:
+        """The test of one candidate's share."""
+        return share_test(self.share, self.zone, self.error / self.candidates)
+
+    @property
+    def region(self) -> Region:
+        """The region of one candidate's mean."""
+        return region(self.zone, self.error / self.candidates)
+
+    @property
+    def fewest(self) -> int:
+        """Runs of a candidate after which it can pass at the earliest."""
+        return BATCH * FIRST if self.mean else self.share_test.fewest
+
+
+def question(
+    target: Target,
+    robots: tuple[int, int],
+    strategies: tuple[str, ...] = ("",),
+    share: float = SHARE,
+    zone: float | None = None,
+    error: float = ERROR,
+    budget: int = BUDGET,
+    mean: bool = False,
+) -> Question:
+    """A checked question. Raises InputError."""
+    if zone is None:
+        zone = MEAN_ZONE * abs(target.value) if mean else ZONE
+    asked = Question(target, *robots, strategies, share, zone, error, budget, mean)
+    if not 0 < error < 0.5:
+        raise InputError(f"--error {error:g}: an error lies between 0 and 0.5")
+    if mean and zone <= 0:
+        raise InputError("--zone of a mean must be above 0, in the unit of the metric")
+    if not mean:
+        try:
+            share_test(share, zone, 0.01)
+        except ValueError as problem:
+            raise InputError(f"--share and --zone: {problem}") from None
+    if budget < asked.fewest:
+        raise InputError(f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}")
+    return asked
+
+
+def read_target(text: str, counted: Mapping[str, object] | None = None) -> Target:
+    """A target such as "T_total<=3000", "utilization>=60%". Raises InputError."""
+    found = _TARGET.fullmatch(text)
+    if found is None:
+        raise InputError(f"--target '{text}' is none; expected METRIC<=VALUE or METRIC>=VALUE")
+    metric, sign, number = found[1], found[2], found[3]
+    if sign not in ("<=", ">="):
+        raise InputError(f"--target '{text}': say <= or >=, not {sign}")
+    if metric not in GLOSSARY and metric not in (counted or {}):
+        hint = nearest(metric, GLOSSARY) or f"; there are {', '.join(GLOSSARY)}"
+        raise InputError(f"--target: no metric is called '{metric}'{hint}")
+    return Target(metric, sign == "<=", _number(number, text))
+
+
+def _number(text: str, whole: str) -> float:
+    digits = text.removesuffix("%").replace(",", "").replace("_", "")
+    try:
+        value = float(digits)
+    except ValueError:
+        raise InputError(f"--target '{whole}': '{text}' is not a number") from None
+    if value != value or value in (float("inf"), float("-inf")):
+        raise InputError(f"--target '{whole}': '{text}' is not a number")
+    return value / 100 if text.endswith("%") else value
+
+
+def read_robots(text: str) -> tuple[int, int]:
+    """Fleets such as "1..12", or "5" for one alone. Raises InputError."""
+    found = _RANGE.fullmatch(text)
+    if found is None:
+        raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
+    first, last = int(found[1] or found[3]), int(found[2] or found[3])
+    if not 1 <= first <= last <= MOST_ROBOTS:
+        raise InputError(f"--robots '{text}': expected FIRST..LAST with 1 <= FIRST <= LAST")
+    return first, last

@@ -1,0 +1,110 @@
+"""The answer of `automaton size` as one JSON object; times are in ticks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
+from automaton.sizing.follow_up import Gain, Moved
+from automaton.sizing.question import Question
+from automaton.sizing.report import USES
+from automaton.sizing.search import Search
+from automaton.sizing.session import Session
+from automaton.statistics.effects import Effect
+from automaton.statistics.intervals import Interval
+
+
+def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, Any]:
+    """Everything that the text tells; the same for any number of workers."""
+    asked, place = session.asked, session.place
+    return {
+        "scenario": name,
+        "seed": seed,
+        "target": {
+            "metric": asked.target.metric,
+            "sense": "<=" if asked.target.at_most else ">=",
+            "value": asked.target.value,
+            "unit": asked.target.unit,
+        },
+        "estimand": "mean" if asked.mean else "share",
+        "share": None if asked.mean else asked.share,
+        "zone": asked.zone,
+        "error": asked.error,
+        "candidates": asked.candidates,
+        "budget": asked.budget,
+        "spent": session.spent,
+        "complete": session.complete,
+        "robots": None if place is None else place.robots,
+        "strategy": None if place is None else place.strategy,
+        "settled": session.settled,
+        "price": place.robots * price if price and place is not None else None,
+        "answers": [search_as_json(one, session) for one in session.searches],
+        "best": None if session.best is None else session.best._asdict(),
+        "sensitivity": [moved_as_json(moved, asked) for moved in session.moved],
+    }
+
+
+def search_as_json(search: Search, session: Session) -> dict[str, Any]:
+    """One strategy."""
+    gain = session.gains.get(search.strategy)
+    return {
+        "strategy": search.strategy,
+        **search.answer._asdict(),
+        "spent": search.spent,
+        "candidates": [candidate_as_json(one, session.asked) for one in search.candidates],
+        "gain": None if gain is None else gain_as_json(gain),
+    }
+
+
+def candidate_as_json(candidate: Candidate, asked: Question) -> dict[str, Any]:
+    """One fleet."""
+    share = candidate.share(asked)
+    mean = candidate.mean(asked.target.metric)
+    return {
+        "robots": candidate.place.robots,
+        "runs": len(candidate.runs),
+        "met": candidate.met(asked),
+        "unfinished": candidate.censored,
+        "verdict": candidate.verdict,
+        "after": candidate.after,
+        "excluded": candidate.excluded or None,
+        "share": interval_as_json(share) if candidate.runs else None,
+        "mean": None if mean is None else interval_as_json(mean),
+        "lost": lost_by_cause(candidate),
+        "use": {
+            what: mean_of(candidate, name)
+            for name, what in USES.items()
+            if any(name in run.figures for run in candidate.runs)
+        },
+    }
+
+
+def interval_as_json(interval: Interval) -> dict[str, Any]:
+    """A figure with its interval."""
+    return interval._asdict()
+
+
+def gain_as_json(gain: Gain) -> dict[str, Any]:
+    """What the last robot gains."""
+    return {
+        "robots": gain.robots,
+        "effect": None if gain.effect is None else effect_as_json(gain.effect),
+    }
+
+
+def effect_as_json(effect: Effect) -> dict[str, Any]:
+    """A difference with its interval, and what pairing would do."""
+    return {
+        **effect._asdict(),
+        "difference": interval_as_json(effect.difference),
+        "relative": None if effect.relative is None else interval_as_json(effect.relative),
+    }
+
+
+def moved_as_json(moved: Moved, asked: Question) -> dict[str, Any]:
+    """The fleets around the answer under other durations."""
+    return {
+        "percent": moved.percent,
+        "smallest": moved.smallest(asked),
+        "fleets": [candidate_as_json(one, asked) for one in moved.fleets],
+    }

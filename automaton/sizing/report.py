@@ -1,0 +1,294 @@
+"""The answer of `automaton size` as text: the question, the answer, and how it was found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from automaton.glossary import GLOSSARY
+from automaton.run_report import plain_table, print_table
+from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
+from automaton.sizing.follow_up import MOVES_LATE, OFF, Best, Gain, Moved
+from automaton.sizing.question import Question, shown
+from automaton.sizing.search import Search
+from automaton.sizing.session import Session
+from automaton.statistics.intervals import Interval
+from automaton.units import count, number, percent
+
+USES = {"station_use": "stations", "charger_use": "chargers", "utilization": "robots"}
+MOST_CAUSES = 4
+LEAST_SHOWN = 0.0005  # of the robots' time
+WIDTH = 100  # a table of figures is no text to be folded
+
+
+def print_answer(out: Console, session: Session, name: str, ends: str, price: float) -> None:
+    """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
+    asked = session.asked
+    out.print(f"{name}: how many robots so that {asked.target.text} {unit_of(asked)}?")
+    out.print()
+    for line in headline(session, price):
+        out.print(line, soft_wrap=True)
+    for search in session.searches:
+        out.print()
+        out.width = max(out.width, WIDTH)
+        print_search(out, search, session, len(asked.strategies) > 1)
+    for lines in (best_lines(session.best), moved_lines(session, asked)):
+        if lines:
+            out.print()
+        for line in lines:
+            out.print(line, soft_wrap=True)
+    out.print()
+    for line in method(session, ends):
+        out.print(line, soft_wrap=True)
+
+
+def unit_of(asked: Question) -> str:
+    """The unit of the metric; shares have none."""
+    return "" if asked.target.unit == "share" else asked.target.unit
+
+
+def headline(session: Session, price: float) -> Iterator[str]:
+    """The answer for each strategy, in a sentence."""
+    several = len(session.asked.strategies) > 1
+    for search in session.searches:
+        who = f"{label(search.strategy)}: " if several else "Answer: "
+        yield who + sentence(search, session) + priced(search, price)
+    place = session.place
+    if several and place is not None:
+        known = "" if session.settled else " known to meet it"
+        yield f"Smallest fleet{known}: {count(place.robots, 'robot')} with {label(place.strategy)}"
+    if not session.complete:
+        yield "Interrupted: what follows is what was known then"
+
+
+def label(strategy: str) -> str:
+    """A strategy in words: "allocation cooperative"."""
+    layer, _, choice = strategy.removeprefix("strategy.").partition("=")
+    return f"{layer.replace('_', ' ')} {choice}" if strategy else "as the scenario says"
+
+
+def sentence(search: Search, session: Session) -> str:
+    """What is known of one strategy."""
+    answer, last = search.answer, session.asked.last
+    if answer.kind == "answered":
+        return count(answer.robots or 0, "robot")
+    if answer.kind == "not reachable":
+        return f"not reachable up to {count(last, 'robot')}"
+    upper = f"{answer.robots}" if answer.robots else f"{last}, or more"
+    why = "the budget is spent" if session.complete else "interrupted"
+    return f"undecided between {answer.least} and {upper} ({why})"
+
+
+def priced(search: Search, price: float) -> str:
+    """What the answer costs."""
+    if not price or search.answer.robots is None:
+        return ""
+    return f", {number(search.answer.robots * price)} at {number(price)} each"
+
+
+def print_search(out: Console, search: Search, session: Session, several: bool) -> None:
+    """The candidates of one strategy, one by one, and what the deciding one loses time with."""
+    asked = session.asked
+    if several:
+        out.print(label(search.strategy))
+    print_table(out, candidates_table(search, asked))
+    for one in search.candidates:
+        if one.excluded:
+            out.print(f"{one.place.robots}: no run needed, {one.excluded}", soft_wrap=True)
+    shown_one = search.find(search.answer.robots or 0) or last_run(search)
+    if shown_one is not None and shown_one.runs:
+        for line in spent_time(shown_one):
+            out.print(line, soft_wrap=True)
+    gain = session.gains.get(search.strategy)
+    if gain is not None:
+        for line in gain_lines(gain, asked):
+            out.print(line, soft_wrap=True)
+
+
+def last_run(search: Search) -> Candidate | None:
+    """The largest candidate that was run."""
+    return next((one for one in reversed(search.candidates) if one.runs), None)
+
+
+def candidates_table(search: Search, asked: Question) -> Table:
+    """Robots, runs, how many met the target, the interval of the share, the mean, the verdict."""
+    level = percent(1 - asked.error, 0)
+    table = plain_table(
+        "robots", "runs", "met", "unfinished", f"share, {level}", f"mean {asked.target.metric}"
+    )
+    table.add_column("verdict", no_wrap=True)
+    for one in search.candidates:
+        if one.excluded:
+            table.add_row(str(one.place.robots), "0", "-", "-", "-", "-", "fails (bound)")
+            continue
+        mean = one.mean(asked.target.metric)
+        table.add_row(
+            str(one.place.robots),
+            f"{len(one.runs):,}",
+            f"{one.met(asked):,}",
+            f"{one.censored:,}",
+            between(one.share(asked)) if one.runs else "-",
+            "-" if mean is None else with_half(mean),
+            one.verdict + (f" after {one.after:,}" if one.verdict != "undecided" else ""),
+        )
+    return table
+
+
+def between(interval: Interval) -> str:
+    """A share with its interval."""
+    low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
+    return f"{interval.value:.3f} ({low:.3f} to {high:.3f})"
+
+
+def with_half(interval: Interval) -> str:
+    """A mean with half of its interval."""
+    half = interval.half
+    return number(interval.value) + ("" if half is None else f" +- {number(half)}")
+
+
+def spent_time(candidate: Candidate) -> Iterator[str]:
+    """What a run loses time with, by cause, and how busy robots, stations and chargers are."""
+    robots = candidate.place.robots
+    lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
+    whole = robots * mean_of(candidate, "T_total")
+    lost = [(name, ticks) for name, ticks in lost if ticks >= LEAST_SHOWN * whole]
+    if lost and whole > 0:
+        causes = [
+            f"{percent(ticks / whole)} {GLOSSARY[name][1].split(':')[0].split(',')[0]}"
+            for name, ticks in lost[:MOST_CAUSES]
+        ]
+        yield f"Robot time lost with {count(robots, 'robot')}: {'; '.join(causes)}"
+    uses = [
+        f"{what} {percent(mean_of(candidate, name))}"
+        for name, what in USES.items()
+        if not math.isnan(mean_of(candidate, name))
+    ]
+    if uses:
+        yield f"Time in use: {', '.join(uses)}"
+
+
+def gain_lines(gain: Gain, asked: Question) -> Iterator[str]:
+    """What the last robot does for the metric."""
+    if gain.effect is None:
+        return
+    effect, metric = gain.effect, asked.target.metric
+    relative = "" if effect.relative is None else f", {100 * effect.relative.value:+.1f} %"
+    yield (
+        f"The last robot ({gain.robots - 1} -> {gain.robots}) changes mean {metric} by "
+        f"{interval_text(effect.difference)}{relative}"
+    )
+
+
+def interval_text(interval: Interval) -> str:
+    """A difference with its interval."""
+    if interval.low is None or interval.high is None:
+        return f"{interval.value:+,.4g}"
+    return f"{interval.value:+,.4g} ({interval.low:+,.4g} to {interval.high:+,.4g})"
+
+
+def best_lines(best: Best | None) -> list[str]:
+    """Which strategy is best with the same number of robots."""
+    if best is None:
+        return []
+    pairs = zip(best.strategies, best.means, strict=True)
+    means = ", ".join(f"{label(name)} {number(mean)}" for name, mean in pairs)
+    runs = f"{count(best.runs, 'run')} each; differences below {number(best.zone)} do not matter"
+    head = f"With {count(best.robots, 'robot')} (Kim & Nelson, {runs}): {means}"
+    if len(best.left) == 1:
+        return [head, f"Best: {label(best.left[0])}"]
+    return [head, f"Not told apart: {', '.join(map(label, best.left))}"]
+
+
+def moved_lines(session: Session, asked: Question) -> list[str]:
+    """How the answer moves if durations are off."""
+    place = session.place
+    if place is None:
+        return []
+    lines = []
+    for percent_off in OFF:
+        how = f"Durations {abs(percent_off)} % {'longer' if percent_off > 0 else 'shorter'}: "
+        moved = next((one for one in session.moved if one.percent == percent_off), None)
+        if moved is not None:
+            lines.append(how + moved_line(moved, asked))
+            lines.append(f"  ({changed(session.changes[percent_off])})")
+        elif percent_off not in session.changes:
+            lines.append(how + "not examined, they are too short for that in whole ticks")
+        else:
+            lines.append(how + "not examined, the budget is spent")
+    return lines
+
+
+def changed(settings: Sequence[str]) -> str:
+    """What makes durations longer or shorter: "turn 24, pick 10, moves a tick longer in 10 %"."""
+    parts = [setting.removeprefix("durations.").replace("=", " ") for setting in settings]
+    late = f"{MOVES_LATE}="
+    return ", ".join(
+        f"moves a tick longer in {percent(float(part.partition(' ')[2]), 0)}"
+        if setting.startswith(late)
+        else part
+        for setting, part in zip(settings, parts, strict=True)
+    )
+
+
+def moved_line(moved: Moved, asked: Question) -> str:
+    """One sentence for a change of durations."""
+    found = moved.smallest(asked)
+    shares = ", ".join(
+        f"{one.place.robots}: "
+        + (
+            f"{number(mean.value) if (mean := one.mean(asked.target.metric)) else '-'}"
+            if asked.mean
+            else f"{percent(one.met(asked) / len(one.runs), 0)}"
+        )
+        for one in moved.fleets
+    )
+    last = moved.fleets[-1].place.robots
+    answer = f"more than {last} robots" if found is None else count(found, "robot")
+    if found == moved.fleets[0].place.robots and found > 1:
+        answer += " or fewer"
+    runs = len(moved.fleets[0].runs)
+    what = "mean" if asked.mean else "share"
+    return f"{answer} ({what} by robots, {runs} runs each: {shares})"
+
+
+def method(session: Session, ends: str) -> Iterator[str]:
+    """What the answer means, what was spent, and what it rests on."""
+    asked = session.asked
+    sure = percent(1 - asked.error, 0)
+    if asked.mean:
+        yield f"Estimand: the mean of {asked.target.metric} over runs with seeds of their own."
+        zone = f"{shown(asked.zone)} {unit_of(asked)}".strip()
+        yield (
+            f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
+            "target by that much passes and every one worse by that much fails; between them either "
+            "may happen."
+        )
+        test = "Batur & Kim's region on means of 10 runs, 20 of them at first"
+    else:
+        yield (
+            f"Estimand: the share of runs, each with a seed of its own, that reach {asked.target.text}; "
+            f"wanted {percent(asked.share)}."
+        )
+        low, high = asked.share - asked.zone, asked.share + asked.zone
+        yield (
+            f"Zone {asked.zone:g}: with probability {sure} every fleet that reaches it in "
+            f"{percent(high)} of runs or more passes and every one in {percent(low)} or fewer fails; "
+            "between them either may happen."
+        )
+        test = "Wald's sequential test"
+    yield (
+        f"Each fleet by {test}, error {asked.error:g} / {asked.candidates} each; none is inferred from "
+        "another. Intervals of shares are confidence sequences, which stopping does not spoil; "
+        "means are for orientation."
+    )
+    yield (
+        f"Spent {session.spent:,} of {asked.budget:,} runs, {session.after:,} of them after the search. "
+        + ends
+    )
+    yield (
+        "Assumed: runs with different seeds are independent; replication r has the same seed, and "
+        "so the same demand, for every fleet; durations and orders are as the scenario says."
+    )

@@ -1,0 +1,147 @@
+"""Runs for a search: fleets of one scenario, over the cores, replication by replication.
+
+Replication r has the same seed for every fleet and strategy, hash(seed, r): the same demand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.experiments.keys import seed_of
+from automaton.headless import run_to_end
+from automaton.metrics import executed_ticks, metrics_of
+from automaton.rounds import Rounds
+from automaton.scenario.bounds import bounds, least_ticks, most_throughput
+from automaton.scenario.resolve import Resolved, resolve
+from automaton.scenario.schema import Durations
+from automaton.simulation import Simulation
+from automaton.sizing.candidates import Place, Run
+from automaton.sizing.follow_up import MOVES_LATE, OFF
+from automaton.sizing.question import Question, Target
+from automaton.tasks import TASK_METRICS
+from automaton.world.cells import CHARGER, STATION
+from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
+
+STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
+CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
+
+
+def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
+    """Run to the end; the metrics, and how busy stations and chargers were."""
+    run_to_end(simulation)
+    world, plan = simulation.world, simulation.resolved.plan
+    ticks = executed_ticks(world).sum((0, 2))
+    elapsed = max(1, int(world.clock[TICK]))
+    figures = metrics_of(simulation)
+    stations, chargers = (int(np.count_nonzero(plan.kind == k)) for k in (STATION, CHARGER))
+    if stations:
+        figures[STATION_USE] = float(ticks[[PICK, DROP, TRY_DROP]].sum()) / (stations * elapsed)
+    if chargers and world.rules.battery:
+        figures[CHARGER_USE] = float(ticks[CHARGE].sum()) / (chargers * elapsed)
+    return figures
+
+
+class Fleets:
+    """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
+
+    def __init__(
+        self, scenario: str, settings: Sequence[str], seed: int | None, rounds: Rounds
+    ) -> None:
+        self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
+        self.base = resolve(scenario, settings)
+        self.seed = self.base.scenario.seed if seed is None else seed
+        self.resolved = cache(self._resolved)  # of a place
+
+    def __call__(self, place: Place, first: int, number: int) -> list[Run]:
+        """Replications first .. first + number - 1."""
+        resolved = self.resolved(place)
+        seeds = replication_seeds(self.seed, first, number)
+        results = self._rounds.run([(resolved, seed) for seed in seeds])
+        return [Run(result.finished, result.metrics) for result in results]
+
+    def _resolved(self, place: Place) -> Resolved:
+        changes = [f"fleet.robots={place.robots}", *([place.strategy] if place.strategy else [])]
+        if place.percent:
+            changes += longer(self.base, place.percent)
+        return resolve(self._scenario, (*self._settings, *changes))
+
+    def check(self, asked: Question) -> None:
+        """That the largest fleets can be run. Raises InputError."""
+        for strategy in asked.strategies:
+            for robots in sorted({asked.first, asked.last}):
+                try:
+                    self.resolved(Place(robots, strategy))
+                except InputError as error:
+                    if isinstance(self.base.scenario.fleet.start, tuple):
+                        hint = "; fleets of other sizes start elsewhere: --set fleet.start=random"
+                        raise InputError(error.message + hint, error.file, error.line) from None
+                    raise
+
+    def excluded(self, asked: Question) -> dict[int, str]:
+        """The candidates that no strategy can help, each with the bound that excludes it."""
+        found = bounds(self.base)
+        reasons = {}
+        for robots in range(asked.first, asked.last + 1):
+            target, why = asked.target, ""
+            if target.metric == "T_total" and target.at_most and self.ends_with_orders:
+                least, reason = least_ticks(found, robots)
+                if least > target.value:
+                    many = f"at least {least:,.0f} ticks" if math.isfinite(least) else "without end"
+                    why = f"T_total is {many}: {reason}"
+            if target.metric == "throughput" and not target.at_most:
+                most, reason = most_throughput(found, robots)
+                if most < target.value:
+                    why = f"throughput is at most {most:,.3g}: {reason}"
+            if why:
+                reasons[robots] = why
+        return reasons
+
+    @property
+    def changes(self) -> dict[int, list[str]]:
+        """By how many percent durations can be longer, and the settings that make them so."""
+        found = {percent: longer(self.base, percent) for percent in OFF}
+        return {percent: settings for percent, settings in found.items() if settings}
+
+    @property
+    def ends_with_orders(self) -> bool:
+        """Whether a run ends when all is delivered, and not at a given tick."""
+        return self.base.scenario.stop.when != "never"
+
+
+def check_measured(target: Target, run: Run) -> None:
+    """That runs have the metric of the target. Raises InputError."""
+    if target.metric not in run.figures:
+        known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
+        hint = "; say measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
+        raise InputError(
+            f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
+        )
+
+
+def replication_seeds(seed: int, first: int, number: int) -> list[int]:
+    """The seeds of replications, those of a sweep: they depend on `seed` and the replication."""
+    return [seed_of(f"{seed} {replication}") for replication in range(first, first + number)]
+
+
+def longer(resolved: Resolved, percent: int) -> list[str]:
+    """Settings that make all durations longer by so many percent, or shorter; in whole ticks.
+
+    Where moves take few ticks, a tick more by chance makes them longer; shorter they cannot be.
+    """
+    scenario = resolved.scenario
+    settings = []
+    for name in Durations.__struct_fields__:
+        ticks = getattr(scenario.durations, name)
+        other = round(ticks * (1 + percent / 100))
+        if other != ticks:
+            settings.append(f"durations.{name}={other}")
+    chance = scenario.durations.move * percent / 100
+    moves_as_before = not any(setting.startswith("durations.move=") for setting in settings)
+    if moves_as_before and percent > 0 and not scenario.world.extra_tick and chance <= 1:
+        settings.append(f"{MOVES_LATE}={chance:g}")
+    return settings

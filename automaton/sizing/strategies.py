@@ -1,0 +1,33 @@
+"""Strategies that a search compares, by their names."""
+
+from __future__ import annotations
+
+from automaton.errors import InputError, nearest
+from automaton.scenario.schema import LAYERS
+from automaton.strategy import lookup
+
+
+def strategies_named(text: str) -> tuple[str, ...]:
+    """Settings for strategies such as "independent,cooperative" or "routing=astar".
+
+    Raises InputError for unknown names.
+    """
+    found = []
+    for name in (part.strip() for part in text.split(",")):
+        layer, equals, choice = name.partition("=")
+        if equals:
+            found.append(f"strategy.{layer.removeprefix('strategy.').strip()}={choice.strip()}")
+            continue
+        layers = [layer for layer in LAYERS if name in lookup.names(layer)]
+        if ":" in name:
+            layers = ["allocation"]
+        if not layers or name == lookup.NONE:
+            known = [known for layer in LAYERS for known in lookup.names(layer)]
+            raise InputError(
+                f"--strategies: no strategy is called '{name}'{nearest(name, known)}; "
+                "or say LAYER=NAME"
+            )
+        found.append(f"strategy.{layers[0]}={name}")
+    if len(set(found)) < len(found):
+        raise InputError("--strategies names a strategy twice")
+    return tuple(found)

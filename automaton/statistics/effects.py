@@ -1,0 +1,150 @@
+"""Effects: by how much one set of runs differs from another, with an interval.
+
+paired     mean and interval of the differences of runs with the same seed
+unpaired   difference of means; Welch's interval with the degrees of freedom of Satterthwaite (1946)
+relative   a / b - 1; by the delta method on log a - log b, which stays correct for skewed ratios
+
+Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
+tells the correlation r and the variance ratio var(a - b) / (var a + var b); above 1 pairing loses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.statistics.addressed import resamples
+from automaton.statistics.intervals import (
+    BOOTSTRAP_SEED,
+    ENOUGH,
+    LEVEL,
+    RESAMPLES,
+    Interval,
+    Values,
+    bca,
+    checked,
+    constant,
+    expanded,
+    few,
+    mean_interval,
+)
+from automaton.statistics.student import normal_quantile, student, tails
+
+
+class Effect(NamedTuple):
+    """a against b."""
+
+    difference: Interval  # mean a - mean b, in the unit of the runs
+    relative: Interval | None  # a / b - 1; None unless both means are above 0
+    p: float  # two-sided, of no difference
+    paired: bool
+    correlation: float | None  # of runs with the same seed; None if they are no pairs
+    variance_ratio: float | None  # below 1: pairing helps
+
+    @property
+    def pairing(self) -> str:
+        """One phrase on what pairing does; "" if the runs are no pairs."""
+        if self.correlation is None or self.variance_ratio is None:
+            return ""
+        figures = f"correlation {self.correlation:+.2f}, variance ratio {self.variance_ratio:.2f}"
+        helps = "pairing helps" if self.variance_ratio < 0.95 else "pairing does not help"
+        return f"{figures}: {helps}"
+
+
+def effect(
+    a: Sequence[float] | Values,
+    b: Sequence[float] | Values,
+    paired: bool = False,
+    level: float = LEVEL,
+) -> Effect:
+    """The effect of a against b. Raises ValueError: fewer than 2 runs, or pairs of unequal number."""
+    x, y = checked(a, 2), checked(b, 2)
+    pairs = len(x) == len(y)
+    if paired and not pairs:
+        raise ValueError(f"{len(x)} and {len(y)} runs are no pairs")
+    difference = mean_interval(x - y, level) if paired else unpaired(x, y, level)
+    return Effect(
+        difference=difference,
+        relative=relative(x, y, paired, level),
+        p=_p_value(x, y, paired),
+        paired=paired,
+        correlation=correlation(x, y) if pairs else None,
+        variance_ratio=variance_ratio(x, y) if pairs else None,
+    )
+
+
+def correlation(x: Values, y: Values) -> float:
+    """Pearson's r of pairs; 0 where one of them does not vary."""
+    if constant(x) or constant(y):
+        return 0.0
+    return float(np.corrcoef(x, y)[0, 1])
+
+
+def variance_ratio(x: Values, y: Values) -> float:
+    """var(x - y) / (var x + var y): 1 without correlation, less where pairing helps."""
+    apart = float(x.var(ddof=1) + y.var(ddof=1))
+    return float((x - y).var(ddof=1)) / apart if apart > 0 else 1.0
+
+
+def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
+    """mean x - mean y of independent samples: Welch from ENOUGH runs each, else BCa."""
+    difference, n = float(x.mean() - y.mean()), min(len(x), len(y))
+    error, degrees = _welch(x, y)
+    if n >= ENOUGH or error == 0:
+        half = student(degrees, level) * error
+        return Interval(difference, difference - half, difference + half, n, "Welch", level)
+    means = x[resamples(BOOTSTRAP_SEED, RESAMPLES, len(x))].mean(axis=1)
+    means = means - y[resamples(BOOTSTRAP_SEED + 1, RESAMPLES, len(y))].mean(axis=1)
+    influence = np.concatenate([(x - x.mean()) / len(x), (y.mean() - y) / len(y)])
+    low, high = bca(difference, means, influence, expanded(n, degrees, level))
+    warning = few(x if len(x) <= len(y) else y)
+    return Interval(difference, low, high, n, "BCa", level, warning)
+
+
+def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:
+    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0."""
+    a, b, n = float(x.mean()), float(y.mean()), min(len(x), len(y))
+    if a <= 0 or b <= 0:
+        return None
+    if paired:
+        scaled = x / a - y / b
+        error, degrees = float(scaled.std(ddof=1)) / math.sqrt(n), float(n - 1)
+    else:
+        error, degrees = _welch(x / a, y / b)
+    half, ratio = student(degrees, level) * error, a / b
+    low, high = ratio * math.exp(-half) - 1, ratio * math.exp(half) - 1
+    return Interval(ratio - 1, low, high, n, "delta", level)
+
+
+def share_interval(met: int, n: int, level: float = LEVEL) -> Interval:
+    """A share of n independent runs, n fixed beforehand (Wilson 1927)."""
+    if n < 1 or not 0 <= met <= n:
+        raise ValueError(f"{met} of {n} runs are no share")
+    z, p = normal_quantile((1 + level) / 2), met / n
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low = 0.0 if met == 0 else centre - half
+    return Interval(p, low, 1.0 if met == n else centre + half, n, "Wilson", level)
+
+
+def _welch(x: Values, y: Values) -> tuple[float, float]:
+    """Standard error of the difference of means, and its degrees of freedom."""
+    u, v = float(x.var(ddof=1)) / len(x), float(y.var(ddof=1)) / len(y)
+    if u + v <= 0:
+        return 0.0, float(len(x) + len(y) - 2)
+    share = u / (u + v)
+    return math.sqrt(u + v), 1 / (share**2 / (len(x) - 1) + (1 - share) ** 2 / (len(y) - 1))
+
+
+def _p_value(x: Values, y: Values, paired: bool) -> float:
+    if paired:
+        error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
+    else:
+        error, degrees = _welch(x, y)
+    difference = float(x.mean() - y.mean())
+    if error <= 1e-12 * abs(difference) or error == 0:
+        return 1.0 if difference == 0 else 0.0
+    return tails(difference / error, degrees)

@@ -1,0 +1,266 @@
+"""Whether the statistics keep their promises: long trials, run by hand.
+
+    python tests/statistics_trials.py coverage | search | pairing [STUDIES]
+
+Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from automaton.sizing.candidates import Place, Run
+from automaton.sizing.question import Question, Target, question
+from automaton.sizing.runner import replication_seeds
+from automaton.sizing.search import Search
+from automaton.statistics.effects import effect
+from automaton.statistics.intervals import ENOUGH, mean_interval
+from automaton.statistics.selection import batches, feasible, region, select_least
+from automaton.statistics.steady import (
+    Refused,
+    WarmUp,
+    batch_means,
+    mser5,
+    replication_deletion,
+)
+
+Values = Any
+STUDIES = 2000
+SIZES = (10, 20, 30, ENOUGH, 100)
+LOAD = 0.8
+CUSTOMERS = 1000
+
+
+def finishing_time(simulation: Any) -> dict[str, float | int]:
+    """A run of which only T_total is kept."""
+    from automaton.headless import run_to_end
+
+    run_to_end(simulation)
+    return {"T_total": simulation.tick}
+
+
+def tabletop_runs(number: int, *settings: str, seed: int = 1) -> Values:
+    """(number,) T_total of tabletop-1 with replications of one seed; kept between calls."""
+    from automaton.parallel import run_jobs
+    from automaton.scenario.resolve import resolve
+
+    name = "-".join(["tabletop-1", *settings, str(seed), str(number)]).replace("=", "")
+    path = Path(tempfile.gettempdir()) / f"automaton-trials-{name}.npy"
+    if path.exists():
+        return np.load(path)
+    resolved = resolve("tabletop-1", settings)
+    jobs = [(resolved, one) for one in replication_seeds(seed, 0, number)]
+    found = run_jobs(jobs, conduct=finishing_time)
+    values = np.array([float(result.metrics["T_total"]) for result in found])
+    np.save(path, values)
+    return values
+
+
+def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: bool = True) -> Values:
+    """(queues, customers) waiting times of M/M/1 at LOAD, service 1: W' = max(0, W + S - A)."""
+    found = np.zeros((queues, customers))
+    wait = np.zeros(queues)
+    if not from_empty:  # a steady state: 0 with probability 1 - load, else exponential
+        busy = rng.random(queues) < LOAD
+        wait = np.where(busy, rng.exponential(1 / (1 - LOAD), queues), 0.0)
+    for customer in range(customers):
+        found[:, customer] = wait
+        step = rng.exponential(1.0, queues) - rng.exponential(1 / LOAD, queues)
+        wait = np.maximum(0.0, wait + step)
+    return found
+
+
+def coverage(draw: Callable[[int, int], Values], truth: float, n: int, studies: int) -> float:
+    """The share of studies of n runs whose 95 % interval holds the truth."""
+    values = draw(studies, n)
+    return float(np.mean([mean_interval(row).holds(truth) for row in values]))
+
+
+def drawn_from(pool: Values, seed: int) -> Callable[[int, int], Values]:
+    """Studies of runs drawn from a pool: its mean is their truth."""
+    rng = np.random.default_rng(seed)
+    return lambda studies, n: pool[rng.integers(0, len(pool), (studies, n))]
+
+
+def shown(name: str, found: float, studies: int) -> bool:
+    error = np.sqrt(found * (1 - found) / studies)
+    print(f"{name:<62} {100 * found:6.2f} % +- {200 * error:.2f}", flush=True)
+    return True
+
+
+def coverages(studies: int = STUDIES, runs: int = 100_000) -> bool:
+    """Coverage of 95 % intervals; 93 to 97 % are promised at the default number of runs."""
+    rng = np.random.default_rng(1)
+    pool = tabletop_runs(runs, "fleet.robots=5")
+    queue = waits(rng, 4 * runs, CUSTOMERS // 4).mean(axis=1)
+    skew = float(((pool - pool.mean()) ** 3).mean() / pool.std() ** 3)
+    print(
+        f"table-top: {len(pool):,} runs, mean {pool.mean():.2f}, sd {pool.std():.1f}, skew {skew:.2f}"
+    )
+    print(f"M/M/1: {len(queue):,} runs, mean {queue.mean():.4f}, sd {queue.std():.3f}")
+    sources = {
+        "normal": (lambda s, n: rng.normal(10, 2, (s, n)), 10.0),
+        "table-top, cooperative, N = 5": (drawn_from(pool, 2), float(pool.mean())),
+        f"M/M/1, mean delay of {CUSTOMERS // 4} customers, from empty": (
+            drawn_from(queue, 3),
+            float(queue.mean()),
+        ),
+    }
+    kept = True
+    for name, (draw, truth) in sources.items():
+        for n in SIZES:
+            found = coverage(draw, truth, n, studies)
+            shown(f"{name}, n = {n}{'' if n >= ENOUGH else ' (warned)'}", found, studies)
+            kept &= n != ENOUGH or 0.93 <= found <= 0.97
+    return kept
+
+
+def steady_coverages(studies: int = STUDIES) -> bool:
+    """Coverage of the steady-state delay of M/M/1, LOAD / (1 - LOAD): the true value is known."""
+    rng, truth = np.random.default_rng(4), LOAD / (1 - LOAD)
+    held: dict[str, list[bool]] = {"replication-deletion": [], "batch means": []}
+    refused = {name: 0 for name in held}
+    for _ in range(studies):
+        series = waits(rng, 30, 5 * CUSTOMERS)
+        for name, interval in (
+            ("replication-deletion", lambda s=series: deleted(s)),
+            ("batch means", lambda: batch_means(waits(rng, 1, 100 * CUSTOMERS, False)[0])),
+        ):
+            if name == "batch means" and len(held[name]) + refused[name] >= studies // 10:
+                continue
+            try:
+                held[name].append(interval().holds(truth))
+            except Refused:
+                refused[name] += 1
+    for name, found in held.items():
+        shown(f"M/M/1 steady, {name} ({refused[name]} refused)", float(np.mean(found)), len(found))
+    return True
+
+
+def deleted(series: Values) -> Any:
+    cut: WarmUp = mser5(series)
+    return replication_deletion(series, cut.cut)
+
+
+def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., list[Run]]:
+    """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
+
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        missed = rng.random(number) >= shares[place.robots - 1]
+        return [Run(True, {"T_total": float(bad)}) for bad in missed]
+
+    return run
+
+
+def asked_of(shares: list[float]) -> Question:
+    return question(Target("T_total", True, 0.0), (1, len(shares)), budget=1_000_000)
+
+
+def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[float, float]:
+    """The share of searches with a wrong verdict, and the mean number of runs of a search."""
+    rng, asked = np.random.default_rng(seed), asked_of(shares)
+    wrong = spent = 0
+    for _ in range(studies):
+        search = Search(asked, "", synthetic(shares, rng), asked.budget)
+        search.go()
+        wrong += any(
+            (one.verdict == "meets") != (shares[one.place.robots - 1] > asked.share)
+            for one in search.candidates
+        )
+        spent += search.spent
+    return wrong / studies, spent / studies
+
+
+def wrong_means(
+    pool: Values, side: float, studies: int, error: float = 0.05
+) -> tuple[float, float]:
+    """Wrong verdicts on the mean when it lies just `side` zones (-1 or 1) off the bound."""
+    rng = np.random.default_rng(6)
+    zone = 0.01 * float(pool.mean())
+    limits, bound = region(zone, error), float(pool.mean()) - side * zone
+    wrong, runs = 0, 0
+    for _ in range(studies):
+        verdict, after, number = "undecided", 0, 4000
+        while verdict == "undecided":
+            sample = pool[rng.integers(0, len(pool), number)]
+            verdict, after = feasible(batches(sample), bound, limits)
+            number *= 2
+        wrong += verdict == ("meets" if side > 0 else "fails")
+        runs += 10 * after
+    return wrong / studies, runs / studies
+
+
+def wrong_selections(pool: Values, studies: int, systems: int = 3) -> float:
+    """How often Kim & Nelson miss the best of several, all others being one zone worse."""
+    rng = np.random.default_rng(8)
+    zone, wrong = 0.01 * float(pool.mean()), 0
+    for _ in range(studies):
+        means = [
+            batches(pool[rng.integers(0, len(pool), 4000)]) + zone * (index > 0)
+            for index in range(systems)
+        ]
+        wrong += select_least(means, zone, 0.05).left != (0,)
+    return wrong / studies
+
+
+def searches(studies: int = STUDIES) -> bool:
+    """Wrong answers at the boundaries; at most the error, and 2 standard errors, is promised."""
+    kept = True
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    cases = ([0.93], [0.97], [0.93] * 4 + [0.97], [0.93] * 8, [0.97] * 3)
+    for shares in cases:
+        wrong, runs = wrong_answers(list(shares), studies)
+        shown(f"wrong verdicts, shares {shares}, {runs:,.0f} runs", wrong, studies)
+        kept &= wrong <= most
+    pool = tabletop_runs(100_000, "fleet.robots=5")
+    for side in (-1, 1):
+        wrong, runs = wrong_means(pool, side, studies)
+        shown(
+            f"wrong verdicts, mean {side:+d} zone, table-top N = 5, {runs:,.0f} runs",
+            wrong,
+            studies,
+        )
+        kept &= wrong <= most
+    wrong = wrong_selections(pool, studies)
+    shown("wrong selections of 3, others one zone worse, table-top N = 5", wrong, studies)
+    return kept and wrong <= most
+
+
+def pairing(number: int = STUDIES) -> bool:
+    """Cooperative against independent with four robots: the published 30 %, and what pairing does."""
+    for robots in (1, 4):
+        fleet = f"fleet.robots={robots}"
+        a = tabletop_runs(number, fleet, "strategy.allocation=cooperative")
+        b = tabletop_runs(number, fleet, "strategy.allocation=independent")
+        found = effect(a, b)
+        relative = found.relative
+        assert relative is not None and relative.low is not None and relative.high is not None
+        print(
+            f"N = {robots}: T_total {a.mean():.1f} against {b.mean():.1f}: {100 * relative.value:.2f} % "
+            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; {found.pairing}"
+        )
+    return True
+
+
+def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
+    yield from {
+        "coverage": coverages,
+        "steady": steady_coverages,
+        "search": searches,
+        "pairing": pairing,
+    }.items()
+
+
+if __name__ == "__main__":
+    begun = time.perf_counter()
+    chosen = dict(parts())[sys.argv[1]]
+    good = chosen(*map(int, sys.argv[2:]))
+    print(f"{time.perf_counter() - begun:.0f} s")
+    sys.exit(0 if good else 1)

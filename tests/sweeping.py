@@ -1,0 +1,150 @@
+"""Small studies for the tests, and strategies that make trouble while they run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from automaton.experiments import Study, sweep
+from automaton.strategy.layer import Strategy
+from automaton.world.state import PARK
+
+TESTS = Path(__file__).parent
+TIMES = ("wall_s", "cpu_s")
+TROUBLE = "AUTOMATON_TEST_TROUBLE"  # a folder: what happens in there is written down
+
+STUDY = """name: small
+scenario: tabletop-mini
+factors:
+  fleet.robots: [1, 2]
+  strategy.allocation: [independent, cooperative]
+replications: {replications}
+seed: {seed}
+"""
+
+
+def small_study(folder: Path, replications: int = 6, seed: int = 1, **changes: str) -> Path:
+    """A study of 4 points; `changes`: what stands instead of what."""
+    text = STUDY.format(replications=replications, seed=seed)
+    for before, after in changes.items():
+        text = text.replace(before, after)
+    path = folder / "small.yaml"
+    path.write_text(text)
+    return path
+
+
+def plain(table: Any) -> list[dict[str, Any]]:
+    """The rows without the times that they took."""
+    rows: list[dict[str, Any]] = table.drop_columns(list(TIMES)).to_pylist()
+    return rows
+
+
+def swept_here(study: Path | Study, out: Path | None = None, **options: Any) -> Any:
+    """The rows of a study, its runs being done in this process."""
+    with ThreadPoolExecutor(1) as executor:
+        return sweep(study, out, executor, **options)
+
+
+def sweep_command(study: Path, out: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "automaton", "sweep", str(study), "--out", str(out), *options]
+
+
+def environment(**more: str) -> dict[str, str]:
+    """That of a command that finds the strategies of this module."""
+    paths = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, "PYTHONPATH": paths, **more}
+
+
+def started(command: Sequence[str], **more: str) -> subprocess.Popen[str]:
+    """A command in a session of its own, so that it can be ended with all it has begun."""
+    return subprocess.Popen(
+        list(command),
+        env=environment(**more),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def of_session(session: int) -> list[int]:
+    """The processes of a session that have not ended."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[3]) == session and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+def wait_until(condition: Any, seconds: float = 20) -> None:
+    """Wait for something to hold."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def row_files(out: Path) -> list[Path]:
+    return sorted((out / "rows").glob("*.parquet"))
+
+
+def end_all(processes: Sequence[subprocess.Popen[str]]) -> None:
+    """Kill what is left of processes and of their sessions."""
+    for process in processes:
+        for number in of_session(process.pid):
+            os.kill(number, signal.SIGKILL)
+        process.communicate()
+
+
+def mark(name: str) -> bool:
+    """Note that something happened; whether it is the first time."""
+    path = Path(os.environ[TROUBLE]) / name
+    if path.exists():
+        return False
+    path.touch()
+    return True
+
+
+class DiesOnce(Strategy):
+    """Allocation: kills its process the first time that it is asked at all."""
+
+    layer = "allocation"
+
+    def decide(self, view, asked, answers, memory, space):
+        if mark("died once"):
+            os.kill(os.getpid(), signal.SIGKILL)
+        answers.allocation.verb[: asked.count[0]] = PARK
+
+
+class DiesAlways(Strategy):
+    """Allocation: kills its process whenever two robots run."""
+
+    layer = "allocation"
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        answers.allocation.verb[: asked.count[0]] = PARK
+
+
+class Raises(Strategy):
+    """Allocation: raises whenever two robots run."""
+
+    layer = "allocation"
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            raise ValueError("two are too many")
+        answers.allocation.verb[: asked.count[0]] = PARK

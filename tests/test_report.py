@@ -1,0 +1,383 @@
+"""`automaton report`: a tiny folder in every format, declared comparisons, what failed, bad input."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automaton.commands import main
+from automaton.experiments.study import Analysis, Study
+from automaton.reporting.charts import chart, coarse, shaded
+from automaton.reporting.comparing import comparisons, declared_pairs, pairing_remark
+from automaton.reporting.curves import curves
+from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
+from automaton.reporting.html import as_html
+from automaton.reporting.results import Results, point_name
+from automaton.reporting.sections import comparison_section, metric_section, remarks, steady_section
+from automaton.reporting.writing import as_markdown, as_text, table_lines
+from automaton.statistics.effects import effect
+
+pytest.importorskip("pyarrow")
+
+STUDY = """
+name: tiny
+summary: Two fleets, two allocations.
+scenario: tabletop-mini
+factors:
+  fleet.robots: [2, 3]
+  strategy.allocation: [independent, cooperative]
+replications: 6
+analysis:
+  metrics: [T_total, blocked]
+  baseline: {strategy.allocation: independent}
+  comparisons: baseline
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("report")
+    (place / "tiny.yaml").write_text(STUDY)
+    out = place / "results"
+    assert main(["sweep", str(place / "tiny.yaml"), "--out", str(out), "--workers", "1"]) == 0
+    return out
+
+
+def report(capsys: Any, *arguments: str) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main(["report", *arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def same_everywhere(text: str) -> str:
+    """Without what depends on the code's state and the machine."""
+    return re.sub(r"[0-9a-f]{16}; python.*?(?=\s*(\||\n|<))", "CODE", text)
+
+
+def test_the_report_in_text(folder: Path, capsys: Any, grid_snapshot: Callable[..., None]) -> None:
+    code, out, err = report(capsys, str(folder), "--floor", "1")
+    assert (code, err) == (0, "")
+    assert "another end" not in out
+    grid_snapshot(re.sub(r"(?m)^-{90,}$", "", same_everywhere(out)))
+
+
+def test_the_report_in_markdown(
+    folder: Path, capsys: Any, grid_snapshot: Callable[..., None]
+) -> None:
+    code, out, _ = report(capsys, str(folder), "--format", "markdown")
+    assert code == 0
+    grid_snapshot(same_everywhere(out))
+
+
+class Tags(HTMLParser):
+    """Checks that tags close in order, and collects those that load something."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.loads: list[Any] = []
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:
+        if tag not in ("meta", "!doctype"):
+            self.open.append(tag)
+        self.loads += [(name, value) for name, value in attrs if name in ("src", "href")]
+
+    def handle_startendtag(self, tag: str, attrs: Any) -> None:
+        self.loads += [(name, value) for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_report_as_one_html_file_that_loads_nothing(
+    folder: Path, capsys: Any, tmp_path: Path
+) -> None:
+    out = tmp_path / "report.html"
+    code, printed, err = report(capsys, str(folder), "--out", str(out), "--floor", "0")
+    assert (code, printed) == (0, "")
+    assert err == f"automaton: wrote {out}\n"
+    tags = Tags()
+    tags.feed(out.read_text())
+    assert tags.open == [] and tags.loads == []
+    text = out.read_text()
+    for told in ("estimand", "Student&#x27;s", "automaton sweep study.yaml", "<svg", "Lost time",
+                 "p Holm", "var. ratio", "least"):  # fmt: skip
+        assert told in text
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_rows_for_other_tools(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    import pyarrow.parquet
+
+    table, sheet = tmp_path / "rows.parquet", tmp_path / "rows.csv"
+    code, _, err = report(capsys, str(folder), "--parquet", str(table), "--csv", str(sheet))
+    assert code == 0 and "rows.csv" in err
+    rows = list(csv.DictReader(sheet.open()))
+    columns = pyarrow.parquet.read_table(table)
+    assert len(rows) == columns.num_rows == 24
+    assert [float(row["T_total"]) for row in rows] == columns.column("T_total").to_pylist()
+    assert {row["strategy.allocation"] for row in rows} == {"independent", "cooperative"}
+
+
+def test_plots(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    code, _, _ = report(capsys, str(folder), "--plots", str(tmp_path / "plots"), "--floor", "0")
+    assert code == 0
+    names = {path.name for path in (tmp_path / "plots").iterdir()}
+    assert {"t-total-by-fleet-robots.png", "t-total-by-fleet-robots.svg"} <= names
+    assert any(name.startswith("lost-time-point-0") for name in names)
+
+
+def test_without_matplotlib_plots_are_refused_in_a_sentence(
+    folder: Path, capsys: Any, tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    code, out, err = report(capsys, str(folder), "--plots", str(tmp_path / "plots"))
+    assert (code, out) == (2, "")
+    assert "pip install 'fleet-automaton[plots]'" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--floor", "9"], "--floor 9: the study has the points 0 to 3"),
+        (["--floor", "x"], "is not a design point"),
+        (["--format", "pdf"], "invalid choice: 'pdf'"),
+        (["--out", "report.pdf"], "its name says no format"),
+        (["--out", "/nowhere/report.md"], "cannot write it"),
+        (["--csv", "/nowhere/rows.csv"], "cannot write it"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    folder: Path, capsys: Any, arguments: list[str], told: str
+) -> None:
+    code, out, err = report(capsys, str(folder), *arguments)
+    assert (code, out) == (2, "")
+    assert told in err and err.count("\n") == 1
+
+
+def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
+    assert report(capsys, str(tmp_path))[0] == 2
+    assert report(capsys, str(tmp_path / "none"))[0] == 2
+
+
+# Results made up, without runs.
+
+
+def made_up(
+    study: Study, value: Callable[[int, int], float | None], **columns: Callable[[int, int], Any]
+) -> Results:
+    """Runs of which T_total is value(point, replication)."""
+    runs = [(p.number, r) for p in study.points for r in range(study.replications)]
+    usual: dict[str, Callable[[int, int], Any]] = {
+        "key": lambda p, r: f"{p}-{r}",
+        "point": lambda p, r: p,
+        "replication": lambda p, r: r,
+        "seed": lambda p, r: r,
+        "finished": lambda p, r: True,
+        "failed": lambda p, r: None,
+        "digest": lambda p, r: "0",
+        "T_total": value,
+    }
+    made = {name: [of(*run) for run in runs] for name, of in {**usual, **columns}.items()}
+    return Results(study=study, columns=made, version="0" * 16)
+
+
+def study_of(factors: dict[str, Any], replications: int = 60, **more: Any) -> Study:
+    analysis = Analysis(metrics=("T_total",), **more)
+    return Study(
+        name="made up",
+        scenario="tabletop-mini",
+        factors=factors,
+        replications=replications,
+        analysis=analysis,
+    )
+
+
+def noise(point: int, replication: int) -> float:
+    return float(np.random.default_rng((point, replication)).normal(100, 10))
+
+
+def tables(blocks: Any) -> list[Table]:
+    return [block for block in blocks if isinstance(block, Table)]
+
+
+def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
+    results = made_up(
+        study,
+        lambda p, r: None if r == 0 else (9999.0 if r == 1 else 100.0),
+        failed=lambda p, r: "it broke" if r == 0 else None,
+        finished=lambda p, r: r > 1,
+    )
+    counts = results.counts(study.points[0])
+    assert (counts.done, counts.finished, counts.censored, counts.failed) == (60, 58, 1, 1)
+    assert set(results.values(study.points[0], "T_total").values()) == {100.0}
+    for table in tables([*metric_section(results, {}, "T_total"), *comparison_section(results)]):
+        assert {"runs", "unfinished", "failed"} <= set(table.head)
+    notes = " ".join(remarks(results))
+    assert "2 runs did not finish" in notes and "2 runs failed" in notes and "it broke" in notes
+
+
+def test_runs_that_lack_are_told() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, replications=10)
+    whole = made_up(study, noise)
+    some = replace(whole, columns={k: v[:15] for k, v in whole.columns.items()}, earlier=1)
+    notes = " ".join(remarks(some))
+    assert "5 runs of 20 not done yet" in notes
+    assert "the analysis was changed 1 time after runs had been made" in notes
+
+
+def test_the_baseline_is_compared_at_equal_other_levels() -> None:
+    factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b", "c")}
+    study = study_of(factors, comparisons="baseline", baseline={"strategy.allocation": "b"})
+    pairs = list(declared_pairs(made_up(study, noise)))
+    assert [(a.levels, b.levels) for a, b in pairs] == [
+        ({"fleet.robots": n, "strategy.allocation": x}, {"fleet.robots": n, "strategy.allocation": "b"})
+        for n in (1, 2)
+        for x in ("a", "c")
+    ]  # fmt: skip
+
+
+def test_a_family_shares_its_error() -> None:
+    study = study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs")
+    found = comparisons(made_up(study, noise))
+    assert [one.family for one in found] == [3, 3, 3]
+    alone = effect(
+        [noise(1, r) for r in range(60)], [noise(0, r) for r in range(60)], level=1 - 0.05 / 3
+    )
+    assert found[0].effect.difference == alone.difference
+    assert all(one.adjusted >= one.effect.p for one in found)
+
+
+def test_pairs_are_those_of_a_replication_that_both_finished() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
+    results = made_up(
+        study,
+        lambda p, r: 100.0 + r + p,
+        finished=lambda p, r: (p, r) != (0, 5),
+    )
+    one = comparisons(results)[0]
+    assert one.runs == (59, 59)
+    assert one.effect.difference.value == pytest.approx(1)
+    assert one.effect.correlation == pytest.approx(1)
+    assert "pairing helps" in pairing_remark([one], True)
+
+
+def test_the_report_says_if_pairing_does_not_help() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
+    results = made_up(study, lambda p, r: 100.0 + (r if p else -r))
+    texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
+    assert any("variance ratio of pairs 2.00: pairing does not help" in text for text in texts)
+
+
+def test_few_runs_are_warned_of() -> None:
+    results = made_up(study_of({"fleet.robots": (1, 2)}, replications=10), noise)
+    listed = [b for b in metric_section(results, {}, "T_total") if isinstance(b, Listed)]
+    assert "only 10 runs, skew" in listed[0].items[0]
+
+
+def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
+    study = replace_study(replications=20, warm_up="mser-5")
+
+    def series(point: int, replication: int) -> list[int]:
+        rng = np.random.default_rng((point, replication))
+        ramp = np.linspace(0, 1, 50) if point == 0 else np.linspace(0, 1, 400)
+        rate = np.concatenate([ramp, np.ones(400 - len(ramp))])
+        return rng.poisson(5 * rate).tolist()  # type: ignore[no-any-return]
+
+    results = made_up(study, noise, series=series)
+    blocks = list(steady_section(results, {0: 10, 1: 10}))
+    (table,) = tables(blocks)
+    good, refused = table.rows
+    assert "replication-deletion" in good[5] and 470 < float(good[1]) < 530
+    assert 300 <= int(good[4].replace(",", "")) <= 800  # of 4,000 ticks, 500 warm up
+    assert refused[1] == "-"
+    (listed,) = [block for block in blocks if isinstance(block, Listed)]
+    assert "not stationary or too short" in listed.items[0]
+
+
+def replace_study(**more: Any) -> Study:
+    return Study(
+        name="steady",
+        scenario="warehouse-100",
+        factors={"fleet.robots": (1, 2)},
+        design="steady-state",
+        analysis=Analysis(metrics=("T_total",)),
+        **more,
+    )
+
+
+def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
+    factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
+    results = made_up(study_of(factors), lambda p, r: 100.0 * p + r)
+    (drawn,) = curves(results, {})
+    assert [line.name for line in drawn.lines] == ["a", "b"]
+    assert list(drawn.lines[1].x) == [1, 2, 4]
+    assert drawn.lines[1].value == pytest.approx([329.5, 429.5, 529.5])
+
+
+def test_a_chart_by_hand() -> None:
+    line = Line("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
+    drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), width=9, height=6))
+    assert drawn == [
+        "T by robots (ticks)",
+        "20 |    o",
+        "   |    :",
+        "   |",
+        "14 |        o",
+        "   |",
+        "10 |o",
+        "   +---------",
+        "    1   2   3",
+        "    robots",
+        "    o fleet",
+    ] or drawn[1:3] == ["20 |    o", "   |    :"]
+    assert list(chart(Curves("T", "x", "y", [])))[1] == "no figures"
+
+
+def test_a_map_by_hand() -> None:
+    field = np.array([[math.nan, 0.0, 8.0], [math.nan, 1.0, 4.0]])
+    drawn = list(shaded(HeatMap("Lost", "ticks", field, "one run"), 80))
+    assert drawn[:3] == ["Lost (most: 8 ticks)", " ·@", " .="]
+    assert drawn[-1] == "one run"
+    assert coarse(field, 2).tolist()[0] == [0.5, 6.0]
+
+
+def test_text_of_users_is_escaped() -> None:
+    document = Document("<b>&|", [Text("<script>|*"), Table(["a|b"], [["<i>"]])])
+    page = as_html(document)
+    assert "<script>" not in page and "<i>" not in page and "&lt;script&gt;" in page
+    assert r"\<script>\|\*" in as_markdown(document)
+    assert "| a\\|b |" in as_markdown(document)
+    assert as_text(document).startswith("<script>|*")
+
+
+def test_columns_of_a_table_are_aligned() -> None:
+    table = Table(["name", "value"], [["a", "1"], ["long name", "1,000"]])
+    assert list(table_lines(table)) == [
+        "name       value",
+        "---------  -----",
+        "a              1",
+        "long name  1,000",
+    ]
+
+
+def test_points_are_named_by_their_levels() -> None:
+    study = study_of(
+        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "ties": "fifo"},)}
+    )
+    assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
+    assert json.dumps(point_name(study, study.points[0]))

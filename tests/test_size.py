@@ -1,0 +1,274 @@
+"""`automaton size`: the search on fleets of known quality, real tiny runs, and bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from statistics_trials import synthetic
+
+from automaton.commands import main
+from automaton.commands.size import Telling
+from automaton.errors import InputError
+from automaton.rounds import Rounds
+from automaton.scenario.resolve import resolve
+from automaton.sizing.candidates import Place, Run
+from automaton.sizing.question import Target, question, read_robots, read_target
+from automaton.sizing.runner import Fleets, conducted_with_use, longer, replication_seeds
+from automaton.sizing.search import Search
+from automaton.sizing.session import Session
+from automaton.sizing.strategies import strategies_named
+
+ZERO = Target("T_total", True, 0.0)
+
+
+def searched(shares: list[float], budget: int = 100_000, **more: Any) -> Search:
+    asked = question(ZERO, (1, len(shares)), budget=budget, **more)
+    search = Search(asked, "", synthetic(shares, np.random.default_rng(1)), budget)
+    search.go()
+    return search
+
+
+def test_the_smallest_fleet_that_passes_is_the_answer() -> None:
+    search = searched([0.2, 0.5, 0.99, 1.0])
+    assert search.answer == ("answered", 3, None)
+    assert [one.verdict for one in search.candidates] == ["fails", "fails", "meets"]
+
+
+def test_nothing_is_inferred_by_monotony() -> None:
+    assert searched([1.0, 0.2, 1.0]).answer.robots == 1
+    assert searched([0.2, 1.0, 0.2, 1.0]).answer.robots == 2
+
+
+def test_what_no_fleet_reaches_is_not_reachable() -> None:
+    assert searched([0.1, 0.2, 0.3]).answer == ("not reachable", None, None)
+
+
+def test_a_fleet_on_the_edge_is_undecided_when_the_budget_is_spent() -> None:
+    search = searched([0.1, 0.95, 1.0], budget=400)
+    assert search.answer == ("undecided", 3, 2)
+    assert search.spent <= 400
+
+
+def test_a_budget_that_ends_before_any_fleet_passes_leaves_the_top_open() -> None:
+    search = searched([0.95] * 4, budget=150)
+    assert search.answer == ("undecided", None, 1)
+
+
+def test_bounds_exclude_without_runs() -> None:
+    asked = question(ZERO, (1, 3))
+    run = synthetic([1.0, 1.0, 1.0], np.random.default_rng(1))
+    search = Search(asked, "", run, asked.budget, {1: "too much work"})
+    search.go()
+    assert search.answer.robots == 2
+    assert search.candidates[0].runs == []
+
+
+def test_a_run_that_does_not_finish_fails() -> None:
+    def censored(place: Place, first: int, number: int) -> list[Run]:
+        return [Run(False, {"T_total": 0.0})] * number
+
+    for mean in (False, True):
+        asked = question(ZERO, (1, 1), mean=mean, zone=0.02)
+        search = Search(asked, "", censored, asked.budget)
+        search.go()
+        assert search.answer.kind == "not reachable"
+
+
+def test_means_are_judged_in_the_direction_of_the_target() -> None:
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        rng = np.random.default_rng(place.robots)
+        values = rng.normal(10 * place.robots, 3, first + number)[first:]
+        return [Run(True, {"throughput": value}) for value in values]
+
+    at_least = question(Target("throughput", False, 25.0), (1, 5), mean=True, zone=1.0)
+    search = Search(at_least, "", run, at_least.budget)
+    search.go()
+    assert search.answer.robots == 3
+    at_most = question(Target("throughput", True, 25.0), (1, 5), mean=True, zone=1.0)
+    search = Search(at_most, "", run, at_most.budget)
+    search.go()
+    assert search.answer.robots == 1
+
+
+def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        rng = np.random.default_rng(len(place.strategy))
+        values = rng.normal(100 if place.strategy == "better" else 110, 5, first + number)
+        slow = 1000 if place.robots < 2 else 0
+        return [Run(True, {"T_total": value + slow}) for value in values[first:]]
+
+    asked = question(Target("T_total", True, 200.0), (1, 4), ("worse", "better"))
+    assert asked.candidates == 8
+    session = Session(asked, run)
+    session.go()
+    assert [search.answer.robots for search in session.searches] == [2, 2]
+    assert session.best is not None and session.best.left == ("better",)
+    assert session.place == Place(2, "better")
+    gain = session.gains["worse"].effect
+    assert gain is not None and gain.difference.value == pytest.approx(-1000, abs=5)
+    assert session.spent <= asked.budget and session.complete
+
+
+def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> None:
+    rng = np.random.default_rng(1)
+    sure, edge = synthetic([0.1, 0.1, 1.0], rng), synthetic([0.1, 0.95, 1.0], rng)
+
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        return (edge if place.strategy == "edge" else sure)(place, first, number)
+
+    session = Session(question(ZERO, (1, 3), ("edge", "sure"), budget=1200), run)
+    session.go()
+    assert session.place == Place(3, "sure")
+    assert not session.settled
+    assert session.searches[0].answer == ("undecided", 3, 2)
+
+
+def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
+    monkeypatch.setattr("automaton.rounds.PATIENCE_S", 0.0)
+    asked = question(Target("T_total", True, 1700.0), (1, 4), budget=400)
+    found = []
+    for workers in (1, 2):
+        with Rounds(workers, conducted_with_use) as rounds:
+            fleets = Fleets("tabletop-mini", (), None, rounds)
+            session = Session(asked, fleets, fleets.excluded(asked), {10: [""]})
+            session.go()
+            found.append([one.runs for search in session.searches for one in search.candidates])
+            place = session.place
+    assert found[0] == found[1]
+    assert place is not None and place.robots == 3
+
+
+def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
+    code = main(["size", *arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_the_command_answers_in_text(capsys: Any) -> None:
+    code, out, _ = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4",
+        "--budget", "700", "--workers", "1", "--price", "1500",
+    )  # fmt: skip
+    assert code == 0
+    assert "Answer: 3 robots, 4,500 at 1,500 each" in out
+    assert re.search(r"^ +1 +10 +0 +0 .*fails after \d+$", out, re.M)
+    for told in ("Estimand", "Zone 0.02", "Robot time lost", "The last robot (2 -> 3)", "Assumed",
+                 "Durations 10 % longer", "Spent", "error 0.05 / 4"):  # fmt: skip
+        assert told in out
+
+
+def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any) -> None:
+    code, out, _ = size(
+        capsys, "tabletop-mini", "--target", "T_total<=100", "--robots", "1..2", "--json",
+        "--workers", "1",
+    )  # fmt: skip
+    assert code == 1
+    found = json.loads(out)
+    assert found["robots"] is None
+    assert found["answers"][0]["kind"] == "not reachable"
+    candidates = found["answers"][0]["candidates"]
+    assert candidates[0]["excluded"].startswith("T_total is at least")
+    assert candidates[1]["lost"]["lost_waiting"] > 0  # the largest fleet is shown all the same
+
+
+def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
+    code, out, _ = size(
+        capsys, "depots", "--target", "lead_time<=1", "--robots", "4", "--budget", "90",
+        "--workers", "1", "--set", "orders.count=10",
+    )  # fmt: skip
+    assert code == 1
+    assert "not reachable up to 4 robots" in out
+    assert re.search(r"Time in use: stations .* %, chargers .* %, robots .* %", out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--target", "T_totl<=3"], "no metric is called 'T_totl' (did you mean 'T_total'?)"),
+        (["--target", "T_total<3"], "say <= or >=, not <"),
+        (["--target", "T_total"], "expected METRIC<=VALUE"),
+        (["--target", "T_total<=soon"], "'soon' is not a number"),
+        (["--target", "T_total<=nan"], "'nan' is not a number"),
+        (["--target", "delay<=3"], "does not measure delay; say measure: {warm_up: N}"),
+        (["--robots", "5..2"], "1 <= FIRST <= LAST"),
+        (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
+        (["--robots", "1..400"], "fleet.robots is 400 but the floor has"),
+        (["--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]"], "--set fleet.start=random"),
+        (["--share", "0.99"], "must lie between 0 and 1"),
+        (["--share", "1.5"], "must lie between 0 and 1"),
+        (["--zone", "0"], "is not a number above 0"),
+        (["--error", "0.7"], "an error lies between 0 and 0.5"),
+        (["--budget", "10"], "a fleet cannot pass in less than"),
+        (["--budget", "none"], "is not a number of runs"),
+        (["--strategies", "cooperativ"], "did you mean 'cooperative'?"),
+        (["--strategies", "cooperative,cooperative"], "names a strategy twice"),
+        (["--strategies", "routing=fastest"], "fastest"),
+        (["--set", "fleet.robot=3"], "did you mean 'robots'?"),
+    ],
+)
+def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str) -> None:
+    usual = {"--target": "T_total<=1700", "--robots": "1..3"}
+    given = [text for pair in usual.items() if pair[0] not in arguments for text in pair]
+    code, out, err = size(capsys, "tabletop-mini", *given, *arguments)
+    assert code == 2
+    assert told in err and err.count("\n") == 1 and out == ""
+
+
+def test_targets_and_fleets_as_typed() -> None:
+    assert read_target("T_total <= 3,000") == Target("T_total", True, 3000.0)
+    assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
+    assert read_robots("3..7") == (3, 7)
+    assert read_robots("4") == (4, 4)
+    assert strategies_named("adaptive, routing=astar") == (
+        "strategy.allocation=adaptive",
+        "strategy.routing=astar",
+    )
+    with pytest.raises(InputError, match="no strategy"):
+        strategies_named("none")
+
+
+def test_replications_have_the_seeds_of_a_sweep() -> None:
+    seeds = replication_seeds(1, 0, 50)
+    assert replication_seeds(1, 20, 10) == seeds[20:30]
+    assert len(set(seeds)) == 50 and not set(seeds) & set(replication_seeds(2, 0, 50))
+
+
+def test_durations_ten_percent_longer_in_whole_ticks() -> None:
+    resolved = resolve("tabletop-1")
+    assert longer(resolved, 10) == [
+        "durations.turn=24", "durations.pick=10", "durations.drop=10", "world.extra_tick=0.1"
+    ]  # fmt: skip
+    assert longer(resolved, -10) == ["durations.turn=20", "durations.pick=8", "durations.drop=8"]
+    assert longer(resolve("warehouse-100"), -10) == []
+
+
+def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
+    calls, run = 0, Fleets.__call__
+
+    def interrupted(fleets: Fleets, place: Place, first: int, number: int) -> list[Run]:
+        nonlocal calls
+        calls += 1
+        if calls > 4:
+            raise KeyboardInterrupt
+        return run(fleets, place, first, number)
+
+    monkeypatch.setattr(Fleets, "__call__", interrupted)
+    code, out, err = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--workers", "1"
+    )  # fmt: skip
+    assert (code, err) == (130, "automaton: interrupted\n")
+    assert "undecided between 3 and 4, or more (interrupted)" in out
+    assert "Interrupted: what follows is what was known then" in out
+    assert re.search(r"^ +1 .* fails after", out, re.M)
+
+
+def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
+    asked = question(Target("energy", True, 1.0), (1, 1))
+    with Rounds(1, conducted_with_use) as rounds:
+        runner = Telling(Fleets("tabletop-mini", (), None, rounds), asked)
+        with pytest.raises(InputError, match="does not measure energy"):
+            runner(Place(1), 0, 5)

@@ -1,0 +1,227 @@
+"""A folder of results: whole files, one writer, nothing damaged taken for a result."""
+
+from __future__ import annotations
+
+import errno
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from sweeping import environment, plain, row_files, small_study, swept_here
+
+from automaton.errors import InputError
+from automaton.experiments import session, sweeping, writing
+from automaton.experiments.keys import Run
+from automaton.experiments.plan import Plan, plan_of
+from automaton.experiments.runs import Row
+from automaton.experiments.store import Damaged, Store, read_rows
+from automaton.experiments.writing import Writer, locked
+
+
+def made_up(run: Run) -> Row:
+    """A row that no run has given."""
+    digest = f"{run.seed % 2**64:016x}"
+    metrics = {"T_total": run.seed % 997 / 7}
+    figures = {"ticks": run.seed % 997, "orders": 25, "delivered": 25, "digest": digest}
+    times = {"wall_s": 0.01, "cpu_s": 0.01}
+    return {
+        **run._asdict(),
+        "finished": True,
+        "failed": None,
+        **figures,
+        **times,
+        "metrics": metrics,
+    }
+
+
+def declared(folder: Path, replications: int = 50) -> tuple[Plan, Store]:
+    """A folder for the small study, without rows."""
+    plan = plan_of(small_study(folder, replications))
+    out = folder / "out"
+    (out / "rows").mkdir(parents=True)
+    return plan, session.opened(out, plan)[0]
+
+
+def filled(folder: Path, batch: int = 20) -> tuple[Plan, Store]:
+    """A folder with made-up rows of 200 runs, in files of so many rows."""
+    plan, store = declared(folder)
+    writer = Writer(store)
+    for number, run in enumerate(plan.manifest.runs(), 1):
+        writer.add([made_up(run)])
+        if number % batch == 0:
+            writer.flush()
+    return plan, store
+
+
+def test_rows_come_in_the_order_of_points_and_replications(tmp_path: Path) -> None:
+    plan, store = filled(tmp_path)
+    rows = store.rows().to_pylist()
+    order = [(row["point"], row["replication"]) for row in rows]
+    assert order == [(point, r) for point in range(4) for r in range(50)]
+    assert store.keys() == plan.manifest.keys() == {row["key"] for row in rows}
+    assert [row["fleet.robots"] for row in rows[::50]] == [1, 1, 2, 2]
+    assert store.study == plan.study
+
+
+def test_files_are_merged_and_no_row_is_there_twice(tmp_path: Path) -> None:
+    _, store = filled(tmp_path)
+    before, files = store.rows(), row_files(store.folder)
+    assert len(files) == 10
+    kept = {path: path.read_bytes() for path in files[:3]}
+    writer = Writer(store)
+    writer.merge()
+    assert len(row_files(store.folder)) == 1
+    for path, content in kept.items():  # as if the sweep had been killed while it took them away
+        path.write_bytes(content)
+    assert store.rows().equals(before)
+    writer.merge()
+    (only,) = row_files(store.folder)
+    assert store.rows().equals(before) and pq.read_metadata(only).num_rows == 200
+
+
+def test_many_small_files_are_merged_on_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "MANY_FILES", 7)
+    _, store = filled(tmp_path)
+    assert len(row_files(store.folder)) == 1 + 3
+    assert store.rows().num_rows == 200
+
+
+def test_rows_are_written_when_they_are_many_or_old(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, store = declared(tmp_path, 200)
+    monkeypatch.setattr(writing, "BATCH_S", 1e9)
+    writer = Writer(store)
+    for run in plan.manifest.runs():
+        writer.add([made_up(run)])
+    assert [pq.read_metadata(path).num_rows for path in row_files(store.folder)] == [500]
+    monkeypatch.setattr(writing, "BATCH_S", 0.0)
+    writer.tick()
+    assert store.rows().num_rows == 800
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_damage_goes_unnoticed(seed: int, tmp_path: Path) -> None:
+    _, store = filled(tmp_path, batch=200)
+    (path,) = row_files(store.folder)
+    good, draw = path.read_bytes(), random.Random(seed)
+    for _ in range(100):
+        bad = bytearray(good)
+        for _ in range(draw.choice((1, 1, 3))):
+            bad[draw.randrange(len(bad))] ^= 1 << draw.randrange(8)
+        path.write_bytes(bytes(bad[: draw.choice((len(bad), draw.randrange(len(bad))))]))
+        if path.read_bytes() != good:
+            with pytest.raises(Damaged):
+                read_rows(path)
+    path.write_bytes(good)
+    assert read_rows(path).num_rows == 200
+
+
+def test_other_readers_notice_damaged_pages_too(tmp_path: Path) -> None:
+    """Files carry the checksums of Parquet, whoever reads them."""
+    _, store = filled(tmp_path, batch=200)
+    (path,) = row_files(store.folder)
+    page = pq.read_metadata(path).row_group(0).column(5).data_page_offset  # the seeds
+    content = bytearray(path.read_bytes())
+    content[page + 200] ^= 1
+    path.write_bytes(bytes(content))
+    with pytest.raises(OSError, match="CRC"):
+        pq.read_table(path, page_checksum_verification=True)
+
+
+def test_damaged_files_are_set_aside_and_their_runs_done_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "BATCH_ROWS", 8)
+    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    monkeypatch.setattr(writing.Writer, "merge", lambda self, only_small=False: None)
+    study, out = small_study(tmp_path), tmp_path / "out"
+    expected = plain(swept_here(study, out))
+    cut, flipped, _ = row_files(out)
+    cut.write_bytes(cut.read_bytes()[:-100])
+    content = bytearray(flipped.read_bytes())
+    content[len(content) // 2] ^= 4
+    flipped.write_bytes(bytes(content))
+    assert Store(out).rows().num_rows == 8  # a reader leaves them out
+    assert plain(swept_here(study, out)) == expected
+    assert sorted(path.name for path in (out / "rows").glob("*.bad")) == sorted(
+        path.with_suffix(".bad").name for path in (cut, flipped)
+    )
+    assert not cut.exists()
+
+
+def test_a_full_disk_is_told_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, out = small_study(tmp_path), tmp_path / "out"
+    expected = plain(swept_here(study))
+    monkeypatch.setattr(writing, "BATCH_ROWS", 4)
+    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    full = fill_the_disk(monkeypatch, after=2)
+    with pytest.raises(InputError, match="no space left on device; all finished runs are kept"):
+        swept_here(study, out)
+    assert full and Store(out).rows().num_rows >= 12
+    assert not list(out.rglob("*.writing")) and not (out / "rows" / ".reserve").exists()
+    full.clear()
+    assert plain(swept_here(study, out)) == expected
+
+
+def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
+    """Have files of rows fail for want of room, unless the reserve has been given back."""
+    full = [True]
+    real, written = writing.write_whole, []
+
+    def write(path: Path, content: bytes) -> None:
+        if path.suffix == ".parquet":
+            written.append(path)
+            if full and len(written) > after and (path.parent / ".reserve").exists():
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(path, content)
+
+    monkeypatch.setattr(writing, "write_whole", write)
+    return full
+
+
+def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot write results: not a directory"):
+        swept_here(small_study(tmp_path), tmp_path / "file" / "out")
+    with pytest.raises(InputError, match="no such folder"):
+        Store(tmp_path / "nothing")
+    with pytest.raises(InputError, match="holds no results of a sweep"):
+        Store(tmp_path)
+
+
+def test_one_sweep_writes_to_a_folder_at_a_time(tmp_path: Path) -> None:
+    study, out = small_study(tmp_path), tmp_path / "out"
+    with locked(out):
+        command = [sys.executable, "-m", "automaton", "sweep", str(study), "--out", str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment())
+    assert done.returncode == 2
+    assert f"another sweep writes to it (process {os.getpid()} on " in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_reader_follows_files_that_are_merged_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, store = filled(tmp_path)
+    expected = store.rows()
+    real, merged = read_rows, []
+
+    def read(path: Path, columns: Any = None) -> pa.Table:
+        if not merged:
+            merged.append(True)
+            Writer(store).merge()
+        return real(path, columns)
+
+    monkeypatch.setattr("automaton.experiments.store.read_rows", read)
+    assert store.rows().equals(expected)

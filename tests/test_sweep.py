@@ -1,0 +1,326 @@
+"""Many runs into a folder: whoever does them, and whatever goes wrong, each row is there once."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from sweeping import (
+    TROUBLE,
+    environment,
+    plain,
+    row_files,
+    small_study,
+    started,
+    sweep_command,
+    swept_here,
+)
+
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.experiments import Study, keys, session, simulate, sweep
+from automaton.experiments.names import COLUMNS
+from automaton.experiments.plan import plan_of
+from automaton.experiments.store import Store
+from automaton.glossary import GLOSSARY
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+
+TROUBLED = """name: troubled
+scenario: tabletop-mini
+factors:
+  fleet.robots: [1, 2]
+  strategy.allocation: ["sweeping:{strategy}"]
+  stop.at_most: [50]
+replications: 3
+"""
+
+
+def troubled(folder: Path, strategy: str) -> Path:
+    path = folder / "troubled.yaml"
+    path.write_text(TROUBLED.format(strategy=strategy))
+    return path
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the results of the small study, by one process."""
+    folder = tmp_path_factory.mktemp("swept")
+    assert (
+        main(["sweep", str(small_study(folder)), "--out", str(folder / "out"), "--workers=1"]) == 0
+    )
+    return folder / "out"
+
+
+def test_rows_are_those_of_single_runs(swept: Path) -> None:
+    table = Store(swept).rows()
+    assert table.column_names[:6] == list(COLUMNS)[:6]
+    assert table.column_names[6:8] == ["fleet.robots", "strategy.allocation"]
+    assert {*COLUMNS, *GLOSSARY} <= set(table.column_names)
+    rows = table.to_pylist()
+    assert len(rows) == len({row["key"] for row in rows}) == 24
+    for row in rows[::5]:
+        allocation = f"strategy.allocation={row['strategy.allocation']}"
+        robots = f"fleet.robots={row['fleet.robots']}"
+        run = Simulation(resolve("tabletop-mini", [robots, allocation]), row["seed"])
+        run.run()
+        assert (run.digest, run.tick) == (row["digest"], row["ticks"])
+        assert row["finished"] and row["failed"] is None and row["delivered"] == row["orders"] == 25
+        assert row["T_total"] == row["ticks"] and row["wall_s"] > 0 and row["cpu_s"] > 0
+        assert row["lead_time"] is None  # not every run has it; the column is there all the same
+
+
+def test_each_replication_has_the_same_seed_at_every_point(swept: Path) -> None:
+    seeds: dict[int, set[int]] = {}
+    for row in Store(swept).rows().to_pylist():
+        seeds.setdefault(row["replication"], set()).add(row["seed"])
+    assert len(seeds) == 6 and all(len(found) == 1 for found in seeds.values())
+    assert len({seed for found in seeds.values() for seed in found}) == 6
+
+
+def test_without_common_random_numbers_all_seeds_differ(tmp_path: Path) -> None:
+    study = small_study(tmp_path, seed=1, **{"seed: 1": "common_random_numbers: false"})
+    runs = list(plan_of(study).manifest.runs())
+    assert len({run.seed for run in runs}) == len({run.key for run in runs}) == 24
+
+
+def test_two_processes_and_threads_give_the_same_rows(swept: Path, tmp_path: Path) -> None:
+    expected = plain(Store(swept).rows())
+    study = small_study(tmp_path)
+    assert main(["sweep", str(study), "--out", str(tmp_path / "two"), "--workers", "2"]) == 0
+    assert plain(Store(tmp_path / "two").rows()) == expected
+    with ThreadPoolExecutor(2) as executor:
+        assert plain(sweep(study, executor=executor)) == expected
+        assert executor.submit(int).result() == 0  # left open
+
+
+def test_what_is_done_is_not_done_again(
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files, times = row_files(swept), Store(swept).rows().column("wall_s")
+    study = small_study(tmp_path)
+    assert main(["sweep", str(study), "--out", str(swept), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["runs"], told["found"], told["done"]) == (24, 24, 0)
+    assert row_files(swept) == files and Store(swept).rows().column("wall_s") == times
+    assert sorted(path.name for path in swept.iterdir()) == [
+        ".lock",
+        "rows",
+        "study.yaml",
+        "sweep.json",
+    ]
+
+
+def test_more_replications_keep_those_that_are_done(tmp_path: Path) -> None:
+    few = swept_here(small_study(tmp_path, 2), tmp_path / "out")
+    more = swept_here(small_study(tmp_path, 3), tmp_path / "out")
+    assert (few.num_rows, more.num_rows) == (8, 12)
+    assert set(few.column("wall_s").to_pylist()) < set(more.column("wall_s").to_pylist())
+    with pytest.raises(InputError, match="holds 3 replications; the study asks for fewer"):
+        swept_here(small_study(tmp_path, 2), tmp_path / "out")
+
+
+def test_other_code_is_refused_and_recomputed_on_demand(
+    swept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = small_study(tmp_path, 1), tmp_path / "out"
+    now = keys.sources_of()
+    before = {**now, "automaton/metrics.py": "0" * 16, "strategies/gone.py": "1" * 16}
+    monkeypatch.setattr(keys, "sources_of", lambda plugins: before)
+    plan = plan_of(study)
+    out.joinpath("rows").mkdir(parents=True)
+    session.declare(out, plan.text, plan.manifest)
+    monkeypatch.undo()
+    assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 2
+    said = capsys.readouterr().err
+    assert (
+        "holds results of other code: automaton/metrics.py changed, strategies/gone.py is gone"
+        in said
+    )
+    assert "--recompute" in said and said.count("\n") == 1
+    assert swept_here(study, out, recompute=True).num_rows == 4
+
+
+def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    study = small_study(tmp_path)
+    (out / "rows").mkdir(parents=True)
+    for path in row_files(swept):
+        (out / "rows" / path.name).write_bytes(path.read_bytes())
+    plan = plan_of(study)
+    session.declare(out, plan.text, plan.manifest)
+    assert Store(out).rows().num_rows == 24
+    other = plan.manifest.__class__(**{**manifest_fields(plan.manifest), "sources": {"a": "b"}})
+    session.declare(out, plan.text, other)
+    assert Store(out).rows().num_rows == 0 and Store(out).keys() == set()
+
+
+def manifest_fields(manifest: keys.Manifest) -> dict[str, object]:
+    return {name: getattr(manifest, name) for name in manifest.__struct_fields__}
+
+
+def test_plug_ins_count_as_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    plug_in = tmp_path / "own_allocation.py"
+    text = "from sweeping import Raises\n\n\nclass Own(Raises):\n    pass\n"
+    plug_in.write_text(text)
+    study = tmp_path / "own.yaml"
+    study.write_text(
+        "name: own\nscenario: tabletop-mini\nreplications: 1\n"
+        "points: [{strategy.allocation: 'own_allocation:Own'}]\n"
+    )
+    before = plan_of(study).manifest
+    plug_in.write_text(text + "# changed\n")
+    now = plan_of(study).manifest
+    assert before.points == now.points and before.keys().isdisjoint(now.keys())
+    assert session.difference(before, now).endswith("own_allocation: own_allocation.py changed")
+
+
+def test_another_study_seed_point_or_floor_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    floor = tmp_path / "floor.txt"
+    floor.write_text("b.$.d\nb....\n#....\n")
+    scenario = tmp_path / "own.yaml"
+    scenario.write_text(
+        "name: own\nlayout: {file: floor.txt}\nfleet: {robots: 1}\norders: {generator: drawn-loads}\n"
+    )
+    text = "name: one\nscenario: own.yaml\nfactors: {fleet.robots: [1, 2]}\nreplications: 1\n"
+    study, out = tmp_path / "one.yaml", tmp_path / "out"
+    study.write_text(text)
+    assert swept_here(study, out).num_rows == 2
+    for before, after, said in [
+        ("name: one", "name: two", "of the study 'one', not of 'two'"),
+        ("replications: 1", "replications: 1\nseed: 2", "with seed 1, not 2"),
+        ("[1, 2]", "[2, 1]", "point 0 was own.yaml, fleet.robots 1, is own.yaml, fleet.robots 2"),
+        ("[1, 2]", "[1]", "holds results of 2 points, not 1"),
+    ]:
+        study.write_text(text.replace(before, after))
+        with pytest.raises(InputError, match=said):
+            swept_here(study, out)
+    study.write_text(text)
+    floor.write_text("b.$.d\nb....\n#...s\n")
+    with pytest.raises(
+        InputError, match=r"own.yaml, fleet.robots 1 changed \(the file, or its floor"
+    ):
+        swept_here(study, out)
+
+
+def test_a_changed_analysis_is_told_and_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = small_study(tmp_path, 1), tmp_path / "out"
+    assert swept_here(study, out).num_rows == 4
+    study.write_text(study.read_text() + "analysis: {metrics: [T_total]}\n")
+    assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
+    assert "another one than that with which 4 runs were made" in capsys.readouterr().err
+    assert Store(out).manifest.earlier == (None,)
+    assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:
+    command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
+    process = started(command)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and "3 runs gave no figures" in err
+    rows = Store(tmp_path / "out").rows().to_pylist()
+    assert [row["failed"] is None for row in rows] == [True] * 3 + [False] * 3
+    assert "two are too many" in rows[3]["failed"] and rows[3]["digest"] is None
+    assert not rows[0]["finished"] and rows[0]["ticks"] == 50  # nobody does anything: the limit
+    assert "3 runs reached the limit" in out
+
+
+def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
+    command = sweep_command(
+        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
+    )
+    process = started(command, **{TROUBLE: str(tmp_path)})
+    told, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    found = json.loads(told)
+    assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
+    assert Store(tmp_path / "out").rows().num_rows == 6
+
+
+def test_a_run_that_kills_its_worker_twice_has_failed_and_others_have_not(tmp_path: Path) -> None:
+    command = sweep_command(troubled(tmp_path, "DiesAlways"), tmp_path / "out", "--workers", "1")
+    process = started(command, **{TROUBLE: str(tmp_path)})
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1 and err.count("\n") == 1
+    rows = Store(tmp_path / "out").rows().to_pylist()
+    assert [row["failed"] for row in rows[:3]] == [None] * 3
+    assert all("the worker process died twice" in row["failed"] for row in rows[3:])
+
+
+def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = small_study(tmp_path), tmp_path / "out"
+    assert main(["sweep", str(study), "--out", str(out), "--dry-run", "--workers", "3"]) == 0
+    text = capsys.readouterr().out
+    assert "small: 4 points x 6 replications = 24 runs\n" in text
+    assert "with 3 workers" in text and "by 4 pilot runs" in text and "disk: " in text
+    assert not out.exists()
+    assert main(["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["runs"], found["done"], found["wall_s"]) == (24, 24, 0)
+
+
+def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
+    study = Study(
+        name="python",
+        scenario="tabletop-mini",
+        listed=({"fleet.robots": 1}, {"fleet.robots": 2, "durations.turn": 5}),
+        replications=1,
+    )
+    table = swept_here(study)
+    assert table.column("durations.turn").to_pylist() == [None, 5]
+    row = table.to_pylist()[1]
+    outcome = simulate("tabletop-mini", row["seed"], fleet__robots=2, **{"durations.turn": 5})
+    assert outcome.digest == row["digest"]
+    with pytest.raises(InputError, match="did you mean 'robots'"):
+        simulate("tabletop-mini", fleet__robot=2)
+
+
+def test_steady_states_keep_a_series_of_deliveries(tmp_path: Path) -> None:
+    study = tmp_path / "steady.yaml"
+    study.write_text(
+        "name: steady\nscenario: tabletop-mini\nreplications: 2\ndesign: steady-state\n"
+        "warm_up: 100\nwindow: 50\npoints: [{stop.when: never, stop.at_most: 999}]\n"
+    )
+    table = swept_here(study)
+    row = table.to_pylist()[0]
+    assert len(row["series"]) == 19 and sum(row["series"]) <= row["delivered"]
+    assert row["finished"] and row["completions"] is not None  # measured after the warm-up
+
+
+def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.modules['pyarrow'] = None; from automaton.commands import main; "
+        f"sys.exit(main(['sweep', {str(small_study(tmp_path))!r}, '--out', {str(tmp_path / 'o')!r}]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment()
+    )
+    assert done.returncode == 2 and "fleet-automaton[experiments]" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "--out DIR is missing"),
+        (("--out", "x", "--workers", "0"), "'0' is not a number of processes"),
+        (("--out", "x", "--workers", "2", "--scheduler", "tcp://a:1"), "leave one out"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", str(small_study(tmp_path)), *arguments]) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,81 @@
+"""Sweeps that are stopped or killed: nothing half-written, no process left, and they go on."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sweeping import (
+    end_all,
+    of_session,
+    plain,
+    row_files,
+    small_study,
+    started,
+    sweep_command,
+    swept_here,
+    wait_until,
+)
+
+from automaton.experiments.store import Store
+
+REPLICATIONS = 400  # of some ms each: more than are done before the kill
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_study(tmp_path_factory.mktemp("killed"), REPLICATIONS)
+
+
+@pytest.fixture(scope="module")
+def expected(study: Path) -> list[dict[str, Any]]:
+    """The rows of a sweep that nobody disturbs."""
+    return plain(swept_here(study))
+
+
+def resumed(study: Path, out: Path) -> list[dict[str, Any]]:
+    rows = plain(swept_here(study, out))
+    assert len(row_files(out)) == 1 and not list(out.rglob("*.writing"))
+    return rows
+
+
+def test_ctrl_c_keeps_what_is_done(
+    study: Path, expected: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    process = started(sweep_command(study, out, "--workers", "2"))
+    try:
+        wait_until(lambda: row_files(out))
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
+        _, err = process.communicate(timeout=20)
+        wait_until(lambda: not of_session(process.pid))
+    finally:
+        end_all([process])
+    assert process.returncode == 130
+    kept = len(Store(out).keys())
+    assert 0 < kept < 4 * REPLICATIONS
+    assert err == (
+        f"automaton: stopped; {kept:,} of 1,600 runs are kept in {out}; the same command goes on\n"
+        "automaton: interrupted\n"
+    )
+    assert resumed(study, out) == expected
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["coordinator", "group"])
+def test_a_killed_sweep_goes_on_to_the_same_table(
+    alone: bool, study: Path, expected: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    process = started(sweep_command(study, out, "--workers", "2"))
+    try:
+        wait_until(lambda: row_files(out))
+        (os.kill if alone else os.killpg)(process.pid, signal.SIGKILL)
+        process.communicate(timeout=20)
+        wait_until(lambda: not of_session(process.pid))
+    finally:
+        end_all([process])
+    assert 0 < len(Store(out).keys()) < 4 * REPLICATIONS
+    assert resumed(study, out) == expected

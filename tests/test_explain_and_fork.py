@@ -141,7 +141,7 @@ def test_a_branch_is_marked_verifies_and_is_compared(
         300,
         ["durations.move=9"],
     )
-    assert verify(out).passed
+    assert verify(out).passed and read_recording(out).complete
     assert main([*arguments, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "branched off after tick 300: durations.move=9" in text

@@ -89,9 +89,11 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
     branch = shown_at(RecordedRun(recording), args.at).branch(tuple(args.settings), out)
     try:
         advance(branch, args.until)
-        return future("branch", branch.front, is_finished(branch.front)), branch.trouble
+        found = future("branch", branch.front, is_finished(branch.front))
+        branch.journal.end(found.metrics)
     finally:
         branch.close()
+    return found, branch.trouble
 
 
 def original_until(recording: Recording, until: int | None) -> Future:

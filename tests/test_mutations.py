@@ -141,6 +141,6 @@ def test_mutated_files_are_refused_with_place_and_reason(
         assert code in (0, 2), f"mutation {number}: {said}"
         assert "Traceback" not in said, f"mutation {number}: {said}"
         if code == 2:
-            place = rf"automaton: {re.escape(str(tmp_path))}/(file\.yaml|orders\.csv)(:\d+)?: ."
+            place = r"automaton: \S+\.(yaml|csv)(:\d+)?: ."  # a study's may be in its scenario
             assert re.match(place, said) and said.count("\n") == 1, f"mutation {number}: {said}"
     assert codes[2] >= COUNT / 2, codes

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -58,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     if args.until is not None and args.until <= args.at:
         raise InputError(f"--until {args.until} is not after --at {args.at}")
     out = args.out or args.file.with_name(f"{args.file.stem}-at-{args.at}.rec")
-    if out.exists() and out.samefile(args.file):
+    if os.path.exists(out) and out.samefile(args.file):
         raise InputError("--out is the recording itself: give another file", str(out))
     branch, missing = branched_off(recording, args, out)
     original = original_until(recording, args.until)

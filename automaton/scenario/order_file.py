@@ -10,6 +10,7 @@ The content becomes the scenario's own list of orders, so that recordings stand 
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +47,7 @@ def with_orders_of_file(
     if name is None:
         return document, scenario, None
     path = document.folder / name
-    if not path.is_file():
+    if not os.path.isfile(path):
         text = f"there is no file of orders '{name}'"
         raise document.error(("orders", "stream", "file"), text)
     found = read_orders(read_text(path), str(path))

@@ -153,3 +153,24 @@ def test_a_branch_that_does_not_finish_says_so_by_its_code(recorded: Path, tmp_p
     out = str(tmp_path / "branch.rec")
     arguments = ["fork", str(recorded), "--at", "300", "--set", "stop.at_most=400", "--out", out]
     assert main(arguments) == 1
+
+
+@pytest.mark.parametrize(
+    "orders",
+    [
+        "{generator: stations, count: 60, stream: {closed: {in_system: 4}}}",
+        "{parts: [{route: [1, 2, 3], count: 20, every: {mean: 20}}], work: {mean: 9}}",
+    ],
+)
+def test_streams_go_on_in_a_branch(
+    orders: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, same, other = (str(tmp_path / name) for name in ("run.rec", "same.rec", "other.rec"))
+    assert (
+        main(["run", "depots", "--set", f"orders={orders}", "--until", "600", "--record", path])
+        == 0
+    )
+    fork = ("fork", path, "--at", "200", "--until", "600", "--out")
+    assert told(capsys, *fork, same)["difference"] is None
+    assert told(capsys, *fork, other, "--set", "durations.pick=9")["difference"] > 200
+    assert verify(same).passed and verify(other).passed

@@ -105,6 +105,16 @@ def test_of_a_closed_loop_the_sequence_is_fixed_and_the_ticks_are_not() -> None:
     assert one.released.tolist() != other.released.tolist()
 
 
+def test_the_validator_knows_when_an_order_of_a_closed_loop_may_be_taken() -> None:
+    orders = {"generator": "visits", "count": 20, "stream": {"closed": {"in_system": 2}}}
+    _, recorder = recorded_run(scene(LANE, [(2, 0), (6, 0)], orders=orders, strategy=STRATEGY))
+    recording = recorder.recording()
+    assert validate_stored(recording).valid
+    recording.header["scenario"]["orders"]["stream"]["closed"]["in_system"] = 1
+    found = validate_stored(recording).violations
+    assert any("is given out although it is not free" in one.text for one in found)
+
+
 def test_shelves_are_not_emptied_one_row_after_the_other() -> None:
     settings = "orders={generator: full-shelves, stream: {bursts: {size: 1, every: 10}}}"
     orders = Simulation(resolve("tabletop-1", (settings,))).world.orders

@@ -87,6 +87,8 @@ class Loads:
         if self._in_system:
             later = header["orders"]["coming"].tolist()[self._in_system :]
             self._coming = [(0, order) for order in reversed(later)]
+            for order in later:
+                self.state[order] = UNRELEASED
         self.by = [NONE] * len(self.place)
         self.content = [NONE] * len(self.slot_cell)
         self.reserved = [NONE] * len(self.slot_cell)

@@ -352,3 +352,14 @@ def test_no_damage_to_a_file_gets_past_with_anything_but_a_sentence(
         resolve(path)
     except InputError as error:
         assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("form", ["file", "matrix"])
+def test_a_name_longer_than_files_may_have_is_no_file(form: str, tmp_path: Path) -> None:
+    text = GOOD.replace(
+        "layout: {generator: tabletop, tables: 2, positions: 3}",
+        f"layout: {{{form}: {'9' * 400}x}}",
+    )
+    assert complaint(tmp_path, text).startswith("FILE:2: there is no floor file '999")
+    with pytest.raises(InputError, match="no file and no shipped scenario is called"):
+        resolve("9" * 400)

@@ -12,10 +12,10 @@ from viewing import branch, record
 
 from automaton.commands import main
 from automaton.errors import InputError
+from automaton.history.divergence import first_difference
 from automaton.recording.frames import FRAME, PREAMBLE, TICKS, read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION
-from tui.divergence import first_difference
 from tui.opening import recorded
 from tui.recordings import KEPT, new_recording
 

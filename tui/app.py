@@ -18,6 +18,7 @@ from textual.scrollbar import ScrollBar, ScrollBarRender
 from textual.widget import Widget
 
 from automaton.errors import InputError
+from automaton.history.divergence import first_difference
 from automaton.world.state import NIL
 from tui.actions.capture import CaptureActions
 from tui.actions.choose import ChooseActions
@@ -25,7 +26,6 @@ from tui.actions.layers import LayerActions
 from tui.actions.map import MapActions
 from tui.ascii_only import AsciiOnly, WholeCells
 from tui.bindings import ACTIONS, COMPARING, bindings, key_text
-from tui.divergence import first_difference
 from tui.opening import Opening
 from tui.options import Options
 from tui.pace import quiet_collector

@@ -9,13 +9,13 @@ import numpy as np
 
 from automaton.circles import circles
 from automaton.headless import Outcome, operations, ran_out, stuck, trouble
+from automaton.history.divergence import first_difference
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_of
 from automaton.recording.header import changed, resolved_of
 from automaton.run_report import print_report
 from automaton.scenario.resolve import Resolved
 from automaton.world.state import DELIVERED
-from tui.divergence import first_difference
 from tui.opening import Opening
 from tui.tally import tally_of
 from tui.titles import branches_of

@@ -17,9 +17,9 @@ import numpy as np
 from textual.app import App
 from textual.notifications import SeverityLevel
 
+from automaton.history.divergence import Divergence
 from automaton.units import unit
 from automaton.world.state import NIL
-from tui.divergence import Divergence
 from tui.opening import Opening
 from tui.options import Options
 from tui.pace import FrameClock, Pace

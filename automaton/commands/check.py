@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
 def names_study(file: str) -> bool:
     """Whether a file, or a shipped name, is a study. Raises InputError for a file that is none."""
-    if not Path(file).exists() and file not in shipped():
+    if not os.path.exists(file) and file not in shipped():
         return file in shipped_studies()
     return is_study(read(file))
 
@@ -85,7 +86,7 @@ def check_files(resolved: Resolved, document: Document) -> None:
     """Raises InputError for a file that a strategy reads and that is not there."""
     for layer, pick in resolved.picks.items():
         for file in files_of(pick.parameters):
-            if not file.is_file():
+            if not os.path.isfile(file):
                 said = f"strategy.{layer}: there is no file {file}"
                 raise document.error(("strategy", layer), said)
 
@@ -93,7 +94,7 @@ def check_files(resolved: Resolved, document: Document) -> None:
 def export_matrix(resolved: Resolved, path: Path) -> None:
     """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
     text = write_matrix(resolved.plan)
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not os.path.isfile(path):
         raise refusal("this is no ordinary file", path)
     with written(path) as file:
         file.write(text.encode())

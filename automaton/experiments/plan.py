@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -118,7 +119,7 @@ def scenario_file(document: Document, name: str) -> Path:
     Raises InputError.
     """
     beside = document.folder / name
-    if document.file is not None and beside.is_file():
+    if document.file is not None and os.path.isfile(beside):
         return beside
     try:
         return find(name)

@@ -7,6 +7,7 @@ combinations one by one. Nothing here needs Numba or Arrow.
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple
@@ -220,14 +221,14 @@ def study_document(name: str | Path) -> Document:
     """What a study file says, unchecked: a path, or the name of a shipped one. Raises InputError."""
     path = Path(name)
     known = shipped_studies()
-    if not path.exists() and str(name) in known:
+    if not os.path.exists(path) and str(name) in known:
         path = known[str(name)]
-    elif not path.exists() and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
+    elif not os.path.exists(path) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
         hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
         raise InputError(f"no file and no shipped study is called '{name}'{hint}")
-    elif not path.exists():
+    elif not os.path.exists(path):
         raise InputError("no such file", str(name))
-    elif path.is_dir():
+    elif os.path.isdir(path):
         raise InputError("is a folder, not a study file", str(name))
     text = read_text(path)
     data, root = parse(text, str(path))

@@ -27,6 +27,7 @@ LEGS = 13
 TASK_SETS = 14
 GENES = 15
 HANDLING = 16
+WORKS = 17
 STRATEGY = 32  # plug-ins use this one and above
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -66,3 +67,10 @@ def draw_many(out, count, seed, stream, tick):
     """out[i] = a uniform integer below `count`, addressed by (stream, tick, i)."""
     for i in range(out.shape[0]):
         out[i] = draw_between(0, count - 1, seed, stream, tick, i)
+
+
+@kernel
+def draw_each(out, seed, stream, ticks, robots):
+    """out[i] = 64 random bits, addressed by (stream, ticks[i], robots[i])."""
+    for i in range(out.shape[0]):
+        out[i] = draw(seed, stream, ticks[i], robots[i])

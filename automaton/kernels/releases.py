@@ -5,16 +5,23 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.draws import RELEASES, draw
 from automaton.kernels.news import tell_zoning
-from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, WAITING
+from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, UNDELIVERED, WAITING
 
 
 @kernel
 def release_orders(world):
-    """Orders whose tick has come are known from now on."""
+    """Orders whose tick has come are known from now on; in a closed loop one for each delivered."""
     orders, clock = world.orders, world.clock
     while clock[NEXT_ORDER] < orders.coming.shape[0]:
         order = np.int64(orders.coming[clock[NEXT_ORDER]])
-        if order == NIL or orders.released[order] > clock[TICK]:
+        if order == NIL:
+            return
+        if world.rules.in_system:
+            delivered = orders.coming.shape[0] - clock[UNDELIVERED]
+            if clock[NEXT_ORDER] - delivered >= world.rules.in_system:
+                return
+            orders.released[order] = clock[TICK]
+        elif orders.released[order] > clock[TICK]:
             return
         orders.state[order] = WAITING
         clock[NEXT_ORDER] += 1

@@ -235,6 +235,8 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     clock[UNDELIVERED] = np.count_nonzero(world.orders.state != DELIVERED)
     clock[UNPARKED] = np.count_nonzero(robots.parked == 0)
     orders = world.orders
+    if world.rules.in_system:
+        restore_closed_loop(world, said.tick)
     known = orders.released <= said.tick
     orders.state[known & (orders.state == UNRELEASED)] = WAITING
     clock[NEXT_ORDER] = np.count_nonzero(known)
@@ -249,6 +251,15 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     when = resolved.scenario.stop.when
     over = when == "delivered" or (when == "parked" and clock[UNPARKED] == 0)
     clock[FINISHED] = int(said.tick > 0 and clock[UNDELIVERED] == 0 and over)
+
+
+def restore_closed_loop(world: World, tick: int) -> None:
+    """When orders became known: for each delivery one in the tick after it, in their sequence."""
+    orders, first = world.orders, world.rules.in_system
+    later = orders.coming[first:]
+    before = np.sort(orders.delivered[(orders.delivered != NIL) & (orders.delivered < tick)])
+    shown = min(len(later), len(before))
+    orders.released[later[:shown]] = before[:shown] + 1
 
 
 def check_against(lines: list[str], drawn: list[str]) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.recording.frames import Content
+from automaton.scenario.reading import content_hash
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.strategy import lookup
@@ -33,6 +34,7 @@ FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
     """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
     plan, robots = resolved.plan, world.robots
+    closed = resolved.scenario.orders.in_system
     plugins = tuple(pick.name for pick in resolved.picks.values() if ":" in pick.name)
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
@@ -42,7 +44,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "overrides": resolved.overrides,
         "text": resolved.source,
         "sources": source_hash(plugins),
-        **file_hashes(resolved),
+        **recorded_files(resolved),
         "versions": versions(),
         "digest_names": digest_names,
         "floor": {
@@ -57,8 +59,10 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
             for name in ("home", "bay", "cell", "heading", "charge")
         },
         "orders": {
-            name: getattr(world.orders, name).copy() for name in ("source", "target", "released")
+            name: getattr(world.orders, name).copy()
+            for name in ("source", "target", "released", *(["coming"] if closed else []))
         },
+        "works": {name: getattr(world.stations, name).copy() for name in ("ticks", "came")},
         "slots": {"cell": world.slots.cell.copy(), "spare": world.slots.spare},
     }
 
@@ -168,12 +172,10 @@ def file_hashes(resolved: Resolved) -> Content:
     return {"files": {str(file): content_hash(file) for file in files}} if files else {}
 
 
-def content_hash(file: Path) -> str:
-    """16 hex digits of the content of a file; "" if it cannot be read."""
-    try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-    except OSError:
-        return ""
+def recorded_files(resolved: Resolved) -> Content:
+    """The files of strategies, and of orders as they were when the scenario was read."""
+    found = {**file_hashes(resolved).get("files", {}), **dict(resolved.files)}
+    return {"files": found} if found else {}
 
 
 @cache

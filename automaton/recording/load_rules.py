@@ -82,6 +82,13 @@ class Loads:
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
         self._coming = [(released[order], order) for order in timed]
+        stream = header["scenario"]["orders"].get("stream") or {}
+        self._in_system: int = (stream.get("closed") or {}).get("in_system", 0)
+        if self._in_system:
+            later = header["orders"]["coming"].tolist()[self._in_system :]
+            self._coming = [(0, order) for order in reversed(later)]
+            for order in later:
+                self.state[order] = UNRELEASED
         self.by = [NONE] * len(self.place)
         self.content = [NONE] * len(self.slot_cell)
         self.reserved = [NONE] * len(self.slot_cell)
@@ -105,8 +112,11 @@ class Loads:
             self.content[slot] = order
 
     def release(self, tick: int) -> None:
-        """Orders become known."""
+        """Orders become known: in their ticks, or one for each that was delivered before this tick."""
         while self._coming and self._coming[-1][0] <= tick:
+            # Known and not delivered are all but those to come, of those that are left.
+            if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
+                break
             self.state[self._coming.pop()[1]] = WAITING
         for order in self.work.begin(tick):
             self.state[order] = WAITING

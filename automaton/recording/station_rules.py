@@ -33,9 +33,14 @@ class Work:
         self.begins_with: dict[int, int] = {}  # order -> work that begins with its delivery
         self.ends: dict[int, tuple[int, int]] = {}  # order -> cells where it begins and ends
         self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
+        # What is drawn stands in the header; older ones have nothing that is.
+        drawn = header.get("works", {})
+        self._drawn: list[int] = drawn["ticks"].tolist() if "ticks" in drawn else []
+        came: list[int] = drawn["came"].tolist() if "came" in drawn else []
         for kind in orders.get("parts") or ():
             for _ in range(kind["count"]):
-                self._enter(kind["at"], kind["route"], orders["work"])
+                tick = came[len(self.station)] if came else kind["at"]
+                self._enter(tick, kind["route"], orders["work"])
         self._entering.sort(reverse=True)
 
     def _enter(self, tick: int, route: list[int], work: Any) -> None:
@@ -48,7 +53,9 @@ class Work:
             else:
                 self._entering.append((tick, len(self.station)))
             self.station.append(number - 1)
-            self.ticks.append(work if isinstance(work, int) else work[number - 1])
+            given = work[number - 1] if isinstance(work, list | tuple) else work
+            drawn = isinstance(given, dict)
+            self.ticks.append(self._drawn[len(self.ticks)] if drawn else given)
             self.frees.append(NONE)
             self.done.append(NONE)
             self.came.append(NONE)

@@ -20,8 +20,9 @@ from automaton.recording.codes import (
     PICKED_AT_ONCE,
 )
 from automaton.recording.frames import CONDITIONS, END, TICKS, Content, Recording, read_recording
-from automaton.recording.header import changed, content_hash, resolved_of, source_hash
+from automaton.recording.header import changed, resolved_of, source_hash
 from automaton.recording.validator import ACTS, Report, validate_stored
+from automaton.scenario.reading import content_hash
 from automaton.simulation import Simulation
 from automaton.world.state import CHANGED, DECIDED, RECORDED, Array
 

@@ -20,8 +20,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.scenario.orders import DRAWN
 from automaton.scenario.resolve import Resolved
-from automaton.scenario.schema import DRAWN, Battery, ChargeRange
+from automaton.scenario.schema import Battery, ChargeRange
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.world.plan import TURNS
 from automaton.world.reach import backward_exits, slot_access

@@ -47,9 +47,13 @@ class Document:
     text: str = ""
     root: yaml.Node | None = None
     overrides: tuple[Override, ...] = ()
+    listed: tuple[str, tuple[int, ...]] | None = None  # a file with orders.list, and their lines
 
     def error(self, keys: Keys, message: str) -> InputError:
         """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
+        if self.listed is not None and keys[:2] == ("orders", "list") and len(keys) > 2:
+            file, lines = self.listed
+            return InputError(message, file, lines[int(keys[2])])
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
             new = len(keys) == shared and not self._holds(keys)

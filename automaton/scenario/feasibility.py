@@ -10,7 +10,8 @@ import numpy as np
 from automaton.errors import alternatives
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.floors import Floor
-from automaton.scenario.schema import OrderLine, Scenario
+from automaton.scenario.orders import OrderLine
+from automaton.scenario.schema import Scenario
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, KINDS, RACK, SHELF, STATION, UNLIMITED
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import (

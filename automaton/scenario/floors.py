@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable, Hashable
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol, cast
@@ -142,7 +143,7 @@ def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
 def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
     wanted = validated(document, layout, FileLayout, LAYOUT)
     path = document.folder / wanted.file
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise document.error(("layout", "file"), f"there is no floor file '{wanted.file}'")
     picture = read_text(path)
 
@@ -155,7 +156,7 @@ def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
 def _from_matrix(document: Document, layout: dict[str, Any]) -> Floor:
     wanted = validated(document, layout, MatrixLayout, LAYOUT)
     path = document.folder / wanted.matrix
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise document.error(("layout", "matrix"), f"there is no floor file '{wanted.matrix}'")
     text = read_text(path)
 

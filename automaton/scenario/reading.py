@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 from typing import Final
@@ -23,15 +24,15 @@ def shipped() -> dict[str, Path]:
 
 def find(name: str | Path) -> Path:
     """The file of a scenario: a path, or the name of a shipped one. Raises InputError."""
-    path = Path(name)
-    if path.is_file():
+    path = Path(name)  # os.path takes a name that is too long for one that there is not
+    if os.path.isfile(path):
         return path
     known = shipped()
     if str(name) in known:
         return known[str(name)]
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError("is a folder, not a scenario file", str(name))
-    if path.exists():
+    if os.path.exists(path):
         raise InputError("is not a regular file", str(name))
     if os.sep in str(name) or path.suffix in (".yaml", ".yml"):
         raise InputError("no such file", str(name))
@@ -48,7 +49,7 @@ def read_text(path: Path) -> str:
             limit = MAX_BYTES // 1_000_000
             message = f"has {size / 1e6:,.1f} MB; scenarios and floors may have {limit} MB at most"
             raise InputError(message, file)
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise InputError("is not a regular file", file)
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES)
@@ -65,6 +66,14 @@ def read_text(path: Path) -> str:
         line = content.count(b"\n", 0, error.start) + 1
         byte = content[error.start]
         raise InputError(f"is not UTF-8 text (byte {byte:#04x})", file, line) from None
+
+
+def content_hash(file: Path) -> str:
+    """16 hex digits of the content of a file; "" if it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+    except OSError:
+        return ""
 
 
 def read(name: str | Path) -> Document:

@@ -20,6 +20,7 @@ from automaton.scenario.feasibility import (
     start_of,
 )
 from automaton.scenario.floors import floor_of
+from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, read
 from automaton.scenario.schema import LAYERS, Scenario
@@ -45,6 +46,7 @@ class Resolved:
     start: Literal["bays", "random", "stands"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
+    files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
 
 
 def resolve(
@@ -64,6 +66,7 @@ def resolve(
         data = {**document.data, "seed": seed}
         document = replace(document, data=data, overrides=(*document.overrides, seeded))
     checked = validated(document, document.data, Scenario)
+    document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     start = start_of(document, checked, floor.plan)
     check_orders(document, checked, floor)
@@ -80,6 +83,7 @@ def resolve(
         overrides=tuple(
             setting if isinstance(setting, str) else setting.argument for setting in settings
         ),
+        files=() if order_file is None else ((order_file.path, order_file.content_hash),),
     )
 
 

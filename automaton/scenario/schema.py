@@ -6,17 +6,17 @@ messages. What depends on the floor or on the chosen strategies is checked in `r
 
 from __future__ import annotations
 
-import itertools
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
-TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
-Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
-Text = Annotated[str, Meta(min_length=1)]
-Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+from automaton.scenario.orders import Orders as Orders
+from automaton.scenario.terms import Line as Line
+from automaton.scenario.terms import Pair, Ticks, TicksOrNone
+from automaton.scenario.terms import Part as Part
+from automaton.scenario.terms import Text as Text
+
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
 KindName = Literal[
@@ -34,15 +34,9 @@ KindName = Literal[
 ]
 Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
-DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
-
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
 
 LAYERS = ("zoning", "charging", "allocation", "routing", "right_of_way")
-
-
-class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A part of a scenario: immutable, unknown keys refused."""
 
 
 class Fleet(Part, frozen=True, kw_only=True):
@@ -114,107 +108,6 @@ class Durations(Part, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.delay and not (self.pick and self.drop):
             raise ValueError("delay makes picks and drops longer, so both must take at least 1")
-
-
-class OrderLine(Part, frozen=True, kw_only=True):
-    """One order: bring a load from one slot to another."""
-
-    source: Annotated[Pair, Meta(description="The slot with the load.")] = msgspec.field(
-        name="from"
-    )
-    target: Annotated[Pair, Meta(description="Where to bring it; a station itself: a visit.")] = (
-        msgspec.field(name="to")
-    )
-    at: Annotated[
-        int, Meta(ge=0, le=2_000_000_000, description="The tick from which it is known.")
-    ] = 0
-
-
-StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
-
-
-class Parts(Part, frozen=True, kw_only=True):
-    """Parts of one type: they are worked on at one station after another."""
-
-    route: Annotated[
-        tuple[StationNumber, ...],
-        Meta(min_length=1, description="The stations that a part goes through, by number."),
-    ]
-    count: Annotated[int, Meta(ge=1, le=1_000_000, description="How many parts there are.")] = 1
-    name: Annotated[Line | None, Meta(description="What reports call them.")] = None
-    at: Annotated[
-        int,
-        Meta(ge=0, le=2_000_000_000, description="The tick in which they come to the first one."),
-    ] = 0
-
-    def __post_init__(self) -> None:
-        for here, then in itertools.pairwise(self.route):
-            if here == then:
-                raise ValueError(
-                    f"a route must lead from one station to another, not {here}, {here}"
-                )
-
-
-class Orders(Part, frozen=True, kw_only=True):
-    """What is to be carried: a generator of orders, a list of them, or parts with routes."""
-
-    generator: Annotated[
-        Literal["full-shelves", "drawn-loads", "dock-to-rack", "stations", "visits"] | None,
-        Meta(
-            description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
-            "shelves drawn as $ do. Each is brought to a destination drawn at random. "
-            "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
-            "random. stations: each load goes from a station to another one, both drawn at "
-            "random. visits: stations drawn at random, where a robot has to come."
-        ),
-    ] = None
-    count: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="How many orders there are, for generators that draw them."),
-    ] = None
-    interval: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=1_000_000,
-            description="Mean ticks between two orders: from the second tick on, one comes in a "
-            "tick with probability 1/interval. 0: all are known from the start.",
-        ),
-    ] = 0.0
-    listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
-        msgspec.field(name="list", default=None)
-    )
-
-    parts: Annotated[
-        tuple[Parts, ...] | None,
-        Meta(
-            description="Parts that stations work on, one at a time, in the sequence of their "
-            "coming. Each way from a station to the next one is an order; it becomes known when "
-            "the work at the first is done."
-        ),
-    ] = None
-    work: Annotated[
-        Ticks | tuple[Ticks, ...],
-        Meta(description="Ticks of the work on a part: at all stations, or one by one from 1 on."),
-    ] = 1
-
-    def __post_init__(self) -> None:
-        given = [self.generator, self.listed, self.parts]
-        if sum(form is not None for form in given) != 1:
-            raise ValueError("orders must have either a generator, a list or parts")
-        if self.parts is not None and not self.parts:
-            raise ValueError("parts must hold at least one type of parts")
-        if self.parts is None and self.work != 1:
-            raise ValueError("work belongs to parts")
-        if self.listed is not None and not self.listed:
-            raise ValueError("list must hold at least one order")
-        if self.generator in DRAWN and self.count is None:
-            raise ValueError(f"the generator {self.generator} needs a count of orders")
-        if self.generator not in DRAWN and (self.count is not None or self.interval):
-            what = "interval" if self.count is None else "count"
-            raise ValueError(f"{what} belongs to the generators {', '.join(DRAWN)}")
-        if 0 < self.interval < 1:
-            raise ValueError("interval must be 0 or at least 1: one order comes in a tick at most")
 
 
 class Strategies(Part, frozen=True, kw_only=True):
@@ -442,7 +335,9 @@ class PictureLayout(Part, frozen=True, kw_only=True):
     """A floor drawn in characters."""
 
     picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
-    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(
+        default_factory=dict
+    )
 
 
 class MatrixLayout(Part, frozen=True, kw_only=True):
@@ -465,4 +360,6 @@ class FileLayout(Part, frozen=True, kw_only=True):
     """A floor drawn in a file of its own."""
 
     file: Annotated[Text, Meta(description="Path, relative to the scenario.")]
-    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = {}
+    legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(
+        default_factory=dict
+    )

@@ -97,7 +97,7 @@ def build_world(
     robots = build_robots(resolved, floor, occupancy, seed, storage, steps, len(orders.state))
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
-    stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state))
+    stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
     clock[UNDELIVERED] = len(orders.state)
     clock[UNWORKED] = len(stations.done)
     zoning = build_partition(resolved, floor, slots, stations, len(orders.state))

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from automaton.kernels import draws
-from automaton.kernels.releases import draw_releases
+from automaton.scenario.orders import DRAWN
 from automaton.scenario.resolve import Resolved
-from automaton.scenario.schema import DRAWN, Scenario
+from automaton.world.arrivals import releases
 from automaton.world.battery import may_fail
 from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.world.floor import Floor
 from automaton.world.reach import around_home
-from automaton.world.state import NEVER, NIL, UNRELEASED, WAITING, Array, Orders, Slots
+from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders, Slots
 from automaton.world.work import part_orders
 
 
@@ -31,14 +31,17 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tupl
     access = np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)
+        coming = np.full(len(source), NIL)
     else:
         source, target = sources_and_targets(resolved, floor, access, seed)
-        released = release_ticks(resolved.scenario, len(source), seed)
-    return orders_of(source, target, released), slots_of(resolved, floor, access, mask, source)
+        released, coming = releases(resolved.scenario, len(source), seed)
+    return orders_of(source, target, released, coming), slots_of(
+        resolved, floor, access, mask, source
+    )
 
 
-def orders_of(source: Array, target: Array, released: Array) -> Orders:
-    """Orders of which nothing is done yet; from, to and known from: (m,) each."""
+def orders_of(source: Array, target: Array, released: Array, coming: Array) -> Orders:
+    """Orders of which nothing is done yet; from, to, known from, and in which sequence: (m,) each."""
     m = len(source)
     nil = np.full(m, NIL, np.int32)
     return Orders(
@@ -48,9 +51,7 @@ def orders_of(source: Array, target: Array, released: Array) -> Orders:
         target=target.astype(np.int32),
         by=nil.copy(),
         released=released.astype(np.int32),
-        coming=np.where(released == NEVER, NIL, np.argsort(released, kind="stable")).astype(
-            np.int32
-        ),
+        coming=coming.astype(np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
         dispatched_heading=np.zeros(m, np.uint8),
@@ -78,22 +79,6 @@ def slots_of(
         spare=spare,
         within=within.astype(np.uint8),
     )
-
-
-def release_ticks(scenario: Scenario, count: int, seed: int) -> Array:
-    """(count,) int64: the ticks from which the orders are known.
-
-    With an interval, the first at once and then one in each tick with probability 1/interval.
-    """
-    orders = scenario.orders
-    if orders.listed is not None:
-        return np.array([line.at for line in orders.listed], np.int64)
-    released = np.zeros(count, np.int64)
-    if orders.interval:
-        with np.errstate(over="ignore"):
-            chance = round(2**32 / orders.interval)
-            draw_releases(released, chance, np.uint64(seed), scenario.stop.at_most + 1)
-    return released
 
 
 def sources_and_targets(

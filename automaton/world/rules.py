@@ -32,6 +32,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         leave=int(scenario.fleet.when_done == "leave"),
         radius=radius_of(scenario.information),
         circle=int(getattr(scenario.information, "shape", "square") == "circle"),
+        in_system=scenario.orders.in_system,
         own_zones=int(getattr(scenario.information, "orders", "all") == "zones"),
         tick_us=tick_length(scenario.units.tick),
         cell_milli=0

@@ -161,6 +161,7 @@ class Rules(Struct):
     leave: int  # 1: a robot with nothing to do leaves the floor where it stands
     radius: int  # how far strategies see, cells; NIL everything, or ORDER_LIST
     circle: int  # 1: the radius is Euclid's, 0: Chebyshev's
+    in_system: int  # orders that a closed loop keeps open; 0: it is none
     own_zones: int  # 1: only orders and stations in zones of robots that are seen
     tick_us: int  # a tick in millionths of a second; 0: the scenario does not say
     cell_milli: int  # a cell's side in thousandths of the scenario's unit of length; 0: none

@@ -7,21 +7,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automaton.kernels import draws
+from automaton.world.arrivals import PARTS, gaps
+from automaton.world.geometric import geometric
 from automaton.world.state import NEVER, NIL, Array, Stations
 
 if TYPE_CHECKING:
+    from automaton.scenario.orders import Orders
     from automaton.scenario.resolve import Resolved
-    from automaton.scenario.schema import Orders
 
 
-def routes(orders: Orders) -> list[tuple[int, tuple[int, ...]]]:
-    """The tick in which each part comes, and its stations: parts as listed, one after another."""
-    return [(kind.at, kind.route) for kind in orders.parts or () for _ in range(kind.count)]
+def routes(orders: Orders) -> list[tuple[int, ...]]:
+    """The stations of each part: parts as listed, one after another."""
+    return [kind.route for kind in orders.parts or () for _ in range(kind.count)]
 
 
-def work_ticks(orders: Orders, station: int) -> int:
-    """Ticks of the work at a station, by its number."""
-    return orders.work if isinstance(orders.work, int) else orders.work[station - 1]
+def part_ticks(orders: Orders, seed: int) -> list[int]:
+    """The tick in which each part comes."""
+    ticks: list[int] = []
+    for row, kind in enumerate(orders.parts or ()):
+        between = gaps(kind.every, kind.count, seed, PARTS + row)
+        after = np.concatenate([[0], np.cumsum(between[:-1])])
+        ticks += np.minimum(kind.at + after, NEVER - 1).tolist()
+    return ticks
+
+
+def work_ticks(orders: Orders, station: Array, part: Array, place: Array, seed: int) -> Array:
+    """(j,) int64: ticks of works, by station from 0; what is drawn, by part and place in its route."""
+    ticks = np.zeros(len(station), np.int64)
+    works = orders.work if isinstance(orders.work, tuple) else (orders.work,)
+    for number, work in enumerate(works):
+        here = np.flatnonzero(station == number) if len(works) > 1 else np.arange(len(ticks))
+        if isinstance(work, int):
+            ticks[here] = work
+        else:
+            ticks[here] = geometric(work.mean, seed, draws.WORKS, part[here], place[here])
+    return ticks
 
 
 def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
@@ -29,34 +50,35 @@ def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array
     slots = slot_of[resolved.plan.stations()]
     ways = [
         (slots[here - 1], slots[then - 1])
-        for _, route in routes(resolved.scenario.orders)
+        for route in routes(resolved.scenario.orders)
         for here, then in itertools.pairwise(route)
     ]
     source, target = np.array(ways, np.int32).reshape(-1, 2).T
     return source, target, np.full(len(ways), NEVER, np.int64)
 
 
-def build_stations(resolved: Resolved, slot_of: Array, slots: int, orders: int) -> Stations:
+def build_stations(
+    resolved: Resolved, slot_of: Array, slots: int, orders: int, seed: int
+) -> Stations:
     """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
     scenario = resolved.scenario.orders
     cells = resolved.plan.stations()
     at = np.full(slots, NIL, np.int32)
     at[slot_of[cells]] = np.arange(len(cells), dtype=np.int32)
-    works: list[tuple[int, int, int, int, int]] = []  # station, ticks, part, frees, came
+    works: list[tuple[int, int, int, int, int]] = []  # station, place, part, frees, came
     arrives = np.full(orders, NIL, np.int32)
     order = 0
-    for part, (tick, route) in enumerate(routes(scenario)):
+    coming = part_ticks(scenario, seed)
+    for part, route in enumerate(routes(scenario)):
         for place, number in enumerate(route):
             last = place == len(route) - 1
             if place:
                 arrives[order - 1] = len(works)
-            came = NIL if place else tick
-            works.append(
-                (number - 1, work_ticks(scenario, number), part, NIL if last else order, came)
-            )
+            came = NIL if place else coming[part]
+            works.append((number - 1, place, part, NIL if last else order, came))
             order += not last
     table = np.array(works, np.int32).reshape(-1, 5).T
-    station, ticks, part_of, frees, comes = (column.copy() for column in table)
+    station, place_of, part_of, frees, comes = (column.copy() for column in table)
     entering = np.flatnonzero(comes != NIL).astype(np.int32)
     entering = entering[np.argsort(comes[entering], kind="stable")]
     k = len(cells)
@@ -68,7 +90,7 @@ def build_stations(resolved: Resolved, slot_of: Array, slots: int, orders: int) 
         until=np.zeros(k, np.int64),
         entering=entering,
         station=station,
-        ticks=ticks,
+        ticks=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
         part=part_of,
         frees=frees,
         behind=np.full(len(works), NIL, np.int32),

@@ -1,0 +1,128 @@
+"""Say why a robot waits in a tick of a recording: the chain of causes, and its time lost so far.
+
+Exit code 0: said; 2: bad input, such as a robot or a tick that the recording does not have.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from automaton.commands.arguments import tick, whole
+from automaton.errors import InputError
+from automaton.recording.frames import read_recording
+from automaton.units import count, percent
+
+if TYPE_CHECKING:
+    from automaton.history.explanation import Explanation
+    from automaton.history.run import RecordedRun
+    from automaton.history.snapshot import Snapshot
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton explain`."""
+    add = parser.add_argument
+    add("file", type=Path, metavar="FILE", help="a recording, whole or cut short")
+    add("--robot", type=whole("a robot", 0), required=True, metavar="R", help="which, from 0")
+    add("--at", type=tick, required=True, metavar="T", help="in this tick")
+    add("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the recording to the tick, and tell."""
+    recording = read_recording(args.file)
+    robots = recording.header["scenario"]["fleet"]["robots"]
+    if args.robot >= robots:
+        there = "only robot 0" if robots == 1 else f"robots 0 to {robots - 1}"
+        raise InputError(f"there is no robot {args.robot}: it has {there}", str(args.file))
+    check_tick(args.file, args.at, recording.ticks)
+    from automaton.history.explanation import explain
+    from automaton.history.run import RecordedRun
+    from automaton.history.snapshot import take_snapshot
+
+    shown = shown_at(RecordedRun(recording), args.at)
+    snapshot = take_snapshot(shown.shown)
+    found = explain(snapshot, shown.plan, args.robot)
+    if args.json:
+        print(json.dumps(as_json(args, found, snapshot), indent=2, ensure_ascii=False))
+        return 0
+    name, seed = recording.header["scenario"]["name"], recording.header["seed"]
+    print(f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}")
+    print("\n".join([*chain_lines(found), *lost_lines(snapshot, args.robot)]))
+    return 0
+
+
+def check_tick(file: Path, at: int, last: int) -> None:
+    """Raises InputError for a tick that a recording does not have."""
+    if at > last:
+        raise InputError(f"there is no tick {at}: it has ticks 0 to {last}", str(file))
+
+
+def shown_at(recorded: RecordedRun, at: int) -> RecordedRun:
+    """The run, shown at this tick."""
+    while recorded.tick < at:
+        recorded.show(at, 1.0)
+    return recorded
+
+
+def chain_lines(found: Explanation) -> list[str]:
+    """A sentence for each robot of the chain, with its rule, and the circle if there is one."""
+    lines = []
+    for link, text in zip(found.chain, found.lines, strict=False):
+        alone = len(found.chain) == 1 and not link.cause
+        lines.append(f"{text}: it does not wait" if alone else text)
+        if link.rule:
+            lines.append(f"  rule: {link.rule.removeprefix('rule of ')}")
+    return [*lines, *found.lines[len(found.chain) :]]
+
+
+def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
+    """(cause, ticks lost to it so far), the most first."""
+    from automaton.world.waiting import NOT_WAITING
+
+    lost = snapshot.robots.lost[robot].tolist()
+    found = [(cause, ticks) for cause, ticks in enumerate(lost) if ticks and cause != NOT_WAITING]
+    return sorted(found, key=lambda pair: -pair[1])
+
+
+def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
+    """The time that a robot has lost so far, by cause."""
+    from automaton.world.waiting import CAUSES
+
+    lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)
+    if not lost:
+        return ["no time lost so far"]
+    total = sum(taken for _, taken in lost)
+    width = max(len(CAUSES[cause].name) for cause, _ in lost)
+    digits = len(f"{total:,}")
+    return [
+        f"time lost so far: {percent(total / ticks, 0)} of {count(ticks, 'tick')}",
+        *(
+            f"  {CAUSES[cause].name:<{width}}  {taken:>{digits},}  {percent(taken / ticks, 0):>5}"
+            f"  {CAUSES[cause].meaning}"
+            for cause, taken in lost
+        ),
+    ]
+
+
+def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) -> dict[str, Any]:
+    """The explanation as one object; times are in ticks."""
+    from automaton.world.state import NIL
+    from automaton.world.waiting import CAUSES
+
+    links = [
+        {**link._asdict(), "blocker": None if link.blocker == NIL else link.blocker}
+        for link in found.chain
+    ]
+    return {
+        "file": str(args.file),
+        "robot": args.robot,
+        "tick": args.at,
+        "waits": bool(found.chain[0].cause),
+        "chain": links,
+        "circle": [] if found.cycle == NIL else [link.robot for link in found.chain[found.cycle :]],
+        "lost": {CAUSES[cause].name: taken for cause, taken in lost_by_cause(snapshot, args.robot)},
+        "lines": found.lines,
+    }

@@ -1,0 +1,162 @@
+"""Go on from any tick of a recording with other settings, and compare the two futures.
+
+The branch is recorded with its past. Exit code 0: it finished, or came to --until; 1: it did not
+finish; 2: bad input, a failing strategy included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from automaton.commands.arguments import tick, whole
+from automaton.commands.explain import check_tick, shown_at
+from automaton.errors import InputError
+from automaton.recording.frames import Recording, read_recording
+from automaton.units import count, unit
+
+if TYPE_CHECKING:
+    from automaton.history.divergence import Divergence
+    from automaton.history.run import Run
+    from automaton.simulation import Simulation
+
+
+class Future(NamedTuple):
+    """How a run went, up to the tick where it is compared."""
+
+    name: str
+    ticks: int
+    finished: bool
+    digest: str
+    metrics: dict[str, float | int]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton fork`."""
+    add = parser.add_argument
+    add("file", type=Path, metavar="RECORDING", help="a recording, whole or cut short")
+    add("--at", type=tick, required=True, metavar="TICK", help="what changes holds after this tick")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change strategy, durations, information, world or stop; may be repeated",
+    )
+    add("--out", type=Path, metavar="FILE", help="instead of RECORDING-at-TICK.rec")
+    add("--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before")
+    add("--json", action="store_true", help="one JSON object instead of text")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Branch off, run, and report on both."""
+    recording = read_recording(args.file)
+    check_tick(args.file, args.at, recording.ticks)
+    if args.until is not None and args.until <= args.at:
+        raise InputError(f"--until {args.until} is not after --at {args.at}")
+    out = args.out or args.file.with_name(f"{args.file.stem}-at-{args.at}.rec")
+    if os.path.exists(out) and out.samefile(args.file):
+        raise InputError("--out is the recording itself: give another file", str(out))
+    branch, missing = branched_off(recording, args, out)
+    original = original_until(recording, args.until)
+    from automaton.history.divergence import first_difference
+
+    difference = first_difference(recording, read_recording(out))
+    if args.json:
+        found = as_json(args, out, original, branch, difference)
+        print(json.dumps(found, indent=2, ensure_ascii=False))
+    else:
+        settings = ", ".join(args.settings) or "nothing changed"
+        header = recording.header
+        name, seed = header["scenario"]["name"], header["seed"]
+        print(f"{name}, seed {seed}, branched off after tick {args.at:,}: {settings}")
+        print(difference.text.partition(";")[0])
+        print_futures(original, branch, header["scenario"]["units"]["tick"])
+        print(f"\nrecorded in {out}")
+    if missing:
+        raise InputError(missing, str(out))
+    return 0 if branch.finished or branch.ticks == args.until else 1
+
+
+def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
+    """Run the branch and record it; how it went, and what went wrong with the file or ""."""
+    from automaton.headless import is_finished
+    from automaton.history.run import RecordedRun
+
+    branch = shown_at(RecordedRun(recording), args.at).branch(tuple(args.settings), out)
+    try:
+        advance(branch, args.until)
+        found = future("branch", branch.front, is_finished(branch.front))
+        branch.journal.end(found.metrics)
+    finally:
+        branch.close()
+    return found, branch.trouble
+
+
+def original_until(recording: Recording, until: int | None) -> Future:
+    """The run that was recorded, up to the same tick."""
+    from automaton.headless import is_finished
+    from automaton.history.run import RecordedRun
+
+    recorded = RecordedRun(recording)
+    last = recorded.head if until is None else min(until, recorded.head)
+    shown = shown_at(recorded, last).shown
+    return future("original", shown, is_finished(shown))
+
+
+def advance(run: Run, until: int | None) -> None:
+    """Compute a live run to its end, or to a tick."""
+    before = -1
+    while run.tick > before and (until is None or run.tick < until):
+        before = run.tick
+        run.show(2**62 if until is None else until, 1.0)
+
+
+def future(name: str, simulation: Simulation, finished: bool) -> Future:
+    """What is compared."""
+    from automaton.metrics import metrics_of
+
+    return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
+
+
+def print_futures(original: Future, branch: Future, tick_text: str) -> None:
+    """The metrics of both beside each other, in the units of the scenario."""
+    from automaton.metrics import GLOSSARY
+    from automaton.run_report import console, in_units, plain_table, print_table
+
+    tick_unit = unit(tick_text)
+    out = console()
+    for one in (original, branch):
+        how = "finished after" if one.finished else "not finished after"
+        out.print(f"{one.name}: {how} {count(one.ticks, 'tick')}", soft_wrap=True)
+    table = plain_table("metric", original.name, branch.name, "difference", "unit")
+    table.columns[0].justify = table.columns[4].justify = "left"
+    names = [name for name in branch.metrics if name in original.metrics]
+    for name in names:
+        kind = GLOSSARY.get(name, ("times", ""))[0]
+        before, now = original.metrics[name], branch.metrics[name]
+        (left, said), (right, _) = (in_units(value, kind, tick_unit) for value in (before, now))
+        change, _ = in_units(now - before, kind, tick_unit)
+        sign = "+" if now > before else ""
+        table.add_row(name, left, right, "=" if now == before else sign + change, said)
+    out.print()
+    print_table(out, table)
+
+
+def as_json(
+    args: argparse.Namespace, out: Path, original: Future, branch: Future, found: Divergence
+) -> dict[str, Any]:
+    """Both futures as one object; times are in ticks."""
+    return {
+        "file": str(args.file),
+        "out": str(out),
+        "at": args.at,
+        "settings": args.settings,
+        "difference": None if found.tick is None else found.tick,
+        "original": original._asdict(),
+        "branch": branch._asdict(),
+    }

@@ -1,0 +1,195 @@
+"""What a scenario file may say of its orders: what is to be carried, and when it becomes known."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal
+
+from msgspec import Meta, field
+
+from automaton.scenario.terms import Line, Pair, Part, Text, Tick, Ticks
+
+DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
+
+
+class Mean(Part, frozen=True, kw_only=True):
+    """A whole number from 1 on, drawn geometrically: what is memoryless in ticks."""
+
+    mean: Annotated[float, Meta(ge=1, le=1_000_000, description="Its mean.")]
+
+
+class Bursts(Part, frozen=True, kw_only=True):
+    """Orders become known several at a time, the first of them at once."""
+
+    size: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
+        Meta(description="Orders of a burst: so many, or drawn with this mean."),
+    ]
+    every: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
+        Meta(description="Ticks from a burst to the next: so many, or drawn with this mean."),
+    ]
+
+
+class Closed(Part, frozen=True, kw_only=True):
+    """A closed loop: in the tick after a delivery the next order becomes known."""
+
+    in_system: Annotated[
+        int, Meta(ge=1, le=1_000_000, description="Orders that are open, until they are used up.")
+    ]
+
+
+class Stream(Part, frozen=True, kw_only=True):
+    """When orders become known, if neither all at once nor with an interval."""
+
+    bursts: Bursts | None = None
+    closed: Closed | None = None
+    file: Annotated[
+        Text | None,
+        Meta(
+            description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
+            "to_y; path relative to the scenario."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if sum(form is not None for form in (self.bursts, self.closed, self.file)) != 1:
+            raise ValueError("stream must have exactly one of bursts, closed or file")
+
+
+class OrderLine(Part, frozen=True, kw_only=True):
+    """One order: bring a load from one slot to another."""
+
+    source: Annotated[Pair, Meta(description="The slot with the load.")] = field(name="from")
+    target: Annotated[Pair, Meta(description="Where to bring it; a station itself: a visit.")] = (
+        field(name="to")
+    )
+    at: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+
+
+StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
+
+
+class Parts(Part, frozen=True, kw_only=True):
+    """Parts of one type: they are worked on at one station after another."""
+
+    route: Annotated[
+        tuple[StationNumber, ...],
+        Meta(min_length=1, description="The stations that a part goes through, by number."),
+    ]
+    count: Annotated[int, Meta(ge=1, le=1_000_000, description="How many parts there are.")] = 1
+    name: Annotated[Line | None, Meta(description="What reports call them.")] = None
+    at: Annotated[
+        Tick, Meta(description="The tick in which they, or the first, come to the first one.")
+    ] = 0
+    every: Annotated[
+        Annotated[int, Meta(ge=0, le=1_000_000)] | Mean,
+        Meta(description="Ticks from a part to the next: so many, or drawn with this mean."),
+    ] = 0
+
+    def __post_init__(self) -> None:
+        for here, then in itertools.pairwise(self.route):
+            if here == then:
+                raise ValueError(
+                    f"a route must lead from one station to another, not {here}, {here}"
+                )
+
+
+class DrawnWork(Part, frozen=True, kw_only=True):
+    """Work of which the ticks are drawn for each part and each station of its route."""
+
+    mean: Annotated[float, Meta(ge=1, le=10_000, description="Mean ticks.")]
+    distribution: Annotated[
+        Literal["exponential"],
+        Meta(description="Memoryless, in whole ticks from 1 on: the geometric distribution."),
+    ] = "exponential"
+
+
+Work = Ticks | DrawnWork
+
+
+class Orders(Part, frozen=True, kw_only=True):
+    """What is to be carried: a generator of orders, a list or a file of them, or parts."""
+
+    generator: Annotated[
+        Literal["full-shelves", "drawn-loads", "dock-to-rack", "stations", "visits"] | None,
+        Meta(
+            description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
+            "shelves drawn as $ do. Each is brought to a destination drawn at random. "
+            "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
+            "random. stations: each load goes from a station to another one, both drawn at "
+            "random. visits: stations drawn at random, where a robot has to come."
+        ),
+    ] = None
+    count: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Meta(description="How many orders there are, for generators that draw them."),
+    ] = None
+    interval: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=1_000_000,
+            description="Mean ticks between two orders: from the second tick on, one comes in a "
+            "tick with probability 1/interval, as a Poisson stream in ticks. 0: all are known from "
+            "the start.",
+        ),
+    ] = 0.0
+    stream: Annotated[
+        Stream | None, Meta(description="How they become known, or a file of orders.")
+    ] = None
+    listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
+        field(name="list", default=None)
+    )
+
+    parts: Annotated[
+        tuple[Parts, ...] | None,
+        Meta(
+            description="Parts that stations work on, one at a time, in the sequence of their "
+            "coming. Each way from a station to the next one is an order; it becomes known when "
+            "the work at the first is done."
+        ),
+    ] = None
+    work: Annotated[
+        Work | tuple[Work, ...],
+        Meta(description="Ticks of the work on a part: at all stations, or one by one from 1 on."),
+    ] = 1
+
+    def __post_init__(self) -> None:
+        given = [self.generator, self.listed, self.parts, self.file]
+        if sum(form is not None for form in given) != 1:
+            raise ValueError(
+                "orders must have either a generator, a list, parts or a stream from a file"
+            )
+        if self.parts is not None and not self.parts:
+            raise ValueError("parts must hold at least one type of parts")
+        if self.parts is None and self.work != 1:
+            raise ValueError("work belongs to parts")
+        if self.listed is not None and not self.listed:
+            raise ValueError("list must hold at least one order")
+        if self.generator in DRAWN and self.count is None:
+            raise ValueError(f"the generator {self.generator} needs a count of orders")
+        if self.generator not in DRAWN and self.count is not None:
+            raise ValueError(f"count belongs to the generators {', '.join(DRAWN)}")
+        self._check_arrivals()
+
+    def _check_arrivals(self) -> None:
+        if self.generator is None and self.interval:
+            raise ValueError("interval belongs to generators of orders")
+        if self.generator is None and self.stream is not None and self.file is None:
+            raise ValueError("stream belongs to generators of orders, unless it is a file")
+        if self.interval and self.stream is not None:
+            raise ValueError("interval does not go together with a stream")
+        if 0 < self.interval < 1:
+            raise ValueError("interval must be 0 or at least 1: one order comes in a tick at most")
+
+    @property
+    def file(self) -> str | None:
+        """The file of orders, as the scenario names it."""
+        return None if self.stream is None else self.stream.file
+
+    @property
+    def in_system(self) -> int:
+        """Orders that a closed loop keeps open; 0: it is none."""
+        closed = None if self.stream is None else self.stream.closed
+        return 0 if closed is None else closed.in_system

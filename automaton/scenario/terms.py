@@ -1,0 +1,19 @@
+"""The words of the schema: what its structs have in common."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
+TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
+Tick = Annotated[int, Meta(ge=0, le=2_000_000_000, description="A tick.")]
+Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+Text = Annotated[str, Meta(min_length=1)]
+Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+
+
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A part of a scenario: immutable, unknown keys refused."""

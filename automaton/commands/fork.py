@@ -139,8 +139,10 @@ def print_futures(original: Future, branch: Future, tick_text: str) -> None:
     for name in names:
         kind = GLOSSARY.get(name, ("times", ""))[0]
         before, now = original.metrics[name], branch.metrics[name]
-        (left, said), (right, _) = (in_units(value, kind, tick_unit) for value in (before, now))
-        change, _ = in_units(now - before, kind, tick_unit)
+        (left, said), (right, _) = (
+            in_units(value, kind, tick_unit, None) for value in (before, now)
+        )
+        change, _ = in_units(now - before, kind, tick_unit, None)
         sign = "+" if now > before else ""
         table.add_row(name, left, right, "=" if now == before else sign + change, said)
     out.print()

@@ -36,6 +36,7 @@ KERNEL_SOURCES = {
         "world/cells.py",
         "world/condition.py",
         "world/partition.py",
+        "world/places.py",
         "world/route_space.py",
         "world/state.py",
         "world/waiting.py",

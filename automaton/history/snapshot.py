@@ -9,7 +9,8 @@ import numpy as np
 
 from automaton.simulation import Simulation
 from automaton.world.partition import Partition
-from automaton.world.state import NIL, TICK, Array, Stations
+from automaton.world.places import Stations
+from automaton.world.state import NIL, TICK, Array
 from automaton.world.waiting import LOST_EVER, congestion_of, visits_of
 
 FLEET: Final = (  # fields of world.robots

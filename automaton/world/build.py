@@ -17,6 +17,7 @@ from automaton.world.demand import build_orders
 from automaton.world.floor import Floor, floor_for, frozen
 from automaton.world.partition import SAID, Partition
 from automaton.world.partitions import build_partition
+from automaton.world.places import Chargers
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_headings, homes, occupy_starts
 from automaton.world.state import (
@@ -40,7 +41,6 @@ from automaton.world.state import (
     Answers,
     Array,
     Asked,
-    Chargers,
     ChargingAnswers,
     Memory,
     Record,

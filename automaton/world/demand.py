@@ -17,8 +17,9 @@ from automaton.world.arrivals import releases
 from automaton.world.battery import may_fail
 from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.world.floor import Floor
+from automaton.world.places import Slots
 from automaton.world.reach import around_home
-from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders, Slots
+from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders
 from automaton.world.work import part_orders
 
 

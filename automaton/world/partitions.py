@@ -11,9 +11,10 @@ from automaton.errors import InputError
 from automaton.scenario.floors import point_names
 from automaton.units import count
 from automaton.world.partition import SAID, Design, Partition, Roads
+from automaton.world.places import Slots, Stations
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import slot_access, steps_from
-from automaton.world.state import NIL, Array, Slots, Stations, Workspace, World
+from automaton.world.state import NIL, Array, Workspace, World
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.roads import roads_of

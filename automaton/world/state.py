@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from automaton.struct import Struct
 from automaton.world.partition import Design, Partition
+from automaton.world.places import Chargers, Slots, Stations
 from automaton.world.route_space import RouteSpace
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ CHARGING_AGAIN: Final = 3  # its entry
 # Why a robot is in a batch.
 FREE: Final = 0  # it has nothing to do
 PICKED: Final = 1  # its pick has begun: where does the load go?
-RELEASED: Final = 2  # it gave its order back before a withdrawal: decide again, around the robots
+RELEASED: Final = 2  # it gave its order back before a withdrawal: decide again, around robots
 REPLAN: Final = 3  # it drives home or nowhere, and its plan is made anew
 PERIODIC: Final = 4  # the strategy asked for every k-th tick
 PLAN: Final = 5  # routing: a new goal
@@ -245,54 +246,6 @@ class Orders(Struct):
     legs: Array  # (m,) int32: times it was picked up
 
 
-class Slots(Struct):
-    """Cells that hold loads: shelves one each; destinations, racks, docks and stations any number.
-
-    Where robots may fail, the last n are spare ones: a load that a robot had to leave lies in one.
-    """
-
-    cell: Array  # (s,) int32; NIL: a spare one without a load
-    endless: Array  # (s,) uint8: 1 = any number of loads: no shelf
-    content: Array  # (s,) int32: the order on a shelf, or NIL
-    by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
-    access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL; a station: itself
-    spare: int  # the first spare slot, or s
-    within: Array  # (C,) uint8: 1 = robots get there and back home
-
-
-class Chargers(Struct):
-    """Cells where robots charge; k of them."""
-
-    cell: Array  # (k,) int32
-    at: Array  # (C,) int32: the charger in a cell, or NIL
-    way_out: Array  # (k,) int32: scratch: the cell into which its holder wants to move, or NIL
-    first: Array  # (k,) int64: scratch: the lowest ticket at its door
-
-
-class Stations(Struct):
-    """Work on parts: k stations, one part at a time each, in the sequence of their coming; j works.
-
-    A work is what one station does to one part.
-    """
-
-    at: Array  # (s,) int32: the station that a slot is, or NIL
-    slot: Array  # (k,) int32
-    first: Array  # (k,) int32: the work under way, or NIL
-    last: Array  # (k,) int32: the work at the end of the line, or NIL
-    until: Array  # (k,) int64: tick in which the work under way is done
-    entering: Array  # (p,) int32: the works with which parts begin, by tick
-    station: Array  # (j,) int32
-    ticks: Array  # (j,) int32: how long it takes
-    part: Array  # (j,) int32: the part's number
-    frees: (
-        Array  # (j,) int32: the order that becomes known when it is done; NIL: the part is finished
-    )
-    behind: Array  # (j,) int32: the next work in the line, or NIL
-    came: Array  # (j,) int32: tick in which the part came, or comes; NIL: unknown
-    done: Array  # (j,) int32: tick in which it was done, or NIL
-    arrives: Array  # (m,) int32: the work that begins when an order is delivered, or NIL
-
-
 class Traffic(Struct):
     """Occupancy and the intents of the current tick."""
 
@@ -401,8 +354,7 @@ class Answers(Struct):
     right_of_way: RightOfWayAnswers
 
 
-# Verbs.
-TAKE: Final = 1
+TAKE: Final = 1  # verbs of allocation
 SET_DOWN: Final = 2
 PARK: Final = 3
 STEP: Final = 1

@@ -10,7 +10,8 @@ import numpy as np
 from automaton.kernels import draws
 from automaton.world.arrivals import PARTS, gaps
 from automaton.world.geometric import geometric
-from automaton.world.state import NEVER, NIL, Array, Stations
+from automaton.world.places import Stations
+from automaton.world.state import NEVER, NIL, Array
 
 if TYPE_CHECKING:
     from automaton.scenario.orders import Orders

@@ -12,48 +12,48 @@ from zoning_scenes import near_of
 
 from automaton.zoning.consensus import consensus, consensus_step, sigma_about
 
-LOADS = st.lists(st.floats(0, 1000), min_size=1, max_size=9)
+LOADS = st.lists(st.integers(0, 10**12), min_size=1, max_size=9)  # billionths of a minute
 
 
 @given(LOADS, st.data())
-def test_the_sum_is_kept_at_every_step_on_any_graph(
-    loads: list[float], data: st.DataObject
-) -> None:
+def test_the_sum_is_kept_at_every_step_on_any_graph(loads: list[int], data: st.DataObject) -> None:
     pairs = list(combinations(range(len(loads)), 2))
     chosen = data.draw(st.lists(st.sampled_from(pairs))) if pairs else []
     near, x = near_of(len(loads), chosen), np.array(loads)
     for _ in range(5):
         after = np.empty_like(x)
         consensus_step(x, near, after)
-        assert after.sum() == pytest.approx(sum(loads), rel=1e-12, abs=1e-9)
-        assert x.min() - 1e-9 <= after.min() and after.max() <= x.max() + 1e-9
+        assert after.sum() == sum(loads)
+        assert x.min() <= after.min() and after.max() <= x.max()
         x = after
 
 
 @given(LOADS, st.data())
-def test_a_connected_graph_tends_to_the_mean(loads: list[float], data: st.DataObject) -> None:
+def test_a_connected_graph_tends_to_the_mean(loads: list[int], data: st.DataObject) -> None:
     tree = [(i, data.draw(st.integers(0, i - 1))) for i in range(1, len(loads))]
     x = np.array(loads)
     consensus(x, np.empty_like(x), near_of(len(loads), tree), 2000)
-    assert x == pytest.approx([np.mean(loads)] * len(loads), rel=1e-9, abs=1e-6)
+    assert x == pytest.approx([np.mean(loads)] * len(loads), abs=100)
 
 
 def test_robots_out_of_range_agree_among_themselves_only() -> None:
-    x = np.array([1.0, 3.0, 10.0, 20.0, 7.0])
-    consensus(x, np.empty(5), near_of(5, [(0, 1), (2, 3)]), 100)
-    assert x == pytest.approx([2, 2, 15, 15, 7]) and x[4] == 7
+    x = np.array([1, 3, 10, 20, 7]) * 10**9
+    consensus(x, np.empty_like(x), near_of(5, [(0, 1), (2, 3)]), 100)
+    assert x == pytest.approx(np.array([2, 2, 15, 15, 7]) * 1e9, abs=10) and x[4] == 7 * 10**9
 
 
 def test_three_robots_in_range_have_the_mean_after_one_step() -> None:
-    x, after = np.array([1.0, 2.0, 6.0]), np.empty(3)
+    x = np.array([1, 2, 6]) * 10**9
+    after = np.empty_like(x)
     consensus_step(x, near_of(3, combinations(range(3), 2)), after)
-    assert after == pytest.approx([3, 3, 3])
+    assert after == pytest.approx([3e9] * 3, abs=2)
 
 
 def test_a_chain_uses_the_larger_degree() -> None:
-    x, after = np.array([0.0, 3.0, 9.0]), np.empty(3)
+    x = np.array([0, 3, 9])
+    after = np.empty_like(x)
     consensus_step(x, near_of(3, [(0, 1), (1, 2)]), after)
-    assert after == pytest.approx([1, 3 - 1 + 2, 7])
+    assert after.tolist() == [1, 3 - 1 + 2, 7]
 
 
 def test_sigma_measures_from_the_mean() -> None:

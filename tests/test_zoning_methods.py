@@ -147,14 +147,6 @@ def test_evolved_designs_are_partitions(seed: int) -> None:
     check_partition(roads, evolved(flow, seed, generations=2, individuals=6))
 
 
-def test_zones_go_to_the_robots_that_start_nearest_to_their_centres() -> None:
-    floor, plan, roads = factory()
-    server = np.zeros(3, np.int32)
-    starts = np.array([plan.cell(*floor.stations()[n]) for n in (11, 1, 18)], np.int32)
-    genetic.match_to_robots(roads, shipped("factory-logged"), plan.stride, starts, server)
-    assert server.tolist() == [2, 1, 0]  # the southern zone is robot 0's
-
-
 def waiting(legs: list[tuple[int, int]]) -> Parts:
     """Parts at stations on their way to others, as users count them; nobody has queued them."""
     parts = parts_for(len(legs) + 3)

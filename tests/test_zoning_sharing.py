@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from zoning_scenes import drawn
+from zoning_sharing import share
 
 from automaton.zoning.designs import read_design
-from automaton.zoning.sharing import share
 
 
 def shared(queue: list[int], to: list[int], score: list[int]) -> tuple[list[int], list[int], int]:

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 from zoning_scenes import FEET_PER_MINUTE, factory
+from zoning_sharing import share
 
 from automaton.world.partition import Design
 from automaton.zoning.routing import route
-from automaton.zoning.sharing import share
 from automaton.zoning.space import space_for
 
 MINUTES = (6, 4, 3, 5, 6, 3, 4, 3, 4, 5, 1, 1, 1, 1, 6, 1, 5, 5)  # processing at WS1 to WS18

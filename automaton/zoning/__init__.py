@@ -6,6 +6,6 @@ exchange    removing and giving a tip                     transfer    transfer s
 load        eq. 1-4, balance                              annealing   simulated annealing
 genetic     the genetic algorithm                         consensus   eq. 5 and Algorithm 3
 negotiation Algorithm 4                                   routing     who takes a part, and where to
-seeding     first designs                                 sharing     load sharing
+seeding     first designs
 picture     a design drawn over its floor                 space       scratch, rules
 """

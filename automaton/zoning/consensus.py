@@ -1,6 +1,9 @@
-"""Weighted average consensus with Metropolis weights (Algorithm 3), and the spread about it.
+"""Weighted average consensus with Metropolis weights (Algorithm 3), and the spread about it (eq. 5).
 
 x_i <- W_ii x_i + sum W_ij x_j over neighbours j,  W_ij = 1 / (1 + max(d_i, d_j)),  W_ii = 1 - sum.
+
+Values are whole numbers, such as billionths of a minute, and what two neighbours exchange is rounded
+towards zero: what one gains the other loses, so that every step preserves the sum to the last digit.
 """
 
 from math import sqrt
@@ -11,8 +14,16 @@ from automaton.compiled import kernel
 
 
 @kernel
+def moved(value, other, degree, other_degree):
+    """How far a value moves towards that of a neighbour in a step."""
+    gap = other - value
+    weight = 1 + max(degree, other_degree)
+    return gap // weight if gap >= 0 else -(-gap // weight)
+
+
+@kernel
 def consensus(x, spare, near, steps):
-    """Leave x (n,) after `steps` synchronous steps; near: (n, n) uint8, symmetric."""
+    """Leave x (n,) int64 after `steps` synchronous steps; near: (n, n) uint8, symmetric."""
     for _ in range(steps):
         consensus_step(x, near, spare)
         for i in range(x.shape[0]):
@@ -27,7 +38,7 @@ def consensus_step(x, near, after):
         after[i] = x[i]
         for j in range(x.shape[0]):
             if j != i and near[i, j] == 1:
-                after[i] += (x[j] - x[i]) / (1 + max(own, degree(near, j)))
+                after[i] += moved(x[i], x[j], own, degree(near, j))
 
 
 @kernel

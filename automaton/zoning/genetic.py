@@ -207,39 +207,3 @@ def mutate(roads, rules, space, seed, tick):
     through = np.int64(space.listed[below(space, near, seed, tick)])
     copy_design(design, space.now)
     return give(roads, space.now, space, tip, through, rules[ADJACENT], FEWEST)
-
-
-@kernel
-def match_to_robots(roads, design, stride, place, server):
-    """server (Z,): each robot in turn takes the zone whose centre is nearest to its flat cell.
-
-    Centre: the mean of a zone's stations; stride: of the floor; place: (n,) first flat cells.
-    """
-    server[:] = NIL
-    zones = server.shape[0]
-    for r in range(min(zones, place.shape[0])):
-        best = np.int64(NIL)
-        nearest = 0.0
-        for z in range(zones):
-            if server[z] != NIL:
-                continue
-            far = from_centre(roads, design, stride, z, place[r])
-            if best == NIL or far < nearest:
-                best = np.int64(z)
-                nearest = far
-        server[best] = r
-
-
-@kernel
-def from_centre(roads, design, stride, zone, place):
-    """Squared cells between a flat cell and the centre of a zone."""
-    count = 0.0
-    x, y = 0.0, 0.0
-    for s in range(design.zone.shape[0]):
-        if design.zone[s] == zone:
-            cell = np.int64(roads.cell[roads.point[s]])
-            count += 1.0
-            x += cell % stride
-            y += cell // stride
-    x, y = x / count - place % stride, y / count - place // stride
-    return x * x + y * y

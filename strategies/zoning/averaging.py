@@ -9,6 +9,7 @@ from automaton.world.state import (
     TICK,
     WAITING,
 )
+from automaton.zoning.consensus import moved
 from automaton.zoning.negotiation import loads_of_queues
 from strategies.zoning.charging_load import charging_minutes
 from strategies.zoning.talk import (
@@ -16,7 +17,7 @@ from strategies.zoning.talk import (
     AVERAGE_EVERY,
     BIAS,
     CALM,
-    DEGREE,
+    DEGREES,
     HYSTERESIS,
     IN,
     LOOK,
@@ -88,7 +89,10 @@ def next_multiple(now, every):
 
 @kernel
 def average(view, given, memory, k, i, p, degree, load):
-    """Consensus with Metropolis weights: its beginning, or one more step."""
+    """Consensus with Metropolis weights: its beginning, or one more step.
+
+    All robots reckon with what was told in the step before, degrees too, so that the sum is preserved.
+    """
     own, now = memory.own, view.clock[TICK]
     if own[i, ROUND] == NIL:
         own[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
@@ -96,20 +100,18 @@ def average(view, given, memory, k, i, p, degree, load):
             return  # alone it keeps the mean that it has
         tell(view, given, k, i)
         own[i, ROUND] = 0
-        given.said[k, VALUE] = load + BIAS
-        given.said[k, DEGREE] = degree
+        given.said[k, VALUE] = (load + BIAS) * DEGREES + min(degree, DEGREES - 1)
         return
     step = own[i, ROUND]
-    value = view.zoning.said[i, VALUE + (step & 1)]
-    total = value
+    mine = view.zoning.said[i, VALUE + (step & 1)]
+    total = mine // DEGREES
     for j in range(view.robots.cell.shape[0]):
         if is_near(view, i, j, p[RANGE]):
-            weight = 1 + max(degree, view.zoning.said[j, DEGREE])
-            total += (view.zoning.said[j, VALUE + (step & 1)] - value) // weight
+            told = view.zoning.said[j, VALUE + (step & 1)]
+            total += moved(mine // DEGREES, told // DEGREES, mine % DEGREES, told % DEGREES)
             own[i, MESSAGES] += 1
     tell(view, given, k, i)
-    given.said[k, VALUE + ((step + 1) & 1)] = total
-    given.said[k, DEGREE] = degree
+    given.said[k, VALUE + ((step + 1) & 1)] = total * DEGREES + min(degree, DEGREES - 1)
     own[i, ROUND] = step + 1
     if step + 1 >= p[ROUNDS]:
         own[i, ROUND] = NIL

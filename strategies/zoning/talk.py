@@ -8,6 +8,7 @@ from automaton.world.state import NIL
 from strategies.zoning.queues import is_running
 
 NANO = 1_000_000_000  # loads are told in this part of a minute
+DEGREES = 1 << 12  # more robots than anybody has in range
 BIAS = NANO // 10  # that consensus begins with
 
 # memory.own
@@ -26,13 +27,12 @@ MESSAGES = 11
 OWN = 12
 
 # words of `said`
-VALUE = 0  # and 1: what consensus has come to, by even and odd steps
-DEGREE = 2
-REDESIGN = 3  # tick in which the redesign began, 0 before the first
-LEADER = 4  # who leads next, as far as this robot knows
-TURN = 5  # the number of that turn
-TURNS = 6  # turns that this robot led
-DONE = 7  # 1: the redesign is over
+VALUE = 0  # and 1: what consensus has come to, by even and odd steps: value * DEGREES + degree
+REDESIGN = 2  # tick in which the redesign began, 0 before the first
+LEADER = 3  # who leads next, as far as this robot knows
+TURN = 4  # the number of that turn
+TURNS = 5  # turns that this robot led
+DONE = 6  # 1: the redesign is over
 
 # memory.parameters, after the rules of zones in millionths
 RANGE = 0  # cells

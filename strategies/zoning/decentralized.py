@@ -128,11 +128,14 @@ def begin(view, given, memory, space, rules, k, i, p):
         for a in range(legs.shape[0]):
             for b in range(legs.shape[0]):
                 legs[a, b] = 0.0 if a == b else 1.0
-        repair(
-            view.zoning.roads, rules, legs, 4.5, 0.35, 500, 500, 3,
-            design, space, reach, view.rules.seed, now,
-        )  # fmt: skip
-        given.redesigned[0] = 1
+        for again in range(20):
+            found = repair(
+                view.zoning.roads, rules, legs, 4.5, 0.35, 500, 500, 3,
+                design, space, reach, view.rules.seed, now + (again << 32),
+            )  # fmt: skip
+            if found:
+                given.redesigned[0] = 1
+                return
         return
     find_reach(view, reach, i, p[RANGE])
     for station in range(design.zone.shape[0]):

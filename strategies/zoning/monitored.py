@@ -12,8 +12,10 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
+from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
 from automaton.zoning.annealing import repair
 from automaton.zoning.load import balance, find_loads
@@ -28,6 +30,7 @@ from strategies.zoning.units import rules_of_zones, ticks
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
+ATTEMPTS: Final = 20  # to anneal the first zones
 
 # memory.own, in the row of robot 0
 REDESIGNS: Final = 0
@@ -110,7 +113,12 @@ class Monitored(Strategy):
         if given.design.zone[0] == NIL:
             self._flow[:] = 1.0
             np.fill_diagonal(self._flow, 0.0)
-            self._anneal(view, given.design, space)
+            found = any(self._anneal(view, given.design, space, again) for again in range(ATTEMPTS))
+            if not found:
+                raise InputError(
+                    f"zoning found no zones for {count(len(view.zoning.server), 'robot')} on this floor; "
+                    "strategy.zoning.design gives them, and fewer robots or more groups are easier"
+                )
         elif not given.design.transfer.any():
             record_flow(view, INF, 1 << 40, self._flow)  # of all orders, known or not
             find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
@@ -124,8 +132,11 @@ class Monitored(Strategy):
         state[BEGUN] = 1
         state[NEXT_LOOK] = int(view.clock[TICK]) + ticks(view, FIRST_LOOK)
 
-    def _anneal(self, view: World, design: Any, space: Workspace) -> bool:
-        """New zones by simulated annealing on self._flow; False if none was found."""
+    def _anneal(self, view: World, design: Any, space: Workspace, again: int = 0) -> bool:
+        """New zones by simulated annealing on self._flow; False if none was found.
+
+        again: other draws than before in the same tick.
+        """
         given = self.parameters
         return bool(
             repair(
@@ -141,7 +152,7 @@ class Monitored(Strategy):
                 space.zoning,
                 self._everywhere,
                 view.rules.seed,
-                int(view.clock[TICK]),
+                int(view.clock[TICK]) + (again << 32),
             )
         )
 

@@ -50,10 +50,11 @@ FEET_PER_MINUTE = 236.2
 
 
 def factory(cell: float = 2.5) -> tuple[Factory, FloorPlan, Roads]:
-    """The floor and its roads."""
+    """The floor and its roads, read-only as strategies see them: kernels then compile once for both."""
     floor = Factory(cell=cell)
     plan = floor.build()
-    return floor, plan, roads_of(plan, [plan.cell(x, y) for x, y in floor.stations().values()])
+    roads = roads_of(plan, [plan.cell(x, y) for x, y in floor.stations().values()])
+    return floor, plan, roads.read_only()
 
 
 def training_flow() -> Any:
@@ -95,7 +96,7 @@ def drawn(picture: str) -> tuple[FloorPlan, Roads]:
         for y, row in enumerate(rows)
         if digit in row
     ]
-    return plan, roads_of(plan, cells)
+    return plan, roads_of(plan, cells).read_only()
 
 
 def scratch(roads: Roads, zones: int) -> ZoneSpace:

@@ -63,7 +63,10 @@ def environment(**more: str) -> dict[str, str]:
 
 
 def started(command: Sequence[str], **more: str) -> subprocess.Popen[str]:
-    """A command in a session of its own, so that it can be ended with all it has begun."""
+    """A command in a session of its own, so that it can be ended with all it has begun.
+
+    It hears Ctrl-C, also where these tests run in the background and ignore it.
+    """
     return subprocess.Popen(
         list(command),
         env=environment(**more),
@@ -71,6 +74,7 @@ def started(command: Sequence[str], **more: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 

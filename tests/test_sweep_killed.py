@@ -22,7 +22,7 @@ from sweeping import (
 
 from automaton.experiments.store import Store
 
-REPLICATIONS = 1200  # of some ms each: more than are done before the kill
+REPLICATIONS = 400  # of some ms each: more than are done before the kill
 
 
 @pytest.fixture(scope="module")

@@ -104,7 +104,7 @@ def factory() -> Task:
     for kind in resolved.scenario.orders.parts or ():
         for here, then in itertools.pairwise(kind.route):
             flow[here - 1, then - 1] += kind.count
-    return task(roads_of(resolved.plan, cells), flow, 3)
+    return task(roads_of(resolved.plan, cells).read_only(), flow, 3)
 
 
 def anneal(one: Task, seed: int) -> int:
@@ -168,7 +168,7 @@ def prepare_lattice(stations: int, zones: int) -> Sample:
     flow = np.zeros((stations, stations))
     for here in range(stations):
         flow[here, (here + rng.integers(1, stations)) % stations] = LOADS
-    return repairing(task(roads_of(plan, plan.stations()), flow, zones))
+    return repairing(task(roads_of(plan, plan.stations()).read_only(), flow, zones))
 
 
 def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:

@@ -100,6 +100,17 @@ def wait_until(condition: Any, seconds: float = 20) -> None:
         time.sleep(0.02)
 
 
+def started_cluster(file: Path) -> list[subprocess.Popen[str]]:
+    """A scheduler that writes where it is to a file, and its two workers, begun by command lines."""
+    dask, local = [sys.executable, "-m", "dask"], ["--host", "127.0.0.1", "--no-dashboard"]
+    place = ["--scheduler-file", str(file)]
+    worker = [*dask, "worker", *local, "--nthreads", "1", "--no-nanny", *place]
+    processes = [started([*dask, "scheduler", *local, "--port", "0", *place])]
+    processes += [started(worker), started(worker)]
+    wait_until(lambda: file.exists() and file.read_text().endswith("}"))
+    return processes
+
+
 def row_files(out: Path) -> list[Path]:
     return sorted((out / "rows").glob("*.parquet"))
 

@@ -80,6 +80,6 @@ def least_times(run: Measured, tasks: Array) -> Array:
     unknown = tasks[run.least[tasks] == NIL]
     if len(unknown):
         least_drives(run.view, run.space, unknown, run.least)
-    duration = run.world.rules.duration
+    duration = run.world.rules.duration[0]  # types differ in their moves alone
     times: Array = run.least[tasks] + int(duration[PICK]) + min(1, int(duration[DROP]))
     return times

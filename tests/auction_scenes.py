@@ -81,8 +81,8 @@ def random_auction(
     for task in range(tasks + listed):
         if rng.random() < 0.3:
             work.end[task] = rng.randrange(3, 16)
-            work.inside[task] = ticks[work.begin[task], work.end[task]] + 4
-            work.use[task] = energy[work.begin[task], work.end[task]]
+            work.inside[0, task] = ticks[work.begin[task], work.end[task]] + 4
+            work.use[0, task] = energy[work.begin[task], work.end[task]]
     chargers = (1, 7)
     battery = battery_of(energy, chargers, ((0, 10_000),), policy=policy, **rules)
     charge = [rng.choice((FULL, 600_000, 450_000)) for _ in range(robots)]

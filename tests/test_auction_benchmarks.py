@@ -42,7 +42,7 @@ def scene(seed: int, robots: int, tasks: int) -> tuple[Market, Array]:
 def ticks_of(work: Work, place: int, order: Sequence[int]) -> int:
     now, here = 0, place
     for task in order:
-        now += int(work.ticks[here, work.begin[task]] + work.inside[task])
+        now += int(work.ticks[0, here, work.begin[task]] + work.inside[0, task])
         here = int(work.end[task])
     return now
 

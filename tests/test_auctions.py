@@ -199,7 +199,7 @@ def test_pairs_stay_together_and_their_way_counts() -> None:
         for r in range(2):
             here, now = int(fleet.place[r]), int(fleet.ready[r])
             for task in lists_of(fleet)[r]:
-                now += work.ticks[here, work.begin[task]] + work.inside[task]
+                now += work.ticks[0, here, work.begin[task]] + work.inside[0, task]
                 here = int(work.end[task])
             assert now == fleet.cost[r]
 

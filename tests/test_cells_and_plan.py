@@ -20,7 +20,7 @@ from automaton.world.cells import (
     TURNTABLE,
 )
 from automaton.world.plan import FloorPlan
-from automaton.world.reach import reached, slots_out_of_reach, slots_without_access
+from automaton.world.reach import around_home, reached, slots_out_of_reach, slots_without_access
 from layouts.tabletop import Tabletop
 
 
@@ -190,22 +190,23 @@ def test_the_smallest_tabletop_works() -> None:
     plan = Tabletop(tables=1, positions=1, destinations=1).build()
     assert as_text(plan) == ["", "b+o+d", "boso", "b+o+", ""]
     assert not slots_without_access(plan).size
-    assert not slots_out_of_reach(plan, int(plan.bays[0, 1]), rail=True).size
+    assert not slots_out_of_reach(plan, around_home(plan, int(plan.bays[0, 1]), rail=True)).size
 
 
 def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
     plan = picture(".>.s", "s###")
     assert reached(plan, [plan.cell(0, 0)], rail=False)[plan.cell(2, 0)]
     assert not reached(plan, [plan.cell(2, 0)], rail=False)[plan.cell(0, 0)]
-    assert [plan.xy(c) for c in slots_out_of_reach(plan, plan.cell(2, 0), False)] == [(0, 1)]
+    within = around_home(plan, plan.cell(2, 0), False)
+    assert [plan.xy(c) for c in slots_out_of_reach(plan, within)] == [(0, 1)]
 
 
 def test_rails_turn_on_turntables_only() -> None:
     corner, table = picture("...", "##.", "##s"), picture("..+", "##.", "##s")
     start = corner.cell(0, 0)
-    assert slots_out_of_reach(corner, start, rail=True).size == 1
-    assert slots_out_of_reach(corner, start, rail=False).size == 0
-    assert slots_out_of_reach(table, start, rail=True).size == 0
+    assert slots_out_of_reach(corner, around_home(corner, start, rail=True)).size == 1
+    assert slots_out_of_reach(corner, around_home(corner, start, rail=False)).size == 0
+    assert slots_out_of_reach(table, around_home(table, start, rail=True)).size == 0
 
 
 def test_exits_never_lead_into_the_border_or_a_wall() -> None:

@@ -228,7 +228,8 @@ def test_a_route_that_differs_in_one_step_has_another_digest() -> None:
 def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
     run = simulation("tabletop-mini")
     left_out = {  # constant, storage, told by others, or kept for metrics
-        *("dispatched", "dispatched_from", "dispatched_heading", "coming"),
+        *("dispatched", "dispatched_from", "dispatched_heading", "dispatched_type", "coming"),
+        *("weight", "type"),
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did", "planned"),
         *("cell", "endless", "access", "spare", "within"),
         *("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),

@@ -60,12 +60,12 @@ class Late(Strategy):
             load, order = robots.load[i], int((view.orders.state != WAITING).sum())
             if load != NIL and robots.slot[i] == NIL:
                 given.verb[k], given.slot[k] = SET_DOWN, view.orders.target[load]
-                given.stand[k] = drop_stand(view, given.slot[k])
+                given.stand[k] = drop_stand(view, 0, given.slot[k])
             elif robots.order[i] != NIL or robots.busy[i]:
                 continue
             elif i == 0 and order < 3 and view.clock[TICK] > 20 * order:
                 given.verb[k], given.order[k] = TAKE, order
-                given.stand[k] = pick_stand(view, view.orders.place[order])
+                given.stand[k] = pick_stand(view, 0, view.orders.place[order])
             else:
                 given.verb[k] = PARK
 

@@ -176,7 +176,9 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
         assert curve[WAITING_ROBOTS] == waiting
         working = (watch.cause == NOT_WAITING) & (robots.parked == 0)
         assert curve[WORKING_ROBOTS] == working.sum()
-    ahead = robots.busy.astype(int) - int(run.world.rules.duration[MOVE])  # ticks still to be lost
+    ahead = robots.busy.astype(int) - int(
+        run.world.rules.duration[0, MOVE]
+    )  # ticks still to be lost
     ahead = np.where((robots.action == MOVE) & (robots.claim != NIL), np.maximum(ahead, 0), 0)
     lost[:, DRIVING_SLOWLY] = run.world.tally.slowed - ahead
     assert np.array_equal(watch.lost, lost) and np.array_equal(watch.delay[:, LOST_EVER], waits)

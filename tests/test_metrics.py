@@ -85,7 +85,7 @@ def test_operations_take_the_ticks_that_the_scenario_says(run: Simulation) -> No
     times, ticks = run.world.tally.times.sum((0, 2)), run.world.tally.ticks.sum((0, 2))
     for action in OPERATIONS:
         if action != WAIT:
-            assert ticks[action] == times[action] * run.world.rules.duration[action]
+            assert ticks[action] == times[action] * run.world.rules.duration[0, action]
     assert times[WAIT] <= ticks[WAIT] <= 10 * times[WAIT]
 
 

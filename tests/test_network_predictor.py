@@ -82,7 +82,7 @@ def test_what_only_figures_need_decides_nothing(information):
 def own_file(tmp_path):
     """A network for the table-top floor; what it has learnt is of no use, but it fits."""
     world = build_world(resolve("tabletop-mini"), 1)[0]
-    floor = floor_fingerprint(world.grid, world.rules.duration)
+    floor = floor_fingerprint(world.grid, world.rules.duration[0])
     path = tmp_path / "own.npz"
     save_network(path, drawn_network(1, zones=world.grid.zones, floor=floor))
     return path

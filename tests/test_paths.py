@@ -71,7 +71,7 @@ def found(case: Case, target: int, around: bool, how: Any = search.find_path) ->
     view, space = case.built()
     steps = np.zeros(200, np.uint8)
     arguments = (around, steps) if how is search.find_path else (steps,)
-    length = how(view, space, *case.start, target, *arguments)
+    length = how(view, space, 0, *case.start, target, *arguments)
     return None if length == NIL else steps[:length].tolist()
 
 
@@ -82,7 +82,7 @@ def test_a_field_holds_the_ticks_from_every_pose(case: Case) -> None:
     for target in case.targets:
         for cell in case.ways.cells():
             for heading in range(case.ways.headings):
-                ticks = search.distance(view, space, cell, heading, target)
+                ticks = search.distance(view, space, 0, cell, heading, target)
                 assert ticks == case.ways.cost_to((cell, heading), target)
 
 
@@ -126,7 +126,7 @@ def test_the_nearest_mark_is_the_nearest_and_ties_go_to_the_lowest(
     for value, cell in enumerate(case.targets):
         search.mark_goal(space, mark, cell, value)
     costs = [case.ways.cost_to(case.start, cell, closed) for cell in case.targets]
-    best = search.nearest_mark(view, space, mark, *case.start, around)
+    best = search.nearest_mark(view, space, mark, 0, *case.start, around)
     expected = NIL if min(costs) == FAR else costs.index(min(costs))
     assert best == expected, (costs, closed)
 
@@ -138,7 +138,7 @@ def test_what_was_searched_before_decides_no_tie(case: Case) -> None:
     first = found(case, target, False)
     view, space = case.built()
     for cell in case.ways.cells():  # other fields, other stamps, other robots' searches
-        search.find_path(view, space, cell, case.start[1], case.targets[1], True, space.steps)
+        search.find_path(view, space, 0, cell, case.start[1], case.targets[1], True, space.steps)
     assert found(case, target, False) == first
     assert found(case, target, True) == found(case, target, True)
 
@@ -166,7 +166,7 @@ def test_in_an_aisle_for_two_only_the_free_lane_counts_as_room() -> None:
 def test_of_a_route_that_does_not_fit_the_first_steps_are_given() -> None:
     ways = Ways(draw_floor("......"), "omni", 1, 1)
     view, space = Case(ways, (ways.plan.cell(0, 0), 0), [], []).built()
-    arguments = (view, space, ways.plan.cell(0, 0), 0, ways.plan.cell(5, 0))
+    arguments = (view, space, 0, ways.plan.cell(0, 0), 0, ways.plan.cell(5, 0))
     for length in (4, 5):
         steps = np.zeros(length, np.uint8)
         assert search.find_path(*arguments, False, steps) == length

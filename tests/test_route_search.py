@@ -75,6 +75,7 @@ def found(
     with np.errstate(over="ignore"):
         length = astar(
             floor.grid.read_only(),
+            0,
             duration,
             space,
             TIES.index(ties),
@@ -190,8 +191,8 @@ def test_a_path_that_does_not_fit_is_cut() -> None:
     floor, duration, space = case.built()
     steps = np.zeros(3, np.uint8)
     with np.errstate(over="ignore"):
-        arguments = (floor.grid.read_only(), duration, space, 0, np.uint64(1), case.start_pose())
-        assert astar(*arguments, case.target, False, steps) == 3
+        arguments = (floor.grid.read_only(), 0, duration, space, 0, np.uint64(1))
+        assert astar(*arguments, case.start_pose(), case.target, False, steps) == 3
     assert space.state[COST] == 5
 
 

@@ -86,7 +86,7 @@ def ran(tmp_path_factory):
 
 def demand(resolved, seed):
     floor = floor_for(resolved.plan, "omni", 1, 1, "undirected")
-    return build_orders(resolved, floor, seed, resolved.plan.cell(1, 1))
+    return build_orders(resolved, floor, seed, np.array([resolved.plan.cell(1, 1)]))
 
 
 def test_orders_lead_from_docks_to_racks_each_drawn_alike(scenario):

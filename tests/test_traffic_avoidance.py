@@ -82,7 +82,7 @@ def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[i
     for threshold in range(1, MOST + 1):
         busy = {zone for zone, others in enumerate(count) if others >= threshold}
         times[threshold] = foreseen(case, pick, count, busy - own)
-    arguments = (floor.grid.read_only(), duration, space, LARGER_G, np.uint64(1))
+    arguments = (floor.grid.read_only(), 0, duration, space, LARGER_G, np.uint64(1))
     with np.errstate(over="ignore"):
         chosen = avoidance.choose_threshold(
             *arguments, case.start_pose(), pick, case.target, MOST, avoidance.LEAST_TIME

@@ -197,7 +197,7 @@ def test_a_network_refuses_another_floor_and_says_how_to_train_for_it(
 ):
     world = build_world(resolve(scenario, overrides), 1)[0]
     with pytest.raises(InputError) as caught:
-        check_floor(warehouse[2], world.grid, world.rules.duration, SHIPPED)
+        check_floor(warehouse[2], world.grid, world.rules.duration[0], SHIPPED)
     said = str(caught.value)
     assert said.startswith("warehouse-100.npz was trained for the floor of warehouse-100")
     assert "automaton train traffic --scenario" in said and "\n" not in said
@@ -206,4 +206,4 @@ def test_a_network_refuses_another_floor_and_says_how_to_train_for_it(
 def test_a_network_takes_its_floor_whatever_its_robots_and_capacities(warehouse):
     overrides = ["layout={generator: racks, capacity: 2}", "fleet.robots=3", "world.slowdown=none"]
     world = build_world(resolve("warehouse-100", overrides), 1)[0]
-    check_floor(warehouse[2], world.grid, world.rules.duration, SHIPPED)
+    check_floor(warehouse[2], world.grid, world.rules.duration[0], SHIPPED)

@@ -31,7 +31,7 @@ def tail_of(battery, place):
     """Units that must be left at the end of a list for the way to a charger; INF: none is there."""
     if battery.end_reach == 0:
         return np.int64(0)
-    return np.int64(battery.reach[place])
+    return np.int64(battery.reach[battery.kind[0], place])
 
 
 @kernel
@@ -76,10 +76,10 @@ def reach_chargers(work, battery, scratch, place, charge, order, i):
     before = place_before(work, place, order, i)
     for c in range(battery.charger.shape[0]):
         at = np.int64(battery.charger[c])
-        into_energy = work.energy[before, at] + scratch.done_energy[i]
+        into_energy = work.energy[work.kind[0], before, at] + scratch.done_energy[i]
         best = np.int64(INF)
         if into_energy <= charge - battery.reserve:
-            into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+            into_ticks = work.ticks[work.kind[0], before, at] + scratch.done_ticks[i]
             into_ticks += waiting_at(battery, scratch, c, into_ticks)
             best = rate * into_ticks + into_energy
         scratch.weight[i, c] = best
@@ -94,9 +94,9 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve_rate[0])
     at = np.int64(battery.charger[c])
-    into_ticks = work.ticks[before, at] + scratch.done_ticks[i]
+    into_ticks = work.ticks[work.kind[0], before, at] + scratch.done_ticks[i]
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
-    into_energy = work.energy[before, at] + scratch.done_energy[i]
+    into_energy = work.energy[work.kind[0], before, at] + scratch.done_energy[i]
     best, back = scratch.weight[i, c], np.int64(NIL)
     for node in range(scratch.path[NODES]):
         k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
@@ -104,10 +104,10 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
             continue
         stop = np.int64(battery.charger[b])
         after = np.int64(work.begin[order[k]])
-        energy = work.energy[stop, after] + into_energy - scratch.begun_energy[k]
+        energy = work.energy[work.kind[0], stop, after] + into_energy - scratch.begun_energy[k]
         if energy > FULL - battery.reserve:
             continue
-        ticks = work.ticks[stop, after] + into_ticks - scratch.begun_ticks[k]
+        ticks = work.ticks[work.kind[0], stop, after] + into_ticks - scratch.begun_ticks[k]
         weight = scratch.weight[k, b] + rate * ticks + energy
         if weight <= best:
             best, back = weight, np.int64(k * chargers + b)
@@ -128,8 +128,8 @@ def finish(work, battery, scratch, place, order, i):
     for c in range(chargers):
         so_far = scratch.weight[i, c]
         at = np.int64(battery.charger[c])
-        energy = work.energy[at, after] + rest_energy
-        total = so_far + rate * (work.ticks[at, after] + rest_ticks) + energy
+        energy = work.energy[work.kind[0], at, after] + rest_energy
+        total = so_far + rate * (work.ticks[work.kind[0], at, after] + rest_ticks) + energy
         if so_far >= INF or total > path[BEST]:
             continue  # what goes on from here is no better than the best that is known
         if energy > FULL - battery.reserve:
@@ -137,7 +137,7 @@ def finish(work, battery, scratch, place, order, i):
             path[NODES] += 1
             continue
         # The end is in reach: another stop would only make the way longer.
-        detour = np.int64(work.ticks[before, at])
+        detour = np.int64(work.ticks[work.kind[0], before, at])
         later = detour == path[NEAREST] and path[AT] != i
         if total < path[BEST] or detour < path[NEAREST] or later:
             path[BEST], path[NEAREST], path[LAST] = total, detour, i * chargers + c
@@ -157,8 +157,10 @@ def hop(work, battery, scratch, i):
             if scratch.weight[i, b] >= INF:
                 continue
             for c in range(chargers):
-                between = np.int64(work.energy[battery.charger[b], battery.charger[c]])
-                ticks = np.int64(work.ticks[battery.charger[b], battery.charger[c]])
+                between = np.int64(
+                    work.energy[work.kind[0], battery.charger[b], battery.charger[c]]
+                )
+                ticks = np.int64(work.ticks[work.kind[0], battery.charger[b], battery.charger[c]])
                 ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
                 weight = scratch.weight[i, b] + rate * ticks + between
                 if c != b and between <= FULL - battery.reserve and weight < scratch.weight[i, c]:

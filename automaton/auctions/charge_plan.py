@@ -78,12 +78,12 @@ def stretch(work, battery, scratch, place, order, length, k):
             ticks, energy, here = np.int64(0), np.int64(0), here_before
         else:
             after = np.int64(work.begin[order[begun]])
-            ticks += work.ticks[here_before, after] - scratch.begun_ticks[begun]
-            energy += work.energy[here_before, after] - scratch.begun_energy[begun]
+            ticks += work.ticks[work.kind[0], here_before, after] - scratch.begun_ticks[begun]
+            energy += work.energy[work.kind[0], here_before, after] - scratch.begun_energy[begun]
     if k < plan.stops[0]:
         at = np.int64(battery.charger[plan.charger[k]])
-        ticks += work.ticks[here, at]
-        energy += work.energy[here, at]
+        ticks += work.ticks[work.kind[0], here, at]
+        energy += work.energy[work.kind[0], here, at]
     return ticks, energy
 
 
@@ -137,9 +137,9 @@ def add_detours(work, battery, scratch, place, order):
         if k > 0 and plan.position[k - 1] == i:
             before = np.int64(battery.charger[plan.charger[k - 1]])
         else:
-            plan.figures[NET] -= work.ticks[before, after]
-        gross = plan.duration[k] + plan.waited[k] + work.ticks[before, at]
+            plan.figures[NET] -= work.ticks[work.kind[0], before, after]
+        gross = plan.duration[k] + plan.waited[k] + work.ticks[work.kind[0], before, at]
         if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
-            gross += work.ticks[at, after]
+            gross += work.ticks[work.kind[0], at, after]
         plan.figures[GROSS] += gross
         plan.figures[NET] += gross

@@ -7,7 +7,7 @@ cannot be done, its end is left out until the rest can.
 import numpy as np
 
 from automaton.auctions.market import INF, NO_CHARGING
-from automaton.auctions.quotes import quote
+from automaton.auctions.quotes import look_at, quote
 from automaton.auctions.site import charging_time, count_queues, enter_task, survey
 from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell
@@ -30,9 +30,10 @@ def choose_charging(view, asked, given, site, space, idle_below):
             continue
         home = site.work.begin[0]
         if tasks == 0:
-            site.cell[home] = robots.home[i]
-            site.cell[home + 1] = robots.home[i]
-        survey(view, space, site, 1, max(tasks, 1))
+            kind = site.work.kind[0]
+            site.cell[kind, home] = robots.home[i]
+            site.cell[kind, home + 1] = robots.home[i]
+        survey(view, space, site, robots.type[i], 1, max(tasks, 1))
         count_queues(view, site, i)
         count_earlier(view, asked, given, site, k)
         compare_queues(site.battery.wait)
@@ -60,11 +61,12 @@ def count_earlier(view, asked, given, site, k):
 def best_charger(site, charge):
     """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
     best, least = np.int64(NIL), np.int64(INF)
+    ticks, energy = site.work.ticks[site.work.kind[0]], site.work.energy[site.work.kind[0]]
     for c in range(site.battery.charger.shape[0]):
         place = site.battery.charger[c]
-        ticks = np.int64(site.work.ticks[0, place]) + site.battery.wait[c]
-        if site.work.energy[0, place] <= charge and ticks < least:
-            best, least = np.int64(c), ticks
+        soonest = np.int64(ticks[0, place]) + site.battery.wait[c]
+        if energy[0, place] <= charge and soonest < least:
+            best, least = np.int64(c), soonest
     return best
 
 
@@ -89,17 +91,18 @@ def enter_list(view, space, site, i):
     """Make the market one of robot i and its list; returns how many tasks that has."""
     robots, orders = view.robots, view.orders
     site.robot[0] = i
-    site.cell[0] = first_cell(robots, i)
+    look_at(site.work, site.battery, robots.type[i])
+    site.cell[robots.type[i], 0] = first_cell(robots, i)
     site.fleet.charge[0] = robots.charge[i]
     tasks = np.int64(0)
     if robots.order[i] != NIL:
-        enter_task(view, space, site, tasks, np.int64(robots.order[i]))
+        enter_task(view, space, site, robots.type[i], tasks, np.int64(robots.order[i]))
         tasks += 1
     for p in range(robots.planned[i]):
         order = np.int64(robots.plan[i, p])
         waits = orders.state[order] == WAITING and orders.by[order] == NIL
         if waits and tasks < site.order.shape[0]:
-            enter_task(view, space, site, tasks, order)
+            enter_task(view, space, site, robots.type[i], tasks, order)
             tasks += 1
     for task in range(tasks):
         site.fleet.order[0, task] = task
@@ -131,17 +134,18 @@ def charge_when_idle(view, given, site, k, home, idle_below):
 
     It is about to drive home, or is there: from there it must still get to a charger.
     """
-    battery, energy = site.battery, site.work.energy
+    battery, kind = site.battery, site.work.kind[0]
+    ticks, energy, reach = site.work.ticks[kind], site.work.energy[kind], battery.reach[kind]
     charge = np.int64(site.fleet.charge[0])
     nearest = best_charger(site, charge)
     if nearest == NIL or battery.policy == NO_CHARGING:
         return
     low = battery.reserve + (PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0)
-    later = charge - energy[0, home] - battery.reach[home]
-    now = charge - battery.reach[0]
-    filled = FULL - energy[battery.charger[nearest], home] - battery.reach[home]
+    later = charge - energy[0, home] - reach[home]
+    now = charge - reach[0]
+    filled = FULL - energy[battery.charger[nearest], home] - reach[home]
     at_home = energy[0, home] == 0
-    stands_there = site.work.ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
+    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
     worth_it = not at_home or filled >= low  # else it would be back as empty as it is
     if charge < FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, given, k, nearest, FULL, 1)
@@ -154,7 +158,7 @@ def charge_when_idle(view, given, site, k, home, idle_below):
 @kernel
 def free_charger(view, given, site, k):
     """The nearest charger to which no robot was sent, NIL if there is none."""
-    robots, chargers = view.robots, view.chargers
+    robots, chargers, kind = view.robots, view.chargers, site.work.kind[0]
     best, least = np.int64(NIL), np.int64(INF)
     for c in range(chargers.cell.shape[0]):
         taken = False
@@ -162,8 +166,9 @@ def free_charger(view, given, site, k):
             taken = taken or (robots.goal[j] == GOAL_CHARGE and robots.stand[j] == chargers.cell[c])
         for earlier in range(k):
             taken = taken or given.stand[earlier] == chargers.cell[c]
-        ticks = np.int64(site.work.ticks[0, site.battery.charger[c]])
-        enough = site.work.energy[0, site.battery.charger[c]] <= view.robots.charge[site.robot[0]]
+        place = site.battery.charger[c]
+        ticks = np.int64(site.work.ticks[kind, 0, place])
+        enough = site.work.energy[kind, 0, place] <= view.robots.charge[site.robot[0]]
         if not taken and enough and ticks < least:
             best, least = np.int64(c), ticks
     return best

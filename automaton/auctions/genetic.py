@@ -69,6 +69,7 @@ def decode(work, battery, fleet, scratch, population, items, count, individual):
             continue
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
+        work.kind[0] = fleet.kind[r]
         position, _ = cheapest_insertion(work, place, fleet.order[r], length, task, first)
         scratch.count[POSITIONS] += length + 1 - first
         insert(fleet.order[r], length, task, position)

@@ -25,29 +25,31 @@ def cheapest_insertion(work, place, order, length, task, first):
 
     Positions below `first` stay as they are (1: the robot is on its way to its first task).
     """
+    ticks = work.ticks[work.kind[0]]
     enter, leave = np.int64(work.begin[task]), np.int64(work.end[task])
     before = np.int64(place)
     at, least = NIL, INF
     for i in range(length):
         after = np.int64(work.begin[order[i]])
-        added = work.ticks[before, enter] + work.ticks[leave, after] - work.ticks[before, after]
+        added = ticks[before, enter] + ticks[leave, after] - ticks[before, after]
         if i >= first and added <= least:
             at, least = i, added
         before = np.int64(work.end[order[i]])
-    added = np.int64(work.ticks[before, enter])
+    added = np.int64(ticks[before, enter])
     if added <= least:
         at, least = length, added
-    return at, least + work.inside[task]
+    return at, least + work.inside[work.kind[0], task]
 
 
 @kernel
 def energy_added(work, place, order, length, task, position):
     """Units that `task` adds to the list at this position."""
+    energy, kind = work.energy[work.kind[0]], work.kind[0]
     before = place_before(work, place, order, position)
-    added = np.int64(work.energy[before, work.begin[task]]) + work.use[task]
+    added = np.int64(energy[before, work.begin[task]]) + work.use[kind, task]
     if position < length:
         after = work.begin[order[position]]
-        added += work.energy[work.end[task], after] - work.energy[before, after]
+        added += energy[work.end[task], after] - energy[before, after]
     return added
 
 
@@ -79,18 +81,21 @@ def remove(order, length, position):
 @kernel
 def measure(work, scratch, place, order, length):
     """Ticks and energy along the list, without charging, into done_* and begun_* of the scratch."""
+    kind = work.kind[0]
+    ticks_to, energy_to = work.ticks[kind], work.energy[kind]
+    inside, use = work.inside[kind], work.use[kind]
     ticks, energy = np.int64(0), np.int64(0)
     before = np.int64(place)
     for i in range(length):
         task = np.int64(order[i])
         scratch.done_ticks[i] = ticks
         scratch.done_energy[i] = energy
-        ticks += work.ticks[before, work.begin[task]]
-        energy += work.energy[before, work.begin[task]]
+        ticks += ticks_to[before, work.begin[task]]
+        energy += energy_to[before, work.begin[task]]
         scratch.begun_ticks[i] = ticks
         scratch.begun_energy[i] = energy
-        ticks += work.inside[task]
-        energy += work.use[task]
+        ticks += inside[task]
+        energy += use[task]
         before = np.int64(work.end[task])
     scratch.done_ticks[length] = ticks
     scratch.done_energy[length] = energy

@@ -31,23 +31,25 @@ SAFE: Final = 5  # as LOOK, and before a task from whose end no charger could be
 
 
 class Work(Struct):
-    """T tasks and P places."""
+    """T tasks and P places, as robots of each of K types find them."""
 
-    ticks: Array  # (P, P) int32: from place to place
-    energy: Array  # (P, P) int32 units: from place to place
+    kind: Array  # (1,) int64: the type of the robot that is reckoned with
+    ticks: Array  # (K, P, P) int32: from place to place
+    energy: Array  # (K, P, P) int32 units: from place to place
     begin: Array  # (T,) int32: place at which a task begins
     end: Array  # (T,) int32: place at which it ends
-    inside: Array  # (T,) int32 ticks from begin to end, all handling included
-    use: Array  # (T,) int32 units from begin to end
+    inside: Array  # (K, T) int32 ticks from begin to end, all handling included
+    use: Array  # (K, T) int32 units from begin to end
 
 
 class Battery(Struct):
     """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
 
+    kind: Array  # (1,) int64: the type of the robot that is reckoned with
     charger: Array  # (C,) int32: its place
     wait: Array  # (C,) int32 ticks until it is free of the robots that come before
-    nearest: Array  # (P,) int32: the charger that takes least energy to reach; NIL: none
-    reach: Array  # (P,) int64 units to it; INF: none
+    nearest: Array  # (K, P) int32: the charger that takes least energy to reach; NIL: none
+    reach: Array  # (K, P) int64 units to it; INF: none
     curve_from: Array  # (K,) int32 units: the piece holds from this level on; the first is 0
     curve_rate: Array  # (K,) int32 units per tick
     reserve: int  # units that are left on every arrival
@@ -60,6 +62,7 @@ class Battery(Struct):
 class Fleet(Struct):
     """R robots and their lists of at most L tasks."""
 
+    kind: Array  # (R,) uint8: the robot's type
     place: Array  # (R,) int32: where the list starts
     ready: Array  # (R,) int32 ticks until the robot is there
     charge: Array  # (R,) int32 units that it has then

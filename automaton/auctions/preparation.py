@@ -37,18 +37,20 @@ def deliveries(
     inside: ArrayLike,
     use: ArrayLike,
 ) -> Work:
-    """Tasks that begin and end at different places; ticks, energy: (P, P)."""
+    """Tasks that begin and end at different places; ticks, energy: (P, P), or (K, P, P) by type."""
 
-    def numbers(values: ArrayLike) -> Array:
-        return np.ascontiguousarray(values, np.int32)
+    def numbers(values: ArrayLike, by_type: int = 0) -> Array:
+        found = np.array(values, np.int32)
+        return found if found.ndim >= by_type else found[None]
 
     return Work(
-        ticks=numbers(ticks),
-        energy=numbers(energy),
-        begin=numbers(begin).copy(),
-        end=numbers(end).copy(),
-        inside=numbers(inside).copy(),
-        use=numbers(use).copy(),
+        kind=np.zeros(1, np.int64),
+        ticks=numbers(ticks, 3),
+        energy=numbers(energy, 3),
+        begin=numbers(begin),
+        end=numbers(end),
+        inside=numbers(inside, 2),
+        use=numbers(use, 2),
     )
 
 
@@ -62,16 +64,18 @@ def battery_of(
     threshold: int = 0,
     target: int = FULL,
 ) -> Battery:
-    """energy: (P, P) units; chargers: their places; curve: (from units, units per tick)."""
+    """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick)."""
     between = np.asarray(energy, np.int64)
+    between = between if between.ndim == 3 else between[None]
     at = np.asarray(chargers, np.int32)
-    to = between[:, at]
-    none = at.size == 0
+    to = between[:, :, at]
+    none, shape = at.size == 0, between.shape[:2]
     return Battery(
+        kind=np.zeros(1, np.int64),
         charger=at,
         wait=np.zeros(at.size, np.int32),
-        nearest=np.full(len(between), -1, np.int32) if none else to.argmin(1).astype(np.int32),
-        reach=np.full(len(between), INF, np.int64) if none else to.min(1),
+        nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
+        reach=np.full(shape, INF, np.int64) if none else to.min(2),
         curve_from=np.array([piece[0] for piece in curve], np.int32),
         curve_rate=np.array([piece[1] for piece in curve], np.int32),
         reserve=reserve,
@@ -94,6 +98,7 @@ def fleet_of(
         return np.full(robots, value, kind)
 
     return Fleet(
+        kind=numbers(kind=np.uint8),
         place=at,
         ready=numbers(),
         charge=numbers(charge),

@@ -27,6 +27,13 @@ from automaton.world.state import NIL
 
 
 @kernel
+def look_at(work, battery, kind):
+    """Reckon with robots of a type from now on."""
+    work.kind[0] = kind
+    battery.kind[0] = kind
+
+
+@kernel
 def quote(work, battery, scratch, place, ready, charge, order, length):
     """Ticks until order[:length] is done, charging included, or INF; the plan is in scratch.plan.
 
@@ -54,6 +61,7 @@ def quote(work, battery, scratch, place, ready, charge, order, length):
 @kernel
 def quote_list(work, battery, fleet, scratch, r, order, length):
     """The quote of robot r for order[:length]."""
+    look_at(work, battery, fleet.kind[r])
     place, ready = np.int64(fleet.place[r]), np.int64(fleet.ready[r])
     charge = np.int64(fleet.charge[r])
     return quote(work, battery, scratch, place, ready, charge, order, length)
@@ -84,6 +92,7 @@ def insertion_quote(work, battery, fleet, scratch, r, task):
     length = np.int64(fleet.length[r])
     if length >= fleet.room[r] or fleet.cost[r] >= INF:
         return np.int64(NIL), np.int64(INF)
+    look_at(work, battery, fleet.kind[r])
     order = fleet.order[r]
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])

@@ -10,6 +10,7 @@ from automaton.auctions.market import INF
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.site import count_queues, enter_robot, enter_task, survey
 from automaton.compiled import kernel
+from automaton.kernels.stands import can_do
 from automaton.world.condition import RUNNING
 from automaton.world.state import KEEP, NEXT_ORDER, NIL, TICK, WAITING
 
@@ -86,7 +87,8 @@ def open_session(view, given, space, site, sellable, count):
         r = taking_part
         enter_robot(view, space, site, r, i)
         for k in range(planned_count(view, given, i)):
-            enter_task(view, space, site, tasks, planned_order(view, given, i, k))
+            for kind in range(view.grid.ways.shape[0]):
+                enter_task(view, space, site, kind, tasks, planned_order(view, given, i, k))
             fleet.order[r, k] = tasks
             fleet.length[r] = k + 1
             tasks += 1
@@ -96,11 +98,15 @@ def open_session(view, given, space, site, sellable, count):
         fleet.ready[r] = 0
         fleet.heard[r, :] = 0
     for k in range(count):
-        enter_task(view, space, site, tasks, np.int64(sellable[k]))
+        for kind in range(view.grid.ways.shape[0]):
+            enter_task(view, space, site, kind, tasks, np.int64(sellable[k]))
         site.item[k] = tasks
         tasks += 1
-    fleet.heard[:taking_part, :tasks] = 1
-    survey(view, space, site, taking_part, tasks)
+    for r in range(taking_part):
+        for task in range(tasks):
+            fleet.heard[r, task] = can_do(view, site.robot[r], site.order[task])
+    for kind in range(view.grid.ways.shape[0]):
+        survey(view, space, site, kind, taking_part, tasks)
     count_queues(view, site, NIL)
     settle_all(site.work, site.battery, fleet, site.scratch)
     return taking_part
@@ -139,7 +145,10 @@ def hear(view, site, robots, count, center, radius):
         cell = np.int64(view.robots.home[i]) if cell == NIL else cell
         for k in range(count):
             task = site.item[k]
-            at = center if center != NIL else np.int64(site.cell[site.work.begin[task]])
+            at = center
+            if center == NIL:
+                at = np.int64(site.cell[site.fleet.kind[r], site.work.begin[task]])
             across, down = abs(cell % width - at % width), abs(cell // width - at // width)
             near = radius == NIL or max(across, down) <= radius
-            site.fleet.heard[r, task] = 1 if near else 0
+            able = can_do(view, i, site.order[task])
+            site.fleet.heard[r, task] = 1 if near and able else 0

@@ -47,13 +47,20 @@ def plan_single_stop(work, battery, scratch, place, charge, order, length, fill)
     at = np.int64(battery.charger[charger])
     before = place_before(work, place, order, position)
     after = np.int64(work.begin[order[position]])
-    arrival = charge - scratch.done_energy[position] - work.energy[before, at]
-    rest = work.energy[at, after] + scratch.done_energy[length] - scratch.begun_energy[position]
+    arrival = charge - scratch.done_energy[position] - work.energy[work.kind[0], before, at]
+    rest = (
+        work.energy[work.kind[0], at, after]
+        + scratch.done_energy[length]
+        - scratch.begun_energy[position]
+    )
     tail = tail_of(battery, work.end[order[length - 1]])
-    plan.figures[COST] += work.ticks[before, at] + work.ticks[at, after]
-    plan.figures[COST] -= work.ticks[before, after]
+    plan.figures[COST] += work.ticks[work.kind[0], before, at] + work.ticks[work.kind[0], at, after]
+    plan.figures[COST] -= work.ticks[work.kind[0], before, after]
     wait = waiting_at(
-        battery, scratch, charger, scratch.done_ticks[position] + work.ticks[before, at]
+        battery,
+        scratch,
+        charger,
+        scratch.done_ticks[position] + work.ticks[work.kind[0], before, at],
     )
     goal = goal_of(battery, arrival, rest + tail, fill)
     level = stop_at(battery, plan, 0, arrival, goal, wait)
@@ -85,15 +92,19 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
         scratch.count[STATES] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
-            into = np.int64(work.ticks[before, at])
-            arrival = charge - scratch.done_energy[i] - work.energy[before, at]
-            rest = work.energy[at, after] + scratch.done_energy[length] - scratch.begun_energy[i]
+            into = np.int64(work.ticks[work.kind[0], before, at])
+            arrival = charge - scratch.done_energy[i] - work.energy[work.kind[0], before, at]
+            rest = (
+                work.energy[work.kind[0], at, after]
+                + scratch.done_energy[length]
+                - scratch.begun_energy[i]
+            )
             if arrival < battery.reserve or rest + tail + battery.reserve > FULL:
                 continue
             goal = goal_of(battery, arrival, rest + tail, fill)
             duration = charging_ticks(battery, arrival, goal)
-            ticks = scratch.done_ticks[length] + into + work.ticks[at, after]
-            ticks += duration - work.ticks[before, after]
+            ticks = scratch.done_ticks[length] + into + work.ticks[work.kind[0], at, after]
+            ticks += duration - work.ticks[work.kind[0], before, after]
             ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:

@@ -30,14 +30,14 @@ CAPPED = 1 << 29  # ticks or units of what cannot be reached: two of them still 
 
 
 class Site(Struct):
-    """A market over a world: R robots, T tasks, C chargers; P = R + C + 2 T places."""
+    """A market over a world: R robots, T tasks, C chargers, K types; P = R + C + 2 T places."""
 
     work: Work
     battery: Battery
     fleet: Fleet
     scratch: Scratch
     robot: Array  # (R,) int32: storage index of each robot
-    cell: Array  # (P,) int32
+    cell: Array  # (K, P) int32: places are served from other cells by other types of robots
     order: Array  # (T,) int32: the order of each task
     item: Array  # (T,) int32: tasks that are for sale
     queues: int  # 1: robots wait for those that were sent to a charger before
@@ -49,7 +49,8 @@ def site_for(
     """Room for so many robots and tasks; `policy`: policy, end_reach, threshold and target."""
     chargers = view.chargers.cell
     places = robots + len(chargers) + 2 * tasks
-    nothing, none = np.zeros((places, places), np.int32), np.zeros(tasks, np.int32)
+    types = len(view.grid.ways)
+    nothing, none = np.zeros((types, places, places), np.int32), np.zeros((types, tasks), np.int32)
     curve = tuple((int(since), int(rate)) for since, rate in view.rules.curve)
     battery = battery_of(
         nothing,
@@ -61,11 +62,11 @@ def site_for(
         threshold=policy["threshold"],
         target=policy["target"],
     )
-    cell = np.full(places, NIL, np.int32)
-    cell[robots : robots + len(chargers)] = chargers
+    cell = np.full((types, places), NIL, np.int32)
+    cell[:, robots : robots + len(chargers)] = chargers
     begin = robots + len(chargers) + 2 * np.arange(tasks)
     return Site(
-        work=deliveries(nothing, nothing.copy(), begin, begin + 1, none, none),
+        work=deliveries(nothing, nothing, begin, begin + 1, none, none),
         battery=battery,
         fleet=fleet_of(np.arange(robots), tasks, longest=longest),
         scratch=scratch_for(robots, tasks, longest, len(chargers)),
@@ -78,11 +79,11 @@ def site_for(
 
 
 @kernel
-def longest_way(view, space, start, end):
-    """Ticks from one cell to another in the worst heading at the start."""
+def longest_way(view, space, kind, start, end):
+    """Ticks of robots of a type from one cell to another in the worst heading at the start."""
     most = 0
     for heading in range(view.grid.headings):
-        most = max(most, distance(view, space, start, heading, end))
+        most = max(most, distance(view, space, kind, start, heading, end))
     return min(most, CAPPED)
 
 
@@ -90,8 +91,8 @@ def longest_way(view, space, start, end):
 def way_from(view, space, i, end):
     """Ticks from where robot i is, as it stands there."""
     robots = view.robots
-    start = first_cell(robots, i)
-    return min(distance(view, space, start, np.int64(robots.heading[i]), end), CAPPED)
+    start, heading = first_cell(robots, i), np.int64(robots.heading[i])
+    return min(distance(view, space, robots.type[i], start, heading, end), CAPPED)
 
 
 @kernel
@@ -104,29 +105,37 @@ def rate_of_driving(rules, headings, loaded):
 
 
 @kernel
-def enter_task(view, space, site, task, order):
-    """Task number `task` of the site is to carry this order to its target."""
-    work, rules = site.work, view.rules
+def enter_task(view, space, site, kind, task, order):
+    """Task number `task` of the site is to carry this order to its target, by robots of a type."""
+    work, duration, drain = site.work, view.rules.duration[kind], view.rules.drain
     slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
-    begin = pick_stand(view, slot)
-    end = begin if slot == target else drop_stand(view, target)
+    if view.zoning.queue.shape[0] and drop_stand(view, kind, target) == NIL:
+        target = np.int64(view.zoning.stop[order])  # the robot hands it over there
+    begin = pick_stand(view, kind, slot)
+    end = begin if slot == target or target == NIL else drop_stand(view, kind, target)
     site.order[task] = order
-    site.cell[work.begin[task]] = begin
-    site.cell[work.end[task]] = end
-    drive = longest_way(view, space, begin, end) if slot != target else 0
-    loaded = rate_of_driving(rules, view.grid.headings, 1)
-    picking, dropping = np.int64(rules.duration[PICK]), np.int64(rules.duration[DROP])
-    work.inside[task] = min(drive + picking + (dropping if slot != target else 0), CAPPED)
-    energy = drive * loaded + max(picking, 1) * rules.drain[PICK, 0]
+    site.cell[kind, work.begin[task]] = begin
+    site.cell[kind, work.end[task]] = end
+    if begin == NIL or end == NIL:
+        work.inside[kind, task] = CAPPED
+        work.use[kind, task] = CAPPED
+        return
+    drive = longest_way(view, space, kind, begin, end) if slot != target else 0
+    loaded = rate_of_driving(view.rules, view.grid.headings, 1)
+    picking, dropping = np.int64(duration[PICK]), np.int64(duration[DROP])
+    work.inside[kind, task] = min(drive + picking + (dropping if slot != target else 0), CAPPED)
+    energy = drive * loaded + max(picking, 1) * drain[PICK, 0]
     if slot != target:
-        energy += max(dropping, 1) * rules.drain[DROP, 1]
-    work.use[task] = min(energy, CAPPED)
+        energy += max(dropping, 1) * drain[DROP, 1]
+    work.use[kind, task] = min(energy, CAPPED)
 
 
 @kernel
 def enter_robot(view, space, site, r, i):
     """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
     robots, fleet, rules = view.robots, site.fleet, view.rules
+    kind = np.int64(robots.type[i])
+    duration = rules.duration[kind]
     empty = rate_of_driving(rules, view.grid.headings, 0)
     loaded = rate_of_driving(rules, view.grid.headings, 1)
     place, ready = first_cell(robots, i), np.int64(robots.busy[i])
@@ -141,22 +150,25 @@ def enter_robot(view, space, site, r, i):
             ready += max(np.int64(0), line_ahead(view, i) - drive)
         charge = max(charge, np.int64(robots.level[i]))
     elif robots.load[i] != NIL:
-        place = drop_stand(view, np.int64(view.orders.target[robots.load[i]]))
+        place = drop_stand(view, kind, np.int64(view.orders.target[robots.load[i]]))
+        if place == NIL:
+            place = first_cell(robots, i)
         drive = way_from(view, space, i, place)
-        ready += drive + rules.duration[DROP]
-        charge -= drive * loaded + max(np.int64(rules.duration[DROP]), 1) * rules.drain[DROP, 1]
+        ready += drive + duration[DROP]
+        charge -= drive * loaded + max(np.int64(duration[DROP]), 1) * rules.drain[DROP, 1]
     elif order != NIL and robots.goal[i] == GOAL_PICK:
         slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
         begin = np.int64(robots.stand[i])
         drive = way_from(view, space, i, begin)
-        place = begin if slot == target else drop_stand(view, target)
-        inside = longest_way(view, space, begin, place) if slot != target else 0
-        ready += drive + inside + rules.duration[PICK] + rules.duration[DROP]
+        place = begin if slot == target else drop_stand(view, kind, target)
+        inside = longest_way(view, space, kind, begin, place) if slot != target else 0
+        ready += drive + inside + duration[PICK] + duration[DROP]
         charge -= drive * empty + inside * loaded
-        charge -= max(np.int64(rules.duration[PICK]), 1) * rules.drain[PICK, 0]
-        charge -= max(np.int64(rules.duration[DROP]), 1) * rules.drain[DROP, 1]
+        charge -= max(np.int64(duration[PICK]), 1) * rules.drain[PICK, 0]
+        charge -= max(np.int64(duration[DROP]), 1) * rules.drain[DROP, 1]
     site.robot[r] = i
-    site.cell[r] = place
+    fleet.kind[r] = kind
+    site.cell[kind, r] = place
     fleet.ready[r] = min(ready, CAPPED)
     fleet.charge[r] = charge
     fleet.first[r] = 0
@@ -191,30 +203,35 @@ def line_ahead(view, i):
 
 
 @kernel
-def survey(view, space, site, robots, tasks):
-    """Measure the ways between the first so many robots' places, the chargers, and so many tasks'."""
+def survey(view, space, site, kind, robots, tasks):
+    """Measure a type's ways between the first so many robots' places, the chargers, and so many tasks'.
+
+    Places that robots of the type do not get to are out of reach.
+    """
     work, battery = site.work, site.battery
     chargers = view.chargers.cell.shape[0]
     first_task = site.fleet.place.shape[0] + chargers
     rate = rate_of_driving(view.rules, view.grid.headings, 0)
     places = first_task + 2 * tasks
+    cell, ticks, energy = site.cell[kind], work.ticks[kind], work.energy[kind]
     for b in range(site.fleet.place.shape[0], places):  # one distance field after another
-        end = np.int64(site.cell[b])
+        end = np.int64(cell[b])
         for a in range(places):
             if a < robots or a >= site.fleet.place.shape[0]:
-                ticks = longest_way(view, space, np.int64(site.cell[a]), end)
-                work.ticks[a, b] = ticks
-                work.energy[a, b] = min(ticks * rate, CAPPED)
+                known = cell[a] != NIL and end != NIL
+                way = longest_way(view, space, kind, cell[a], end) if known else CAPPED
+                ticks[a, b] = way
+                energy[a, b] = min(way * rate, CAPPED)
     for a in range(places):
-        battery.nearest[a] = NIL
-        battery.reach[a] = INF
+        battery.nearest[kind, a] = NIL
+        battery.reach[kind, a] = INF
         if robots <= a < site.fleet.place.shape[0]:
             continue
         for c in range(chargers):
-            energy = np.int64(work.energy[a, battery.charger[c]])
-            if energy < battery.reach[a] and energy < CAPPED:
-                battery.nearest[a] = c
-                battery.reach[a] = energy
+            units = np.int64(energy[a, battery.charger[c]])
+            if units < battery.reach[kind, a] and units < CAPPED:
+                battery.nearest[kind, a] = c
+                battery.reach[kind, a] = units
 
 
 @kernel

@@ -32,9 +32,11 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
     for i in range(length):
         task = np.int64(order[i])
         here = place_before(work, place, order, i)
-        then = level - work.energy[here, work.begin[task]] - work.use[task]
+        then = (
+            level - work.energy[work.kind[0], here, work.begin[task]] - work.use[work.kind[0], task]
+        )
         if is_low(battery, then, np.int64(work.end[task])):
-            charger = np.int64(battery.nearest[here])
+            charger = np.int64(battery.nearest[battery.kind[0], here])
             if charger == NIL:
                 plan.figures[COST] = INF
                 return INF
@@ -44,13 +46,15 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
             plan.position[k] = i
             plan.charger[k] = charger
             done = plan.figures[COST] - scratch.done_ticks[length] + scratch.done_ticks[i]
-            wait = waiting_at(battery, scratch, charger, done + work.ticks[here, at])
-            arrival = level - work.energy[here, at]
+            wait = waiting_at(battery, scratch, charger, done + work.ticks[work.kind[0], here, at])
+            arrival = level - work.energy[work.kind[0], here, at]
             level = stop_at(battery, plan, k, arrival, np.int64(FULL), wait)
-            plan.figures[COST] += work.ticks[here, at] + work.ticks[at, work.begin[task]]
-            plan.figures[COST] -= work.ticks[here, work.begin[task]]
+            plan.figures[COST] += (
+                work.ticks[work.kind[0], here, at] + work.ticks[work.kind[0], at, work.begin[task]]
+            )
+            plan.figures[COST] -= work.ticks[work.kind[0], here, work.begin[task]]
             here = at
-        level -= work.energy[here, work.begin[task]] + work.use[task]
+        level -= work.energy[work.kind[0], here, work.begin[task]] + work.use[work.kind[0], task]
         plan.figures[LOWEST] = min(plan.figures[LOWEST], level)
     plan.figures[END] = level
     if plan.stops[0] > 0:
@@ -64,4 +68,4 @@ def is_low(battery, level, place):
     """Whether a robot that would be at this place with this level charges first."""
     if level < battery.threshold:
         return True
-    return battery.policy == SAFE and level < battery.reach[place]
+    return battery.policy == SAFE and level < battery.reach[battery.kind[0], place]

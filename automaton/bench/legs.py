@@ -24,7 +24,7 @@ def plan_legs(
     for number in range(tasks.shape[0]):
         for leg in range(2):
             start, target = np.int64(tasks[number, leg]), np.int64(tasks[number, leg + 1])
-            astar(grid, duration, space, ties, seed, start, target, False, steps)
+            astar(grid, 0, duration, space, ties, seed, start, target, False, steps)
 
 
 @kernel
@@ -38,12 +38,14 @@ def plan_avoiding(
             space.count[zone] = foreseen[number, zone]
         start, pick, drop = tasks[number, 0, 0], tasks[number, 0, 1], tasks[number, 0, 2]
         threshold = choose_threshold(
-            grid, duration, space, LARGER_G, seed, start, pick, drop, MOST, LEAST_TIME
+            grid, 0, duration, space, LARGER_G, seed, start, pick, drop, MOST, LEAST_TIME
         )
         close_zones(grid, space, threshold, start, pick, drop)
         pose = np.int64(start)
         for target in (pick, drop):
-            pose = search(grid, duration, space, LARGER_G, seed, pose, target, threshold != PLAIN)
+            pose = search(
+                grid, 0, duration, space, LARGER_G, seed, pose, target, threshold != PLAIN
+            )
             if pose != NIL:
                 write_steps(grid, space, pose, steps)
 

@@ -92,5 +92,5 @@ def walking_fleet(case: Case) -> World:
 def storage_of(case: Case, plan: FloorPlan) -> Array:
     """(n,) the identity stored at each index."""
     if case.reading_order:
-        return np.argsort(random_cells(plan, case.robots, SEED), kind="stable")
+        return np.argsort(random_cells(plan, SEED)[: case.robots], kind="stable")
     return np.random.default_rng(SEED).permutation(case.robots)

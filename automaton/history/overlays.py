@@ -86,10 +86,10 @@ class Paths:
         same = same and self._seed == world.rules.seed  # random ties depend on it
         return same and np.array_equal(self._duration, world.rules.duration)
 
-    def found(self, pose: int, target: int) -> tuple[Array, Array]:
-        """The cells that a search from a pose to a cell finds, and those of its path."""
+    def found(self, kind: int, pose: int, target: int) -> tuple[Array, Array]:
+        """The cells that a search for a type's way from a pose to a cell finds, and those of its path."""
         space, headings = self._space, self._grid.headings
-        path = self._search(pose, target)
+        path = self._search(kind, pose, target)
         poses = np.flatnonzero(space.label >> 32 == space.state[STAMP])
         return np.unique(poses // headings), path
 
@@ -101,12 +101,11 @@ class Paths:
             count_predicted(world.read_only(), self._space, self._ties, besides, *scratch, field)
         return field
 
-    def _search(self, pose: int, target: int) -> Array:
+    def _search(self, kind: int, pose: int, target: int) -> Array:
         """(k,) the cells of the path; without one, none."""
-        grid, steps = self._grid, self._steps
-        length = astar(
-            grid, self._duration, self._space, self._ties, self._seed, pose, target, False, steps
-        )
+        grid, steps, duration = self._grid, self._steps, self._duration[kind]
+        arguments = (self._space, self._ties, self._seed, pose, target, False, steps)
+        length = astar(grid, kind, duration, *arguments)
         if length == NIL:
             return np.zeros(0, np.int64)
         return driven(grid.offset, pose // grid.headings, steps[:length])
@@ -137,7 +136,7 @@ def explored(world: World, paths: Paths, robot: int) -> Array:
     if robots.stand[i] == NIL:
         return field
     pose = int(first_cell(world.robots, i)) * world.grid.headings + int(robots.heading[i])
-    found, path = paths.found(pose, int(robots.stand[i]))
+    found, path = paths.found(int(robots.type[i]), pose, int(robots.stand[i]))
     field[found] = 1
     field[path] = 2
     return field

@@ -32,16 +32,19 @@ def commit_charging(world, record, asked, answers):
             drop_route(robots, i)
             no_route_needed(world, i)
             need_allocation(world, i, FREE)
-        elif is_charger(world, stand) and robots.load[i] == NIL and 0 < level <= FULL:
+        elif is_charger(world, i, stand) and robots.load[i] == NIL and 0 < level <= FULL:
             send_to_charger(world, record, i, stand, level, given.yields[k])
         else:
             refuse(world, CHARGING, i)
 
 
 @kernel
-def is_charger(world, stand):
+def is_charger(world, i, stand):
+    """Whether `stand` is a charger that robot i gets to."""
     inside = 0 <= stand < world.grid.rule.shape[0]
-    return inside and world.rules.battery != 0 and world.grid.kind[stand] == CHARGER
+    if not inside or world.rules.battery == 0 or world.grid.kind[stand] != CHARGER:
+        return False
+    return world.slots.within[world.robots.type[i], stand] != 0
 
 
 @kernel

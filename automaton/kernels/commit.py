@@ -61,9 +61,11 @@ MOST_TICKS = 10_000  # of one pause or withdrawal
 
 
 @kernel
-def serves(world, stand, slot):
-    """Whether `stand` is a cell from which `slot` is served."""
+def serves(world, i, stand, slot):
+    """Whether `stand` is a cell from which robot i serves `slot`."""
     if stand < 0 or slot < 0 or slot >= world.slots.cell.shape[0]:
+        return False
+    if stand >= world.slots.within.shape[1] or not world.slots.within[world.robots.type[i], stand]:
         return False
     for direction in range(4):
         if world.slots.access[slot, direction] == stand:
@@ -178,7 +180,8 @@ def take(world, record, i, order, stand):
     legal = robots.load[i] == NIL and 0 <= order < orders.state.shape[0]
     legal = legal and orders.state[order] == WAITING
     legal = legal and may_have(orders.by[order], robots.identity[i])
-    if not legal or not serves(world, stand, np.int64(orders.place[order])):
+    legal = legal and orders.weight[order] <= world.rules.payload[robots.type[i]]
+    if not legal or not serves(world, i, stand, np.int64(orders.place[order])):
         refuse(world, ALLOCATION, i)
         return
     allocation_done(world, i)
@@ -190,6 +193,7 @@ def take(world, record, i, order, stand):
         in_bay = robots.cell[i] == NIL
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         orders.dispatched_heading[order] = robots.heading[i]
+        orders.dispatched_type[order] = robots.type[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
     if robots.goal[i] == GOAL_CHARGE:
         end_charging(robots, i)
@@ -201,7 +205,7 @@ def take(world, record, i, order, stand):
 def choose_slot(world, record, i, slot, stand, try_drop):
     """Reserve the slot where robot i will set its load down."""
     robots, slots = world.robots, world.slots
-    legal = robots.load[i] != NIL and serves(world, stand, slot)
+    legal = robots.load[i] != NIL and serves(world, i, stand, slot)
     if legal and slots.endless[slot]:  # at a station a load may lie on its way
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:
@@ -243,15 +247,16 @@ def commit_routing(world, asked, answers):
 
 @kernel
 def is_drivable(world, i, steps, length):
-    """Whether a route starts at robot i and keeps to exits, and turns only where turning is allowed."""
+    """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
     grid, robots = world.grid, world.robots
     if length > steps.shape[0]:
         return False
+    ways = grid.ways[robots.type[i]]
     cell = first_cell(robots, i)
     heading = np.int64(robots.heading[i])
     for s in range(length):
         direction = np.int64(steps[s])
-        rule = np.int64(grid.rule[cell])
+        rule = np.int64(ways[cell])
         if direction > 3 or (rule >> direction) & 1 == 0:
             return False
         if direction & (grid.headings - 1) != heading:
@@ -294,7 +299,7 @@ def commit_right_of_way(world, record, asked, answers):
 def step(world, i, direction):
     """One move, or the turn before it, now; outside a withdrawal the route is planned anew after it."""
     grid, robots = world.grid, world.robots
-    rule = np.int64(grid.rule[robots.cell[i]])
+    rule = np.int64(grid.ways[robots.type[i], robots.cell[i]])
     legal = 0 <= direction < 4 and (rule >> direction) & 1 == 1
     if not legal or (direction & (grid.headings - 1) != robots.heading[i] and rule & 16 == 0):
         refuse(world, RIGHT_OF_WAY, i)

@@ -132,7 +132,7 @@ def drive(world, record):
     """Set traffic.want and begin the operations of every robot that is free and on the floor."""
     robots, traffic = world.robots, world.traffic
     heading_mask = world.grid.headings - 1
-    span = world.rules.duration[MOVE]
+    duration = world.rules.duration
     for i in range(robots.cell.shape[0]):
         traffic.want[U(i)] = 0
         if robots.busy[U(i)]:
@@ -143,7 +143,7 @@ def drive(world, record):
                 continue
             direction = np.int64(robots.route[U(i), U(at)])
             if direction & heading_mask == robots.heading[U(i)]:
-                traffic.span[U(i)] = span
+                traffic.span[U(i)] = duration[U(robots.type[U(i)]), U(MOVE)]
                 entered = ENTERED if robots.did[U(i)] == LEFT_BAY else 0
                 traffic.want[U(i)] = LIVE | direction | entered
             else:
@@ -160,7 +160,7 @@ def drive_without_route(world, record, i):
     if direction != NO_STEP:
         robots.step[i] = NO_STEP
         if direction & (world.grid.headings - 1) == robots.heading[i]:
-            world.traffic.span[i] = world.rules.duration[MOVE]
+            world.traffic.span[i] = world.rules.duration[robots.type[i], MOVE]
             world.traffic.want[i] = LIVE | direction
         else:
             turn(world, i, direction)
@@ -170,7 +170,7 @@ def drive_without_route(world, record, i):
         if not affords(world, i, TRY_DROP):
             return
         robots.try_drop[i] = 0
-        begin(world, i, TRY_DROP, world.rules.duration[TRY_DROP])
+        begin(world, i, TRY_DROP, world.rules.duration[robots.type[i], TRY_DROP])
         robots.did[i] = np.int64(robots.did[i]) | DID_TRY_DROP
     elif robots.withdrawing[i] == 0 and robots.cell[i] == robots.stand[i]:
         do_goal(world, record, i)
@@ -202,7 +202,7 @@ def do_goal(world, record, i):
 @kernel
 def handling_time(world, record, i, action):
     """Ticks of a pick or a drop that begins now, delay included."""
-    ticks = max(np.int64(world.rules.duration[action]), 1)
+    ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
     if world.rules.delay:
         identity = np.int64(world.robots.identity[i])
         tick = world.clock[TICK]
@@ -232,7 +232,7 @@ def turn(world, i, direction):
     left = grid.headings == 4 and (direction - heading) & 3 == 3
     robots.heading[i] = (heading + (3 if left else 1)) & (grid.headings - 1)
     robots.blocked[i] = 0
-    begin(world, i, TURN, world.rules.duration[TURN])
+    begin(world, i, TURN, world.rules.duration[robots.type[i], TURN])
     robots.did[i] = np.int64(robots.did[i]) | (TURN_LEFT if left else TURN_RIGHT)
 
 
@@ -240,12 +240,13 @@ def turn(world, i, direction):
 def settle(world, record):
     """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
     robots, traffic = world.robots, world.traffic
-    usual = np.int64(world.rules.duration[MOVE])
+    duration = world.rules.duration
     for i in range(robots.cell.shape[0]):
         want = np.int64(traffic.want[U(i)])
         if want & MOVED:
             loaded = 1 if robots.load[U(i)] != NIL else 0
             span = np.int64(traffic.span[U(i)])
+            usual = np.int64(duration[U(robots.type[U(i)]), U(MOVE)])
             world.tally.times[U(i), U(MOVE), U(loaded)] += 1
             world.tally.ticks[U(i), U(MOVE), U(loaded)] += span
             if span != usual:
@@ -299,7 +300,7 @@ def park_if_home(world, i):
 @kernel
 def handle_at_once(world, record, i):
     """A robot whose move ends at its stand handles its load in the same tick, if that takes none."""
-    robots, duration = world.robots, world.rules.duration
+    robots, duration = world.robots, world.rules.duration[world.robots.type[i]]
     picks = robots.goal[i] == GOAL_PICK and duration[PICK] == 0
     drops = robots.goal[i] == GOAL_DROP and duration[DROP] == 0
     if not (picks or drops) or robots.cell[i] != robots.stand[i] or robots.action[i] != MOVE:

@@ -31,7 +31,7 @@ def affords(world, i, action):
     """Whether the battery of robot i holds what an operation takes; else it is exhausted."""
     if world.rules.battery == 0:
         return True
-    ticks = max(np.int64(world.rules.duration[action]), 1)
+    ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
     if action == PICK or action == DROP:
         ticks += world.rules.delay
     if world.robots.charge[i] < price(world, i, action, ticks):

@@ -211,13 +211,22 @@ def open_slot(world, slot, cell):
     served = False
     for direction in range(4):
         beside = cell + world.grid.offset[direction]
-        usable = slots.within[beside] != 0
+        usable = is_within(slots, beside)
         slots.access[slot, direction] = beside if usable else NIL
         served = served or usable
     if served:
         slots.cell[slot] = cell
         slots.endless[slot] = 0
     return served
+
+
+@kernel
+def is_within(slots, cell):
+    """Whether robots of some type get to a cell and back."""
+    for kind in range(slots.within.shape[0]):
+        if slots.within[kind, cell]:
+            return True
+    return False
 
 
 @kernel

@@ -274,7 +274,8 @@ def note_slow_move(world, watch, i, want):
             zone = world.grid.zone[U(robots.cell[U(i)]), U((want & 3) >> 1)]
             watch.slow_zone[U(i)] = zone
             watch.crowd[U(i)] = around
-    if robots.action[U(i)] == MOVE and robots.busy[U(i)] >= world.rules.duration[MOVE]:
+    usual = world.rules.duration[U(robots.type[U(i)]), U(MOVE)]
+    if robots.action[U(i)] == MOVE and robots.busy[U(i)] >= usual:
         watch.lost[U(i), U(DRIVING_SLOWLY)] += 1
         if watch.slow_zone[U(i)] != NIL:
             watch.lost_in_zone[U(watch.slow_zone[U(i)])] += 1

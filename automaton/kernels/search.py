@@ -2,6 +2,7 @@
 
     pose = cell * headings + heading
 
+Robots of a type share the ticks of their moves, and the exits that are open to them.
 A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
 where the floor allows it. Ties are settled by rule, so every search gives the same path on every
 machine: poses leave the queue by (cost, pose); a path down a distance field prefers a move to a
@@ -52,12 +53,14 @@ def pop(heap, size):
 
 
 @kernel
-def fill_field(grid, duration, target, field, heap):
+def fill_field(grid, kind, duration, target, field, heap):
     """field[pose] = least cost from the pose to the target cell in any heading; FAR if there is none.
 
-    Dijkstra from the target against the direction of travel.
+    `duration`: (A,) ticks of each action of robots of the type `kind`. Dijkstra from the target
+    against the direction of travel.
     """
     field[:] = FAR
+    ways = grid.ways[kind]
     size = 0
     for heading in range(grid.headings):
         pose = target * grid.headings + heading
@@ -75,11 +78,11 @@ def fill_field(grid, duration, target, field, heap):
         heading = pose % grid.headings
         for direction in range(heading, 4, grid.headings):
             before = cell - grid.offset[direction]
-            if 0 <= before < grid.rule.shape[0] and (np.int64(grid.rule[before]) >> direction) & 1:
+            if 0 <= before < ways.shape[0] and (np.int64(ways[before]) >> direction) & 1:
                 size = relax(
                     field, heap, size, before * grid.headings + heading, cost + duration[MOVE]
                 )
-        if grid.headings > 1 and np.int64(grid.rule[cell]) & 16:
+        if grid.headings > 1 and np.int64(ways[cell]) & 16:
             ahead = (heading + 1) & (grid.headings - 1)
             size = relax(field, heap, size, cell * grid.headings + ahead, cost + duration[TURN])
             behind = (heading - 1) & (grid.headings - 1)
@@ -96,33 +99,35 @@ def relax(field, heap, size, pose, cost):
 
 
 @kernel
-def field_to(view, space, target):
-    """The row of space.field with the costs to a target cell, computed if it is not there."""
-    row = np.int64(space.field_of[target])
+def field_to(view, space, kind, target):
+    """The row of space.field with the costs of a type to a target cell, computed if it is not there."""
+    entry = kind * view.grid.ways.shape[1] + target
+    row = np.int64(space.field_of[entry])
     if row != NIL:
         return row
     row = np.int64(space.field_next[0])
     space.field_next[0] = (row + 1) % space.field.shape[0]
     if space.field_owner[row] != NIL:
         space.field_of[space.field_owner[row]] = NIL
-    space.field_owner[row] = target
-    space.field_of[target] = row
-    fill_field(view.grid, view.rules.duration, target, space.field[row], space.heap)
+    space.field_owner[row] = entry
+    space.field_of[entry] = row
+    duration = view.rules.duration[kind]
+    fill_field(view.grid, kind, duration, target, space.field[row], space.heap)
     return row
 
 
 @kernel
-def distance(view, space, cell, heading, target):
-    """Ticks from a pose to a target cell on the empty floor, FAR if there is no way."""
-    row = field_to(view, space, target)
+def distance(view, space, kind, cell, heading, target):
+    """Ticks of a robot of a type from a pose to a target cell on the empty floor, FAR: no way."""
+    row = field_to(view, space, kind, target)
     return np.int64(space.field[row, cell * view.grid.headings + heading])
 
 
 @kernel
-def descend(view, space, cell, heading, target, steps):
+def descend(view, space, kind, cell, heading, target, steps):
     """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
-    grid, duration = view.grid, view.rules.duration
-    field = space.field[field_to(view, space, target)]
+    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
+    field = space.field[field_to(view, space, kind, target)]
     length = 0
     if field[cell * grid.headings + heading] >= FAR:
         return NIL
@@ -130,7 +135,7 @@ def descend(view, space, cell, heading, target, steps):
         cost = np.int64(field[cell * grid.headings + heading])
         found = False
         for direction in range(heading, 4, grid.headings):
-            if (np.int64(grid.rule[cell]) >> direction) & 1 == 0:
+            if (np.int64(ways[cell]) >> direction) & 1 == 0:
                 continue
             after = cell + grid.offset[direction]
             if field[after * grid.headings + heading] == cost - duration[MOVE]:
@@ -181,14 +186,14 @@ def is_closed(view, cell, direction, target, around):
 
 
 @kernel
-def find_path(view, space, cell, heading, target, around, steps):
+def find_path(view, space, kind, cell, heading, target, around, steps):
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
     `around`: cells without room now, the target excepted, are removed from the floor. The estimate
     is the exact cost on the empty floor (a cached distance field).
     """
-    grid, duration = view.grid, view.rules.duration
-    row = field_to(view, space, target)
+    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
+    row = field_to(view, space, kind, target)
     if space.field[row, cell * grid.headings + heading] >= FAR:
         return NIL
     search = begin_search(space)
@@ -207,7 +212,7 @@ def find_path(view, space, cell, heading, target, around, steps):
             return write_path(grid, space, pose, steps)
         h = pose % grid.headings
         for direction in range(h, 4, grid.headings):
-            if (np.int64(grid.rule[here]) >> direction) & 1:
+            if (np.int64(ways[here]) >> direction) & 1:
                 after = here + grid.offset[direction]
                 to = after * grid.headings + h
                 if not is_closed(view, after, direction, target, around):
@@ -220,7 +225,7 @@ def find_path(view, space, cell, heading, target, around, steps):
                         space.field[row, to],
                         direction,
                     )
-        if grid.headings > 1 and np.int64(grid.rule[here]) & 16:
+        if grid.headings > 1 and np.int64(ways[here]) & 16:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
             size = reach(
                 space, search, size, to, cost + duration[TURN], space.field[row, to], TURNED_AHEAD
@@ -272,12 +277,12 @@ def mark_goal(space, search, cell, value):
 
 
 @kernel
-def nearest_mark(view, space, search, cell, heading, around):
+def nearest_mark(view, space, search, kind, cell, heading, around):
     """The value of the marked cell of least cost from a pose, ties to the lowest value; NIL if none.
 
     Dijkstra that ends with the first cost at which a mark was found. `around` as in find_path.
     """
-    grid, duration = view.grid, view.rules.duration
+    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
     size = reach(space, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
     best = NIL
     best_cost = FAR
@@ -297,12 +302,12 @@ def nearest_mark(view, space, search, cell, heading, around):
             best_cost = cost
         h = pose % grid.headings
         for direction in range(h, 4, grid.headings):
-            if (np.int64(grid.rule[here]) >> direction) & 1:
+            if (np.int64(ways[here]) >> direction) & 1:
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h
                     size = reach(space, search, size, to, cost + duration[MOVE], 0, direction)
-        if grid.headings > 1 and np.int64(grid.rule[here]) & 16:
+        if grid.headings > 1 and np.int64(ways[here]) & 16:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
             size = reach(space, search, size, to, cost + duration[TURN], 0, TURNED_AHEAD)
             to = here * grid.headings + ((h - 1) & (grid.headings - 1))

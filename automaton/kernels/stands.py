@@ -15,18 +15,37 @@ FROM_LEFT_FIRST = (2, 0, 3, 1)
 
 
 @kernel
-def pick_stand(view, slot):
-    """The cell from which a load is picked up, NIL if there is none."""
+def pick_stand(view, kind, slot):
+    """The cell from which robots of a type pick a load up, NIL if there is none."""
     for direction in FROM_RIGHT_FIRST:
-        if view.slots.access[slot, direction] != NIL:
-            return np.int64(view.slots.access[slot, direction])
+        cell = np.int64(view.slots.access[slot, direction])
+        if cell != NIL and view.slots.within[kind, cell]:
+            return cell
     return np.int64(NIL)
 
 
 @kernel
-def drop_stand(view, slot):
-    """The cell from which a load is set down, NIL if there is none."""
+def drop_stand(view, kind, slot):
+    """The cell from which robots of a type set a load down, NIL if there is none."""
     for direction in FROM_LEFT_FIRST:
-        if view.slots.access[slot, direction] != NIL:
-            return np.int64(view.slots.access[slot, direction])
+        cell = np.int64(view.slots.access[slot, direction])
+        if cell != NIL and view.slots.within[kind, cell]:
+            return cell
     return np.int64(NIL)
+
+
+@kernel
+def can_bring(view, kind, order, slot):
+    """Whether robots of a type carry an order, and get to where it lies and to a slot with it."""
+    if view.orders.weight[order] > view.rules.payload[kind]:
+        return False
+    if pick_stand(view, kind, np.int64(view.orders.place[order])) == NIL:
+        return False
+    return drop_stand(view, kind, slot) != NIL
+
+
+@kernel
+def can_do(view, i, order):
+    """Whether robot i carries an order, and gets to where it lies and to its target."""
+    kind = np.int64(view.robots.type[i])
+    return can_bring(view, kind, order, np.int64(view.orders.target[order]))

@@ -23,28 +23,32 @@ def least_drives(view, space, which, out):
 
     The first leg begins where and with the heading in which the order was taken, the second one with
     the heading in which the first one ends; of several that take the least ticks, the best counts.
-    Slots are served from the cells that the shipped allocations choose. FAR if there is no way.
+    Slots are served from the cells that the shipped allocations choose, by the type of robot that
+    took the order last. FAR if there is no way.
     """
     orders = view.orders
     for k in range(which.shape[0]):
         order = which[k]
         start = orders.dispatched_from[order] * view.grid.headings
         start += orders.dispatched_heading[order]
-        stand, end = pick_stand(view, orders.source[order]), drop_stand(view, orders.target[order])
-        out[order] = least_by(view, space, start, stand, end)
+        kind = orders.dispatched_type[order]
+        stand = pick_stand(view, kind, orders.source[order])
+        end = drop_stand(view, kind, orders.target[order])
+        out[order] = least_by(view, space, kind, start, stand, end)
 
 
 @kernel
-def least_by(view, space, start, stand, end):
+def least_by(view, space, kind, start, stand, end):
     """Least ticks from a pose to a cell, and from there to another one; FAR if there is no way.
 
     A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
     """
     headings = view.grid.headings
     if headings == 1:
-        return distance(view, space, start, 0, stand) + distance(view, space, stand, 0, end)
+        to_stand = distance(view, space, kind, start, 0, stand)
+        return to_stand + distance(view, space, kind, stand, 0, end)
     search = begin_search(space)
-    size = reach(space, search, 0, start, 0, estimate(view, start, stand), STARTED)
+    size = reach(space, search, 0, start, 0, estimate(view, kind, start, stand), STARTED)
     least = best = FAR
     while size > 0:
         key = pop(space.heap, size)
@@ -53,27 +57,27 @@ def least_by(view, space, start, stand, end):
         ticks = space.cost[pose]
         if (key >> 32) > least:
             break
-        if (key >> 32) != ticks + estimate(view, pose, stand):
+        if (key >> 32) != ticks + estimate(view, kind, pose, stand):
             continue  # a better way to this pose was found meanwhile
         if pose // headings == stand:
             least = ticks
-            best = min(best, ticks + distance(view, space, stand, pose % headings, end))
-        size = go_on(view, space, search, size, pose, ticks, stand)
+            best = min(best, ticks + distance(view, space, kind, stand, pose % headings, end))
+        size = go_on(view, space, search, size, kind, pose, ticks, stand)
     return best
 
 
 @kernel
-def go_on(view, space, search, size, pose, ticks, stand):
+def go_on(view, space, search, size, kind, pose, ticks, stand):
     """Enter the poses that follow on a pose into the queue; returns its size."""
-    grid, duration = view.grid, view.rules.duration
+    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
     cell, heading = pose // grid.headings, pose % grid.headings
     for way in range(heading, 4, grid.headings):
-        if (grid.rule[cell] >> way) & 1:
+        if (ways[cell] >> way) & 1:
             to = (cell + grid.offset[way]) * grid.headings + heading
-            left = estimate(view, to, stand)
+            left = estimate(view, kind, to, stand)
             size = reach(space, search, size, to, ticks + duration[MOVE], left, way)
-    if grid.headings > 1 and grid.rule[cell] & 16:
-        left = estimate(view, pose, stand)
+    if grid.headings > 1 and ways[cell] & 16:
+        left = estimate(view, kind, pose, stand)
         for k in range(2):
             to = cell * grid.headings + ((heading + 1 - 2 * k) & (grid.headings - 1))
             how = TURNED_BEHIND if k else TURNED_AHEAD
@@ -82,8 +86,8 @@ def go_on(view, space, search, size, pose, ticks, stand):
 
 
 @kernel
-def estimate(view, pose, target):
+def estimate(view, kind, pose, target):
     """Ticks from a pose to a cell at least."""
     cell, width = pose // view.grid.headings, view.grid.width
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
-    return left * view.rules.duration[MOVE]
+    return left * view.rules.duration[kind, MOVE]

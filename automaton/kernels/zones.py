@@ -1,6 +1,6 @@
 """How long a move takes where zones slow robots down, or where chance does.
 
-A MOVE that starts in a zone with m robots takes m times duration[MOVE] (Bhattathiri, Li & Kuhl). m is
+A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is
 what the zone held when the tick began, each robot counted in the cell that it stands in or leaves,
 the mover always included. Cells in no zone slow nobody down. A tick more, by a draw, comes on top.
 """
@@ -41,7 +41,7 @@ def slow_down(world):
 def ticks_of_move(world, i, want):
     """What a move of robot i takes if it starts now."""
     rules = world.rules
-    ticks = np.int64(rules.duration[MOVE])
+    ticks = np.int64(rules.duration[U(world.robots.type[U(i)]), U(MOVE)])
     if rules.slowdown:
         ticks *= robots_around(world, i, want)
     if rules.extra_tick:

@@ -93,7 +93,8 @@ class Energy:
             code, loaded = did & ACTION_MASK, int(load[r] != NONE)
             if code in OPERATIONS:
                 name = OPERATIONS[code]
-                ticks = lengths.get(r, max(1, self.duration[name]))
+                usual = max(1, self.duration[name])
+                ticks = lengths.get(r, self.motion.pace.usual_of(r) if name == "move" else usual)
                 self._operate(tick, r, name, ticks * self.rates[name][loaded])
             elif code in WAITS:
                 self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
@@ -163,9 +164,10 @@ class Energy:
         if self.battery is None:
             return 0
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
+        slowest = max(self.motion.types.pace)
         longer = self.duration["delay"]  # of a pick or a drop
         prices = [
-            max(rates) * (max(1, self.duration.get(n, 1)) + longer)
+            max(rates) * (max(1, self.duration.get(n, 1)) * slowest + longer)
             for n, rates in self.rates.items()
         ]
         dearest: int = max(prices) * around

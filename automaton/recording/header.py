@@ -35,6 +35,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
     """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
     plan, robots = resolved.plan, world.robots
     closed = resolved.scenario.orders.in_system
+    weighs = bool((world.orders.weight != 1).any())
     plugins = tuple(pick.name for pick in resolved.picks.values() if ":" in pick.name)
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
@@ -60,7 +61,11 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         },
         "orders": {
             name: getattr(world.orders, name).copy()
-            for name in ("source", "target", "released", *(["coming"] if closed else []))
+            for name in (
+                *("source", "target", "released"),
+                *(["coming"] if closed else []),
+                *(["weight"] if weighs else []),
+            )
         },
         "works": {name: getattr(world.stations, name).copy() for name in ("ticks", "came")},
         "slots": {"cell": world.slots.cell.copy(), "spare": world.slots.spare},

@@ -75,6 +75,8 @@ class Loads:
         self.station = [kind.code == STATION for kind in kinds] + none
         self.endless = [kind.swallows or kind.supplies for kind in kinds] + [True] * spares
         self.target: list[int] = header["orders"]["target"].tolist()
+        weights = header["orders"].get("weight")
+        self.weight = [1] * len(self.target) if weights is None else weights.tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
         released = header["orders"]["released"].tolist()
         self.state = [UNRELEASED if tick else WAITING for tick in released]
@@ -285,6 +287,12 @@ class Loads:
             self.complain(tick, "load", [r], cell, "gets a load without picking it up")
         if self.load[r] != NONE:
             self.complain(tick, "load", [r], cell, "picks up a second load")
+        most = self.motion.types.payload[r]
+        if self.weight[order] > most:
+            text = (
+                f"picks up order {order} of weight {self.weight[order]} and carries {most} at most"
+            )
+            self.complain(tick, "payload", [r], cell, text)
         if self.by[order] != r:
             self.complain(tick, "order", [r], cell, f"picks up order {order} that it has not")
         if slot == NONE or self.state[order] != WAITING:

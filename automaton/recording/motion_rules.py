@@ -26,6 +26,7 @@ from automaton.recording.codes import (
     TURN_RIGHT,
 )
 from automaton.recording.pace_rules import NONE, Pace
+from automaton.recording.type_rules import Types
 from automaton.world.cells import EAST, KINDS, NORTH, SOUTH, WEST
 
 HEADINGS: Final = {"omni": 1, "rail": 2, "differential": 4}
@@ -47,7 +48,8 @@ class Motion:
         self.capacity: list[int] = floor["capacity"].ravel().tolist()
         self.kind: list[int] = floor["kind"].ravel().tolist()
         self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
-        self.pace = Pace(floor, header["seed"])
+        self.types = Types(floor, scenario)
+        self.pace = Pace(floor, header["seed"], self.types.pace)
         self.follow(scenario)
         self.leave: bool = scenario["fleet"].get("when_done") == "leave"
         self.home: list[int] = robots["home"].tolist()
@@ -83,6 +85,7 @@ class Motion:
                 continue
             if not KINDS[self.kind[cell]].drivable:
                 self.complain(0, "exits", [r], cell, "it starts where no robot can stand")
+            self._check_area(0, r, cell)
             self._take(0, r, cell, self.heading[r])
 
     # Resources
@@ -130,6 +133,7 @@ class Motion:
             if other != NONE:
                 text = "leaves its bay although its home cell is held"
                 self.complain(tick, "bay", [r, other], home, text)
+            self._check_area(tick, r, home)
             self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
             self.parked[r] = False
             self.holder[self.resource(home, heading)] = r
@@ -156,7 +160,7 @@ class Motion:
             if code <= MOVE_NORTH:
                 self._begin_move(tick, r, code - 1, movers)
                 self._check_pace(tick, r, code - 1, lengths.get(r), r in placed)
-                self.free[r] = tick + lengths.get(r, self.duration[code])
+                self.free[r] = tick + lengths.get(r, self.pace.usual_of(r))
             elif code <= TURN_RIGHT:
                 self._turn(tick, r, code)
                 self.free[r] = tick + self.duration[code]
@@ -192,7 +196,13 @@ class Motion:
         elif direction & (self.headings - 1) != self.heading[r]:
             self.complain(tick, "heading", [r], cell, "moves across its heading")
         else:
+            self._check_area(tick, r, cell + self.step[direction])
             movers.append((r, cell, cell + self.step[direction], direction))
+
+    def _check_area(self, tick: int, r: int, cell: int) -> None:
+        if cell in self.types.closed[r]:
+            text = f"is in an area that is closed to robots of the type {self.types.name[r]}"
+            self.complain(tick, "area", [r], cell, text)
 
     def _check_pace(
         self, tick: int, r: int, direction: int, length: int | None, placed: bool
@@ -202,7 +212,7 @@ class Motion:
             return
         came = None if placed else self.travel[r]
         due, why = self.pace.due(tick, r, self.cell[r], direction, came)
-        ticks = self.pace.move if length is None else length
+        ticks = self.pace.usual_of(r) if length is None else length
         if ticks != due:
             text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
             self.complain(tick, "pace", [r], self.cell[r], text)

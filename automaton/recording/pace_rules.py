@@ -20,8 +20,9 @@ STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
 class Pace:
     """The rules about the length of a move: its duration, slow zones, extra ticks."""
 
-    def __init__(self, floor: dict[str, Any], seed: int) -> None:
+    def __init__(self, floor: dict[str, Any], seed: int, pace: list[int]) -> None:
         self.floor = floor
+        self.pace = pace  # by robot: how many times as long its moves take
         self.seed = seed
         self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
         self.crowd: dict[int, int] = {}  # robots by zone as the tick began
@@ -43,6 +44,10 @@ class Pace:
                 zone = self.zones[c][direction >> 1]
                 self.crowd[zone] = self.crowd.get(zone, 0) + 1
 
+    def usual_of(self, robot: int) -> int:
+        """What a move of a robot takes where nothing slows it down."""
+        return self.move * self.pace[robot]
+
     def due(
         self, tick: int, robot: int, cell: int, direction: int, came: int | None
     ) -> tuple[int, str]:
@@ -50,7 +55,8 @@ class Pace:
 
         `came`: the direction in which the robot entered the cell, None if from its bay just now.
         """
-        ticks, why = self.move, f"a move takes {self.move}"
+        ticks = self.usual_of(robot)
+        why = f"a move takes {ticks}"
         zone = self.zones[cell][direction >> 1] if self.slow else NONE
         if zone != NONE:
             counted = came is not None and self.zones[cell][came >> 1] == zone

@@ -53,6 +53,8 @@ RULES: Final = {
     "order": "an order is reserved by one robot at a time",
     "slot": "a shelf is reserved by one robot at a time, while empty",
     "pace": "a move takes its duration times the robots in its slow zone, and what chance adds",
+    "area": "robots keep out of the areas that are closed to their type",
+    "payload": "robots carry no order that is heavier than their type may carry",
     "arrival": "loads are handled on arrival only where that takes no time of its own",
     "duration": "waits say how long they take",
     "energy": "batteries pay for what begins; robots out of order stand still until they are towed",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.scenario.abilities import handed_over
 from automaton.scenario.resolve import Resolved
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
 from automaton.world.reach import steps_from
@@ -18,7 +19,12 @@ MOST_STATIONS = 100  # between which all ways are measured
 
 def doubts(resolved: Resolved) -> list[str]:
     """A sentence for each."""
-    found = (nothing_to_avoid(resolved), parks_on_charger(resolved), out_of_range(resolved))
+    found = (
+        nothing_to_avoid(resolved),
+        parks_on_charger(resolved),
+        out_of_range(resolved),
+        handed_over(resolved.scenario, resolved.plan, resolved.start),
+    )
     return [sentence for sentence in found if sentence]
 
 

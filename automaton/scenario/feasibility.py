@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 
 from automaton.errors import alternatives
+from automaton.scenario.abilities import Mask, served_by_type, starts_by_type, within_by_type
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.floors import Floor
 from automaton.scenario.orders import OrderLine
@@ -15,13 +15,11 @@ from automaton.scenario.schema import Scenario
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, KINDS, RACK, SHELF, STATION, UNLIMITED
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import (
-    around_home,
     rack_stands,
-    slot_access,
     slots_out_of_reach,
     slots_without_access,
 )
-from automaton.world.state import NIL
+from automaton.world.types import types_of
 
 Start = Literal["bays", "random", "stands"] | tuple[int, ...]
 
@@ -182,9 +180,9 @@ def _check_order(document: Document, order: OrderLine, keys: Keys, plan: FloorPl
 def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
     """Every robot can serve every shelf and destination and come home again. Raises InputError."""
     plan = floor.plan
-    homes = _homes(plan, start, scenario.fleet.robots)
-    rail = scenario.fleet.kinematics == "rail"
-    lonely, remote = _unserved(plan, homes[0], rail)
+    homes = starts_by_type(scenario, plan, start)
+    masks = within_by_type(scenario, plan, start)
+    lonely, remote = _unserved(plan, np.logical_or.reduce(masks))
     for cell, why in (
         (lonely, "has no cell beside it that robots drive on"),
         (remote, "cannot be served: a robot must get beside it from its start, and back"),
@@ -193,23 +191,22 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
             x, y = plan.xy(cell)
             name = KINDS[plan.kind.flat[cell]].name
             raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
-    apart = np.array(homes)[~around_home(plan, homes[0], rail)[list(homes)]]
-    if apart.size:
-        (x, y), (x0, y0) = plan.xy(int(apart[0])), plan.xy(homes[0])
-        raise floor.error(
-            f"robots start in parts of the floor that are not connected both ways: "
-            f"({x0}, {y0}) and ({x}, {y})",
-            y,
-        )
+    for kind, cells, within in zip(types_of(scenario), homes, masks, strict=True):
+        apart = cells[~within[cells]]
+        if apart.size:
+            (x, y), (x0, y0) = plan.xy(int(apart[0])), plan.xy(int(cells[0]))
+            who = f"robots ({kind.name})" if kind.name else "robots"
+            raise floor.error(
+                f"{who} start in parts of the floor that are not connected both ways: "
+                f"({x0}, {y0}) and ({x}, {y})",
+                y,
+            )
 
 
 def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start: Start) -> None:
     """Robots reach the docks and racks that orders name, and some of each. Raises InputError."""
     orders = scenario.orders
-    home = _homes(plan, start, scenario.fleet.robots)[0]
-    within = around_home(plan, home, scenario.fleet.kinematics == "rail")
-    access = slot_access(plan)
-    served = ((access != NIL) & within[access]).any(axis=1)
+    served = np.logical_or.reduce(served_by_type(scenario, plan, start))
     why = "a robot must get in front of it from its start, and back"
     kinds = plan.kind.reshape(-1)[plan.slots()]
     for kind in NEEDED.get(orders.generator or "", ()):
@@ -260,25 +257,13 @@ def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> Non
             )
 
 
-def _homes(plan: FloorPlan, start: Start, robots: int) -> tuple[int, ...]:
-    """Cells where robots may begin."""
-    if start == "random":
-        return tuple(np.flatnonzero(plan.drivable()).tolist())
-    if start == "stands":
-        return tuple(np.unique(rack_stands(plan)).tolist())
-    if start == "bays":
-        return tuple(plan.bays[:robots, 1].tolist())
-    return start
-
-
-@lru_cache(maxsize=64)
-def _unserved(plan: FloorPlan, home: int, rail: bool) -> tuple[int | None, int | None]:
+def _unserved(plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
     """The first slot that nothing drives beside, and the first that is out of reach.
 
     Racks, docks and stations may be: orders are given to the others alone.
     """
     kind = plan.kind.reshape(-1)
-    lonely, remote = slots_without_access(plan), slots_out_of_reach(plan, home, rail)
+    lonely, remote = slots_without_access(plan), slots_out_of_reach(plan, within)
     lonely, remote = (
         slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
     )

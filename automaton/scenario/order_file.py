@@ -4,8 +4,9 @@
     0,0,0,4,0                         from, to: cells, counted from 0 at the upper left
     12,4,0,0,0
 
-Columns stand between commas, semicolons or tabs. Lines need not be sorted; empty ones are left out.
-The content becomes the scenario's own list of orders, so that recordings stand alone.
+A column `weight` may say how heavy they are; without it all weigh 1. Columns stand between commas,
+semicolons or tabs. Lines need not be sorted; empty ones are left out. The content becomes the
+scenario's own list of orders, so that recordings stand alone.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ from automaton.scenario.orders import OrderLine
 from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
 
-COLUMNS: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
+NEEDED: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
+COLUMNS: Final = (*NEEDED, "weight")
 SEPARATORS: Final = (";", "\t", ",")  # the first that occurs in the head
 LATEST: Final = 2_000_000_000
+BOUNDS: Final = {"tick": (0, LATEST), "weight": (1, 1_000_000_000)}
 NUMBER: Final = re.compile(r"-?[0-9]{1,10}")
 
 
@@ -61,7 +64,7 @@ def read_orders(text: str, path: str) -> OrderFile:
     """The orders of a CSV text. Raises InputError with the line."""
     rows = [(number, row) for number, row in enumerate(text.split("\n"), 1) if row.strip()]
     if not rows:
-        raise InputError(f"is empty; its head must name the columns {', '.join(COLUMNS)}", path)
+        raise InputError(f"is empty; its head must name the columns {', '.join(NEEDED)}", path)
     first, head = rows[0]
     separator = next((sign for sign in SEPARATORS if sign in head), ",")
     names = [name.strip().strip('"') for name in head.split(separator)]
@@ -77,7 +80,8 @@ def read_orders(text: str, path: str) -> OrderFile:
         pairs = zip(names, cells, strict=True)
         value = {name: _number(name, cell, path, number) for name, cell in pairs}
         source, target = (value["from_x"], value["from_y"]), (value["to_x"], value["to_y"])
-        orders.append(OrderLine(source=source, target=target, at=value["tick"]))
+        weight = value.get("weight", 1)
+        orders.append(OrderLine(source=source, target=target, at=value["tick"], weight=weight))
         lines.append(number)
     return OrderFile(path, content_hash(Path(path)), tuple(orders), tuple(lines))
 
@@ -91,7 +95,7 @@ def _check_head(names: list[str], path: str, line: int) -> None:
             )
         if names.count(name) > 1:
             raise InputError(f"the column {name} appears twice; {allowed}", path, line)
-    missing = [name for name in COLUMNS if name not in names]
+    missing = [name for name in NEEDED if name not in names]
     if missing:
         raise InputError(f"the column {missing[0]} is missing; {allowed}", path, line)
 
@@ -99,9 +103,11 @@ def _check_head(names: list[str], path: str, line: int) -> None:
 def _number(name: str, cell: str, path: str, line: int) -> int:
     text = cell.strip().strip('"')
     number = int(text) if NUMBER.fullmatch(text) else None
-    least, most = (0, LATEST) if name == "tick" else (-LATEST, LATEST)
+    least, most = BOUNDS.get(name, (-LATEST, LATEST))
     if number is None or not least <= number <= most:
         found = repr(text[:20]) if text else "nothing"
-        allowed = f"from 0 to {LATEST:,}" if name == "tick" else "of a column or row of the floor"
+        allowed = "of a column or row of the floor"
+        if name in BOUNDS:
+            allowed = f"from {least} to {most:,}"
         raise InputError(f"{name} must be a whole number {allowed}, found {found}", path, line)
     return number

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from automaton.scenario.terms import Line, Pair, Part, Text, Tick, Ticks
+from automaton.scenario.terms import Line, Pair, Part, Text, Tick, Ticks, Weight
 
 DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
 
@@ -48,13 +48,24 @@ class Stream(Part, frozen=True, kw_only=True):
         Text | None,
         Meta(
             description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
-            "to_y; path relative to the scenario."
+            "to_y and, where they differ in it, weight; path relative to the scenario."
         ),
     ] = None
 
     def __post_init__(self) -> None:
         if sum(form is not None for form in (self.bursts, self.closed, self.file)) != 1:
             raise ValueError("stream must have exactly one of bursts, closed or file")
+
+
+class WeightRange(Part, frozen=True, kw_only=True):
+    """Weights drawn evenly for each order."""
+
+    least: Annotated[Weight, Meta(description="The lightest.")] = field(name="from")
+    most: Annotated[Weight, Meta(description="The heaviest.")] = field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
 
 
 class OrderLine(Part, frozen=True, kw_only=True):
@@ -65,6 +76,7 @@ class OrderLine(Part, frozen=True, kw_only=True):
         field(name="to")
     )
     at: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+    weight: Weight = 1
 
 
 StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
@@ -86,6 +98,7 @@ class Parts(Part, frozen=True, kw_only=True):
         Annotated[int, Meta(ge=0, le=1_000_000)] | Mean,
         Meta(description="Ticks from a part to the next: so many, or drawn with this mean."),
     ] = 0
+    weight: Weight = 1
 
     def __post_init__(self) -> None:
         for here, then in itertools.pairwise(self.route):
@@ -138,6 +151,10 @@ class Orders(Part, frozen=True, kw_only=True):
     stream: Annotated[
         Stream | None, Meta(description="How they become known, or a file of orders.")
     ] = None
+    weight: Annotated[
+        Weight | WeightRange,
+        Meta(description="Of the orders that generators make: all alike, or drawn {from, to}."),
+    ] = 1
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         field(name="list", default=None)
     )
@@ -165,6 +182,8 @@ class Orders(Part, frozen=True, kw_only=True):
             raise ValueError("parts must hold at least one type of parts")
         if self.parts is None and self.work != 1:
             raise ValueError("work belongs to parts")
+        if self.generator is None and self.weight != 1:
+            raise ValueError("weight belongs to generators, or to each order or type of parts")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
         if self.generator in DRAWN and self.count is None:

@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from automaton.errors import InputError
+from automaton.scenario.abilities import check_abilities, check_areas, check_starts
 from automaton.scenario.document import Document, Keys, Override
 from automaton.scenario.feasibility import (
     check_energy,
@@ -68,10 +69,13 @@ def resolve(
     checked = validated(document, document.data, Scenario)
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
+    check_areas(document, checked, floor.plan)
     start = start_of(document, checked, floor.plan)
+    check_starts(document, checked, floor.plan, start)
     check_orders(document, checked, floor)
     check_floor(checked, floor, start)
     check_service(document, checked, floor.plan, start)
+    check_abilities(document, checked, floor.plan, start)
     check_energy(document, checked, floor.plan)
     picks = picks_of(document, checked, floor.plan)
     return Resolved(

@@ -11,11 +11,13 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.fleet import Area as Area
+from automaton.scenario.fleet import Fleet as Fleet
 from automaton.scenario.orders import Orders as Orders
 from automaton.scenario.terms import Line as Line
-from automaton.scenario.terms import Pair, Ticks, TicksOrNone
 from automaton.scenario.terms import Part as Part
 from automaton.scenario.terms import Text as Text
+from automaton.scenario.terms import Ticks, TicksOrNone
 
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
@@ -36,35 +38,9 @@ Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
 
+LONGEST_MOVE = 65_535  # ticks
+
 LAYERS = ("zoning", "charging", "allocation", "routing", "right_of_way")
-
-
-class Fleet(Part, frozen=True, kw_only=True):
-    """The robots."""
-
-    robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
-    kinematics: Annotated[
-        Literal["rail", "differential", "omni"],
-        Meta(
-            description="rail: reverses freely, turns only on turntables; differential: every turn "
-            "by 90 degrees takes time; omni: drives in any direction without turning."
-        ),
-    ] = "differential"
-    start: Annotated[
-        Literal["bays", "random", "stands"] | tuple[Pair, ...] | None,
-        Meta(
-            description="Where robots begin: bays, random, stands (in front of racks drawn at "
-            "random), or a list of cells. Left out: where the picture draws robots, else in bays "
-            "if the floor has any, else random."
-        ),
-    ] = None
-    when_done: Annotated[
-        Literal["park", "leave"],
-        Meta(
-            description="What robots without work do. park: drive to where they began; leave: "
-            "leave the floor where they stand, and come back there for an order."
-        ),
-    ] = "park"
 
 
 class Units(Part, frozen=True, kw_only=True):
@@ -283,6 +259,9 @@ class Scenario(Part, frozen=True, kw_only=True):
         Meta(description="The floor: a generator, a picture, a file or a matrix."),
     ]
     fleet: Fleet
+    areas: Annotated[
+        dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
+    ] = msgspec.field(default_factory=dict)
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")
@@ -306,6 +285,12 @@ class Scenario(Part, frozen=True, kw_only=True):
     ] = 1
 
     def __post_init__(self) -> None:
+        slowest = max((kind.pace for kind in self.fleet.types), default=1) * self.durations.move
+        if slowest > LONGEST_MOVE:
+            raise ValueError(
+                f"fleet has robots whose moves take {slowest:,} ticks (pace x durations.move), "
+                f"at most {LONGEST_MOVE:,} are allowed"
+            )
         if self.measure is not None and self.measure.warm_up >= self.stop.at_most:
             raise ValueError(
                 f"measure begins after tick {self.measure.warm_up} (warm_up), "

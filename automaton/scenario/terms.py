@@ -10,6 +10,9 @@ from msgspec import Meta
 Ticks = Annotated[int, Meta(ge=1, le=10_000, description="A duration in ticks.")]
 TicksOrNone = Annotated[int, Meta(ge=0, le=10_000, description="A duration in ticks, or 0.")]
 Tick = Annotated[int, Meta(ge=0, le=2_000_000_000, description="A tick.")]
+Weight = Annotated[
+    int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
+]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 Text = Annotated[str, Meta(min_length=1)]
 Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]

@@ -37,7 +37,7 @@ from automaton.kernels.search import (
     mark_goal,
     nearest_mark,
 )
-from automaton.kernels.stands import drop_stand, pick_stand
+from automaton.kernels.stands import can_bring, can_do, drop_stand, pick_stand
 from automaton.kernels.zone_network import add_predicted
 from automaton.strategy.layer import memory_of
 from automaton.world.state import Memory, World
@@ -60,6 +60,8 @@ __all__ = [
     "astar",
     "begin_search",
     "blur",
+    "can_bring",
+    "can_do",
     "choose_threshold",
     "close_zones",
     "count_zones",

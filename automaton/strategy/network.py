@@ -53,7 +53,7 @@ class ZoneNetwork:
 def floor_fingerprint(grid: Grid, duration: Array) -> str:
     """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
 
-    `duration`: (A,) ticks of each action.
+    `duration`: (A,) ticks of each action of a robot of the first type.
     """
     costs = [int(duration[action]) for action in (MOVE, TURN)]
     text = f"{grid.width} {grid.headings} {costs if grid.headings > 1 else []}"

@@ -38,7 +38,8 @@ def distance(view: World, space: Workspace, robot: int, target: int) -> int:
     """Ticks from a robot's pose to a target cell on the empty floor, or UNREACHABLE."""
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
-    return int(search.distance(view, space, cell, heading, _checked(view, target)))
+    kind = int(view.robots.type[robot])
+    return int(search.distance(view, space, kind, cell, heading, _checked(view, target)))
 
 
 def nearest(
@@ -51,8 +52,8 @@ def nearest(
     mark = search.begin_search(space)
     for index, cell in enumerate(cells):
         search.mark_goal(space, mark, _checked(view, cell), index)
-    heading = np.int64(view.robots.heading[robot])
-    found = search.nearest_mark(view, space, mark, position(view, robot), heading, around)
+    kind, heading = np.int64(view.robots.type[robot]), np.int64(view.robots.heading[robot])
+    found = search.nearest_mark(view, space, mark, kind, position(view, robot), heading, around)
     return None if found == NIL else int(found)
 
 
@@ -64,5 +65,6 @@ def route(
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
     target = _checked(view, target)
-    length = search.find_path(view, space, cell, heading, target, around, steps)
+    kind = int(view.robots.type[robot])
+    length = search.find_path(view, space, kind, cell, heading, target, around, steps)
     return None if length == NIL else [int(step) for step in steps[:length]]

@@ -52,6 +52,7 @@ from automaton.world.state import (
     World,
     ZoningAnswers,
 )
+from automaton.world.types import type_of_each, types_of
 from automaton.world.waiting import (
     CAUSE_COUNT,
     COUNTS,
@@ -89,9 +90,9 @@ def build_world(
     scenario = resolved.scenario
     kinematics, durations = scenario.fleet.kinematics, scenario.durations
     zones = scenario.world.zones
-    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones)
-    home = homes(resolved, floor, seed)[0][:1]
-    orders, slots = build_orders(resolved, floor, seed, int(home[0]))
+    types = types_of(scenario)
+    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones, types)
+    orders, slots = build_orders(resolved, floor, seed, homes(resolved, floor, seed)[0])
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
     robots = build_robots(resolved, floor, occupancy, seed, storage, steps, len(orders.state))
@@ -190,6 +191,7 @@ def build_robots(
     return Robots(
         identity=identity,
         at_index=at_index,
+        type=type_of_each(resolved.scenario.fleet)[identity],
         cell=cell,
         claim=nil.copy(),
         heading=heading,

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (UNTIL, RECORDING, RECORDED, CHANGED, DECIDED, DIGEST_EVERY, OBSERVING)
-STATIC: Final = ("identity", "at_index", "bay", "route", "plan")
+STATIC: Final = ("identity", "at_index", "type", "bay", "route", "plan")
 PARTS: Final = ("robots", "orders", "slots", "stations", "zoning", "tally")
 NOT_CARRIED: Final = {
     "robots": STATIC,
-    "orders": ("source", "target"),
+    "orders": ("source", "target", "weight"),
     "slots": ("spare", "within"),
     "stations": ("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
     "zoning": ("roads", "design"),

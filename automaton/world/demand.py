@@ -12,6 +12,7 @@ import numpy as np
 
 from automaton.kernels import draws
 from automaton.scenario.orders import DRAWN
+from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.resolve import Resolved
 from automaton.world.arrivals import releases
 from automaton.world.battery import may_fail
@@ -20,29 +21,63 @@ from automaton.world.floor import Floor
 from automaton.world.places import Slots
 from automaton.world.reach import around_home
 from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders
+from automaton.world.types import plan_for, type_of_each, types_of
 from automaton.world.work import part_orders
 
+WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
 
-def build_orders(resolved: Resolved, floor: Floor, seed: int, home: int) -> tuple[Orders, Slots]:
+
+def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> tuple[Orders, Slots]:
     """Orders by slot (table order), as listed, or as drawn, and the slots.
 
-    Slots are served from the cells that robots can reach from `home`, and come back from.
+    Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
+    each robot begins, by identity.
     """
-    mask = around_home(resolved.plan, home, resolved.scenario.fleet.kinematics == "rail")
-    access = np.where(mask[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
+    mask = cells_within(resolved, homes)
+    anybody = np.logical_or.reduce(mask)
+    access = np.where(anybody[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)
         coming = np.full(len(source), NIL)
     else:
         source, target = sources_and_targets(resolved, floor, access, seed)
         released, coming = releases(resolved.scenario, len(source), seed)
-    return orders_of(source, target, released, coming), slots_of(
+    weight = weights(resolved.scenario.orders, len(source), seed)
+    return orders_of(source, target, released, coming, weight), slots_of(
         resolved, floor, access, mask, source
     )
 
 
-def orders_of(source: Array, target: Array, released: Array, coming: Array) -> Orders:
-    """Orders of which nothing is done yet; from, to, known from, and in which sequence: (m,) each."""
+def cells_within(resolved: Resolved, homes: Array) -> Array:
+    """(K, C) bool: the cells that robots of each type get to from where they begin, and back."""
+    scenario, rail = resolved.scenario, resolved.scenario.fleet.kinematics == "rail"
+    first = np.unique(type_of_each(scenario.fleet), return_index=True)[1]
+    pairs = zip(types_of(scenario), homes[first].tolist(), strict=True)
+    return np.stack(
+        [around_home(plan_for(resolved.plan, kind), home, rail) for kind, home in pairs]
+    )
+
+
+def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
+    """(count,) int32: how heavy each order is."""
+    if orders.listed is not None:
+        return np.array([line.weight for line in orders.listed], np.int32)
+    if orders.parts is not None:
+        ways = [kind.count * (len(kind.route) - 1) for kind in orders.parts]
+        return np.repeat(np.array([kind.weight for kind in orders.parts], np.int32), ways)
+    if isinstance(orders.weight, int):
+        return np.full(count, orders.weight, np.int32)
+    least, most = orders.weight.least, orders.weight.most
+    return drawn(np.arange(least, most + 1), count, seed, WEIGHT)
+
+
+def orders_of(
+    source: Array, target: Array, released: Array, coming: Array, weight: Array
+) -> Orders:
+    """Orders of which nothing is done yet; from, to, known from, in which sequence, how heavy.
+
+    All of them are (m,).
+    """
     m = len(source)
     nil = np.full(m, NIL, np.int32)
     return Orders(
@@ -52,10 +87,12 @@ def orders_of(source: Array, target: Array, released: Array, coming: Array) -> O
         target=target.astype(np.int32),
         by=nil.copy(),
         released=released.astype(np.int32),
+        weight=weight.astype(np.int32),
         coming=coming.astype(np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
         dispatched_heading=np.zeros(m, np.uint8),
+        dispatched_type=np.zeros(m, np.uint8),
         delivered=nil.copy(),
         legs=np.zeros(m, np.int32),
     )

@@ -13,12 +13,14 @@ from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
 from automaton.world.reach import slot_access
 from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
+from automaton.world.types import RobotType, closed_cells, plan_for
 from automaton.world.zones import zones_of
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.space import zone_space
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
+CLOSED = 128  # in grid.ways: the cell is closed to robots of this type
 ENDLESS = np.array([kind.swallows or kind.supplies for kind in KINDS])  # (kinds,) bool
 FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
 
@@ -45,8 +47,15 @@ class Floor(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str) -> Floor:
-    """Build a floor once for each plan, kinematics, cost of driving and mode of zones."""
+def floor_for(
+    plan: FloorPlan,
+    kinematics: str,
+    move: int,
+    turn: int,
+    mode: str,
+    types: tuple[RobotType, ...] = (RobotType(),),
+) -> Floor:
+    """Build a floor once for each plan, kinematics, cost of driving, mode of zones and types."""
     headings = HEADINGS[kinematics]
     kind = plan.kind.reshape(-1)
     cells = plan.slots()
@@ -59,6 +68,7 @@ def floor_for(plan: FloorPlan, kinematics: str, move: int, turn: int, mode: str)
         headings=headings,
         kind=frozen(kind.copy()),
         rule=frozen(rule),
+        ways=frozen(np.stack([ways_of(plan, kinematics, kind) for kind in types])),
         offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
         slot=frozen(slot),
         zone=zones.of,
@@ -88,11 +98,20 @@ def rules_of(plan: FloorPlan, kinematics: str) -> Array:
     return rule
 
 
+def ways_of(plan: FloorPlan, kinematics: str, kind: RobotType) -> Array:
+    """(C,) uint8: the rules of the cells as robots of a type find them."""
+    closed = closed_cells(plan, kind)
+    rule = rules_of(plan_for(plan, kind), kinematics)
+    ways: Array = np.where(closed, rule & ~np.uint8(MAY_TURN) | np.uint8(CLOSED), rule)
+    return ways.astype(np.uint8)
+
+
 def workspace(grid: Grid, longest_route: int) -> Workspace:
     """Scratch for the searches, and room for as many distance fields as fit the budget."""
     cells = grid.kind.size
     poses = cells * grid.headings
-    fields = max(1, min(cells, FIELDS_BYTES // (4 * poses)))
+    types = len(grid.ways)
+    fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
     return Workspace(
         cost=np.zeros(poses, np.int32),
         stamp=np.zeros(poses, np.int64),
@@ -103,7 +122,7 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
         generation=np.zeros(2, np.int64),
         steps=np.zeros(longest_route, np.uint8),
         field=np.empty((fields, poses), np.int32),
-        field_of=np.full(cells, NIL, np.int32),
+        field_of=np.full(types * cells, NIL, np.int32),
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
         routes=route_space(poses, grid.zones),

@@ -26,7 +26,7 @@ class Slots(Struct):
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
     access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL; a station: itself
     spare: int  # the first spare slot, or s
-    within: Array  # (C,) uint8: 1 = robots get there and back home
+    within: Array  # (K, C) uint8: 1 = robots of type k get there and back home
 
 
 class Chargers(Struct):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,6 +99,10 @@ class FloorPlan:
         for part in parts:
             digest.update(part.tobytes())
         return digest.hexdigest()[:32]
+
+    def with_exits(self, exits: CellBytes) -> FloorPlan:
+        """The same floor with other exits: (height + 2, width + 2)."""
+        return replace(self, exits=_frozen(exits))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FloorPlan) and self.fingerprint == other.fingerprint

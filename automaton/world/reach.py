@@ -113,9 +113,9 @@ def slots_without_access(plan: FloorPlan) -> Cells:
     return _slots_beside(plan, ~plan.drivable().reshape(-1))
 
 
-def slots_out_of_reach(plan: FloorPlan, home: int, rail: bool) -> Cells:
-    """Flat cells of the slots that a robot cannot get beside and come home from, in table order."""
-    return _slots_beside(plan, ~around_home(plan, home, rail))
+def slots_out_of_reach(plan: FloorPlan, within: Mask) -> Cells:
+    """Flat cells of the slots beside which no robot gets, in table order; within: (C,) where they do."""
+    return _slots_beside(plan, ~within)
 
 
 def _slots_beside(plan: FloorPlan, mask: npt.NDArray[np.bool_]) -> Cells:

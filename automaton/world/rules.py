@@ -16,7 +16,8 @@ from automaton.world.battery import (
     ticks_or_never,
     units,
 )
-from automaton.world.state import ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
+from automaton.world.state import ACTION_NAMES, MOVE, NIL, ORDER_LIST, Array, Rules
+from automaton.world.types import types_of
 
 SECONDS = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0, "second": 1.0, "minute": 60.0}
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
@@ -24,7 +25,7 @@ STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 def rules_for(scenario: Scenario, seed: int) -> Rules:
     """The scenario's constants; what strategies ask for is entered when they are admitted."""
-    rules = scenario.world
+    rules, types = scenario.world, types_of(scenario)
     return Rules(
         seed=np.uint64(seed),
         following=int(rules.following),
@@ -38,7 +39,8 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         cell_milli=0
         if scenario.units.cell is None
         else round(1000 * unit(scenario.units.cell).size),
-        duration=duration_table(scenario.durations),
+        duration=np.stack([duration_table(scenario.durations, kind.pace) for kind in types]),
+        payload=np.array([kind.payload for kind in types], np.int32),
         wait=np.ones(5, np.int32),
         every=np.zeros(5, np.int32),
         slowdown=int(rules.slowdown == "zones"),
@@ -69,6 +71,8 @@ def tick_length(text: str) -> int:
     return 0 if seconds is None else round(1_000_000 * tick.size * seconds)
 
 
-def duration_table(durations: Any) -> Array:
-    """(A,) int32: ticks of each action; those without a duration of their own take 1."""
-    return np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
+def duration_table(durations: Any, pace: int = 1) -> Array:
+    """(A,) int32: ticks of each action of a robot; those without a duration of their own take 1."""
+    table = np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
+    table[MOVE] *= pace
+    return table

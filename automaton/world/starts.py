@@ -6,47 +6,68 @@ import numpy as np
 
 from automaton.kernels import draws
 from automaton.scenario.resolve import Resolved
+from automaton.scenario.schema import Scenario
 from automaton.world.cells import UNLIMITED
 from automaton.world.floor import Floor
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import rack_stands
 from automaton.world.state import NIL, Array, Grid
+from automaton.world.types import closed_cells, first_open, type_of_each, types_of
 
 
 def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
     """(n,) home cells and (n,) bays by identity; NIL where a robot parks on the floor itself."""
-    n = resolved.scenario.fleet.robots
-    none = np.full(n, NIL, np.int32)
+    fleet, plan = resolved.scenario.fleet, resolved.plan
+    none = np.full(fleet.robots, NIL, np.int32)
     if resolved.start == "bays":
-        bays = resolved.plan.bays[:n]
+        bays = plan.bays[np.concatenate(first_open(plan.bays[:, 1], resolved.scenario, plan))]
         return bays[:, 1].astype(np.int32), bays[:, 0].astype(np.int32)
     if resolved.start == "random":
-        return random_cells(resolved.plan, n, seed), none
+        cells = random_cells(plan, seed)
+        return cells[np.concatenate(first_open(cells, resolved.scenario, plan))], none
     if resolved.start == "stands":
-        return random_stands(resolved.plan, n, seed), none
+        return stands_for_all(plan, resolved.scenario, seed), none
     return np.array(resolved.start, np.int32), none
 
 
-def random_cells(plan: FloorPlan, n: int, seed: int) -> Array:
-    """n different drivable cells: those of the least draws, in the order of their draws."""
+def random_cells(plan: FloorPlan, seed: int) -> Array:
+    """The drivable cells in the order of their draws, the least first."""
     cells = np.flatnonzero(DRIVABLE[plan.kind.reshape(-1)])
     keys = np.zeros(len(cells), np.int64)
     with np.errstate(over="ignore"):
         draws.draw_many(keys, 2**31, np.uint64(seed), draws.STARTS, 0)
-    chosen: Array = cells[np.argsort(keys, kind="stable")[:n]].astype(np.int32)
-    return chosen
+    drawn: Array = cells[np.argsort(keys, kind="stable")].astype(np.int32)
+    return drawn
 
 
-def random_stands(plan: FloorPlan, n: int, seed: int) -> Array:
+def stands_for_all(plan: FloorPlan, scenario: Scenario, seed: int) -> Array:
+    """(n,) cells in front of racks, each open to its robot."""
+    each, types = type_of_each(scenario.fleet), types_of(scenario)
+    if not has_room_for_all(plan):
+        cells = random_stands(plan, len(np.unique(rack_stands(plan))), seed)
+        return cells[np.concatenate(first_open(cells, scenario, plan))]
+    by_type = [random_stands(plan, len(each), seed, closed_cells(plan, kind)) for kind in types]
+    return np.stack(by_type)[each, np.arange(len(each))]
+
+
+def has_room_for_all(plan: FloorPlan) -> bool:
+    """Whether any number of robots may stand in front of racks."""
+    return bool((plan.capacity.reshape(-1)[rack_stands(plan)] == UNLIMITED).all())
+
+
+def random_stands(plan: FloorPlan, n: int, seed: int, closed: Array | None = None) -> Array:
     """n cells in front of racks: of a rack drawn for each robot, where cells hold any number.
 
-    Else different ones, those of the least draws, in the order of their draws.
+    Else different ones, those of the least draws, in the order of their draws. `closed`: (C,) bool,
+    cells that do not count.
     """
     stands = rack_stands(plan)
+    if closed is not None:
+        stands = stands[~closed[stands]]
     choice = np.zeros(n, np.int64)
     with np.errstate(over="ignore"):
-        draws.draw_many(choice, len(stands), np.uint64(seed), draws.STARTS, 0)
-        if (plan.capacity.reshape(-1)[stands] == UNLIMITED).all():
+        if has_room_for_all(plan):
+            draws.draw_many(choice, len(stands), np.uint64(seed), draws.STARTS, 0)
             return stands[choice]
         stands = np.unique(stands)
         keys = np.zeros(len(stands), np.int64)

@@ -1,6 +1,6 @@
 """The state of the world: nested structs of arrays, and nothing hidden beside them.
 
-n robots, m orders, s slots (cells that hold loads), C cells with the border, A actions.
+n robots of K types, m orders, s slots (cells that hold loads), C cells with the border, A actions.
 A robot is stored at an index but referred to by its *identity*, so that a permutation of the
 storage changes nothing that is stored. NIL (-1) means none. The same classes serve as the world
 (writable) and as the view that strategies get (the same memory, read-only).
@@ -147,6 +147,7 @@ class Grid(Struct):
     rule: (
         Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
     )
+    ways: Array  # (K, C) uint8: the rule for robots of type k: exits that it may take; bit 7 closed
     offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
     slot: Array  # (C,) int32: the slot in this cell, or NIL
     zone: Array  # (C, 2) int32: zone of a robot that travels in direction d: [c, d >> 1], or NIL
@@ -166,7 +167,8 @@ class Rules(Struct):
     own_zones: int  # 1: only orders and stations in zones of robots that are seen
     tick_us: int  # a tick in millionths of a second; 0: the scenario does not say
     cell_milli: int  # a cell's side in thousandths of the scenario's unit of length; 0: none
-    duration: Array  # (A,) int32, ticks of each action
+    duration: Array  # (K, A) int32, ticks of each action, by type of robot
+    payload: Array  # (K,) int32: the heaviest order that robots of a type carry
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
@@ -188,6 +190,7 @@ class Robots(Struct):
 
     identity: Array  # (n,) int32, a permutation of 0..n-1
     at_index: Array  # (n,) int32: the storage index of an identity
+    type: Array  # (n,) uint8
     cell: Array  # (n,) int32: where it stands, or the cell left by a long move; NIL: off the floor
     claim: Array  # (n,) int32: the cell that a long move enters, else NIL
     heading: Array  # (n,) uint8: rail axis 0/1, differential direction 0..3, omni 0
@@ -238,10 +241,12 @@ class Orders(Struct):
     target: Array  # (m,) int32: slot to which it must go
     by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     released: Array  # (m,) int32: tick from which it is known
+    weight: Array  # (m,) int32: what a robot must be able to carry
     coming: Array  # (m,) int32: the orders, in the sequence in which they become known
     dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
     dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     dispatched_heading: Array  # (m,) uint8: its heading then
+    dispatched_type: Array  # (m,) uint8: its type
     delivered: Array  # (m,) int32: tick of delivery, or NIL
     legs: Array  # (m,) int32: times it was picked up
 
@@ -265,7 +270,7 @@ class Tally(Struct):
 
     times: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
-    slowed: Array  # (n,) int64: ticks that moves take beyond duration[MOVE]
+    slowed: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
     spent: Array  # (n,) int64: units of charge used
     charged: Array  # (n,) int64: units of charge taken in
     out: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
@@ -381,9 +386,9 @@ class Workspace(Struct):
     heap: Array  # (H,) int64
     generation: Array  # (2,) int64: searches so far; poses expanded
     steps: Array  # (R,) uint8: a route that only needs to exist
-    field: Array  # (K, P) int32: cost from a pose to the field's target
-    field_of: Array  # (C,) int32: the field of a target cell, or NIL
-    field_owner: Array  # (K,) int32: the target of a field, or NIL
+    field: Array  # (F, P) int32: cost from a pose to the field's target
+    field_of: Array  # (K C,) int32: the field of robots of type k to a cell, [k C + c], or NIL
+    field_owner: Array  # (F,) int32: which entry of field_of a field has, or NIL
     field_next: Array  # (1,) int64: the field to overwrite next
     routes: RouteSpace
     zoning: ZoneSpace

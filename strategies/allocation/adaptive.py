@@ -72,10 +72,12 @@ def rather_carries(view, space, i):
     tables = tables_before(view, here % width, view.slots.cell[target] % width)
     if tables == 0:
         return True
-    duration = view.rules.duration
+    kind = view.robots.type[i]
+    duration = view.rules.duration[kind]
     handling = duration[PICK] + duration[TRY_DROP] + duration[DROP]
     passing = tables * (handling + MOVES_PER_PASS * duration[MOVE])
-    way = distance(view, space, here, np.int64(view.robots.heading[i]), drop_stand(view, target))
+    heading = np.int64(view.robots.heading[i])
+    way = distance(view, space, kind, here, heading, drop_stand(view, kind, target))
     lost = ticks_of(view, i, WAIT) + ticks_of(view, i, BLOCKED) + ticks_of(view, i, WITHDRAW)
     driven = DOUBT + ticks_of(view, i, MOVE) + ticks_of(view, i, TURN)
     return 2 * way * (driven + lost) < passing * driven

@@ -8,7 +8,7 @@ in the strategy's memory; everything else is read off the order list.
 
 import numpy as np
 
-from automaton.strategy.kernels import drop_stand, find_path, kernel, pick_stand, position
+from automaton.strategy.kernels import can_do, drop_stand, find_path, kernel, pick_stand, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN
 from strategies.allocation.independent import deliver, take_order
@@ -24,17 +24,20 @@ RIGHT = 2  # loads on its right table
 
 
 @kernel
-def count_tables(view, given, count):
-    """count: (3 * width,) becomes OPEN, LEFT and RIGHT of every column."""
-    width = view.grid.width
+def count_tables(view, given, i, count):
+    """count: (3 * width,) becomes OPEN, LEFT and RIGHT of every column as robot i can serve them."""
+    width, kind = view.grid.width, view.robots.type[i]
     count[:] = 0
     for slot in range(view.slots.cell.shape[0]):
         order = np.int64(view.slots.content[slot])
         if view.slots.endless[slot] or order == NIL:
             continue
-        column = pick_stand(view, slot) % width
+        stand = pick_stand(view, kind, slot)
+        if stand == NIL:
+            continue
+        column = stand % width
         count[LEFT * width + column] += 1
-        if is_open(view, given, order):
+        if is_open(view, given, order) and can_do(view, i, order):
             count[OPEN * width + column] += 1
         from_left = view.slots.access[slot, 2]
         if from_left != NIL:
@@ -72,19 +75,21 @@ def is_reserved(memory, i, column):
 @kernel
 def first_order(view, given, space, i, column, around):
     """The open order of lowest y in an alley; `around`: the first that is reachable now."""
-    here = position(view, i)
+    here, kind = position(view, i), view.robots.type[i]
     heading = np.int64(view.robots.heading[i])
     first = NIL
     for slot in range(view.slots.cell.shape[0]):
         order = np.int64(view.slots.content[slot])
         if view.slots.endless[slot] or order == NIL or not is_open(view, given, order):
             continue
-        stand = pick_stand(view, slot)
-        if stand % view.grid.width != column:
+        stand = pick_stand(view, kind, slot)
+        if stand % view.grid.width != column or not can_do(view, i, order):
             continue
         if first == NIL:
             first = order
-        if not around or find_path(view, space, here, heading, stand, True, space.steps) != NIL:
+        if not around:
+            return order
+        if find_path(view, space, kind, here, heading, stand, True, space.steps) != NIL:
             return order
     return first
 
@@ -93,7 +98,7 @@ def first_order(view, given, space, i, column, around):
 def take_in_alley(view, given, memory, space, k, i, released):
     """Answer k: the first open order of the robot's alley, of a better one, or home."""
     width = view.grid.width
-    count_tables(view, given, memory.shared)
+    count_tables(view, given, i, memory.shared)
     column = np.int64(memory.own[i, ALLEY])
     if column == 0 or memory.shared[OPEN * width + column] == 0:
         memory.own[i, ALLEY] = 0
@@ -104,7 +109,7 @@ def take_in_alley(view, given, memory, space, k, i, released):
         memory.own[i, ALLEY] = column
     order = first_order(view, given, space, i, column, released)
     memory.own[i, FROM] = view.slots.cell[view.orders.place[order]] % width
-    take_order(view, given, k, order)
+    take_order(view, given, k, i, order)
 
 
 @kernel
@@ -115,7 +120,7 @@ def pass_right(view, given, memory, k, i):
     whichever side of its shelf the robot stands: so it arrives after finitely many passes.
     """
     width = view.grid.width
-    here = position(view, i)
+    here, kind = position(view, i), view.robots.type[i]
     x, y = max(here % width, memory.own[i, FROM]), here // width
     target = np.int64(view.slots.cell[view.orders.target[view.robots.load[i]]])
     best, best_column, best_way = NIL, target % width, 0
@@ -125,6 +130,8 @@ def pass_right(view, given, memory, k, i):
             continue
         if view.slots.content[slot] != NIL or view.slots.by[slot] != NIL or given.slot_taken[slot]:
             continue
+        if drop_stand(view, kind, slot) == NIL:
+            continue
         way = abs(view.slots.cell[slot] // width - y)
         if column < best_column or (best != NIL and way < best_way):
             best, best_column, best_way = slot, column, way
@@ -133,7 +140,7 @@ def pass_right(view, given, memory, k, i):
     else:
         given.verb[k] = SET_DOWN
         given.slot[k] = best
-        given.stand[k] = drop_stand(view, best)
+        given.stand[k] = drop_stand(view, kind, best)
         given.slot_taken[best] = 1
     given.try_drop[k] = 1
 

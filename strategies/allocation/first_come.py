@@ -8,7 +8,7 @@ taken. One that was given back is found by its robot, which remembers what it to
 
 import numpy as np
 
-from automaton.strategy.kernels import kernel
+from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NEXT_ORDER, NIL, PARK, PERIODIC, PICKED
 from strategies.allocation.independent import deliver, take_order
@@ -17,33 +17,48 @@ from strategies.allocation.open_orders import is_open
 TOOK = 0  # memory.own: 1 + the order that a robot took last, or 0
 
 # memory.shared
-CURSOR = 0  # entries of orders.coming before it were all taken
-LOOKED = 1  # orders looked at in the run so far: what the search has cost
+LOOKED = 0  # orders looked at in the run so far: what the search has cost
+CURSOR = (
+    1  # and on, by type: entries of orders.coming before it were taken, or are not for the type
+)
 
 
 @kernel
-def giver_back(view, given, memory):
-    """The robot whose order below the cursor is open again, that of the lowest one; NIL if none is."""
+def gave_back(view, given, memory):
+    """Whether an order below the cursors is open again."""
+    for j in range(memory.own.shape[0]):
+        order = memory.own[j, TOOK] - 1
+        if order >= 0 and is_open(view, given, order):
+            return True
+    return False
+
+
+@kernel
+def giver_back(view, given, memory, i):
+    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL."""
     robot = NIL
-    if memory.shared[CURSOR] == 0:
+    if memory.shared[CURSOR + view.robots.type[i]] == 0:
         return robot  # what robots took is forgotten, with the cursor
     lowest = view.orders.state.shape[0]
     for j in range(memory.own.shape[0]):
         order = memory.own[j, TOOK] - 1
-        if 0 <= order < lowest and is_open(view, given, order):
+        if 0 <= order < lowest and is_open(view, given, order) and can_do(view, i, order):
             lowest = order
             robot = j
     return robot
 
 
 @kernel
-def next_order(view, given, memory):
-    """The first open order from the cursor on, NIL if there is none; the cursor stops there."""
-    for k in range(memory.shared[CURSOR], view.clock[NEXT_ORDER]):
+def next_order(view, given, memory, i):
+    """The first open order for robot i from the cursor on, NIL if there is none; the cursor stops."""
+    cursor = CURSOR + view.robots.type[i]
+    for k in range(memory.shared[cursor], view.clock[NEXT_ORDER]):
         order = np.int64(view.orders.coming[k])
         memory.shared[LOOKED] += 1
-        memory.shared[CURSOR] = k + 1
-        if order != NIL and is_open(view, given, order):  # NIL: another zone's, out of sight
+        memory.shared[cursor] = k + 1
+        if order == NIL:
+            continue  # another zone's, out of sight
+        if is_open(view, given, order) and can_do(view, i, order):
             return order
     return NIL
 
@@ -51,25 +66,23 @@ def next_order(view, given, memory):
 @kernel
 def decide(view, asked, answers, memory, space):
     given = answers.allocation
-    giver = giver_back(view, given, memory)
+    again = gave_back(view, given, memory)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         if asked.reason[k] == PICKED:
             deliver(view, given, k, i)
         elif asked.reason[k] == PERIODIC:
             continue
-        elif giver != NIL:
-            order = memory.own[giver, TOOK] - 1
-            take_order(view, given, k, order)
-            memory.own[giver, TOOK] = memory.own[i, TOOK]  # that one may be open again, too
-            memory.own[i, TOOK] = order + 1
-            giver = giver_back(view, given, memory)
         else:
-            order = next_order(view, given, memory)
+            giver = giver_back(view, given, memory, i) if again else NIL
+            order = next_order(view, given, memory, i) if giver == NIL else NIL
+            if giver != NIL:
+                order = memory.own[giver, TOOK] - 1
+                memory.own[giver, TOOK] = memory.own[i, TOOK]  # that one may be open again, too
             if order == NIL:
                 given.verb[k] = PARK
             else:
-                take_order(view, given, k, order)
+                take_order(view, given, k, i, order)
                 memory.own[i, TOOK] = order + 1
 
 
@@ -80,4 +93,4 @@ class FirstCome(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, own=1, shared=2)
+        return memory_of(view, own=1, shared=CURSOR + len(view.grid.ways))

@@ -12,6 +12,7 @@ import numpy as np
 
 from automaton.strategy.kernels import (
     begin_search,
+    can_do,
     drop_stand,
     kernel,
     mark_goal,
@@ -29,22 +30,23 @@ def nearest_order(view, given, space, i, around):
     """The open order of least path cost for robot i, NIL if there is none."""
     search = begin_search(space)
     found = False
+    kind = view.robots.type[i]
     for order in range(view.orders.state.shape[0]):
-        if is_open(view, given, order):
-            mark_goal(space, search, pick_stand(view, view.orders.place[order]), order)
+        if is_open(view, given, order) and can_do(view, i, order):
+            mark_goal(space, search, pick_stand(view, kind, view.orders.place[order]), order)
             found = True
     if not found:
         return NIL
     heading = np.int64(view.robots.heading[i])
-    return nearest_mark(view, space, search, position(view, i), heading, around)
+    return nearest_mark(view, space, search, kind, position(view, i), heading, around)
 
 
 @kernel
-def take_order(view, given, k, order):
-    """Answer k of the batch: pick up this order."""
+def take_order(view, given, k, i, order):
+    """Answer k of the batch: robot i picks up this order."""
     given.verb[k] = TAKE
     given.order[k] = order
-    given.stand[k] = pick_stand(view, view.orders.place[order])
+    given.stand[k] = pick_stand(view, view.robots.type[i], view.orders.place[order])
     given.order_taken[order] = 1
 
 
@@ -59,7 +61,7 @@ def take_nearest(view, given, space, k, i, released):
     if order == NIL:
         given.verb[k] = PARK
     else:
-        take_order(view, given, k, order)
+        take_order(view, given, k, i, order)
 
 
 @kernel
@@ -73,7 +75,7 @@ def deliver(view, given, k, i):
         given.slot_taken[slot] = 1
     given.verb[k] = SET_DOWN
     given.slot[k] = slot
-    given.stand[k] = drop_stand(view, slot)
+    given.stand[k] = drop_stand(view, view.robots.type[i], slot)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.strategy.kernels import kernel
+from automaton.strategy.kernels import can_do, kernel
 from automaton.world.state import KEEP, NIL, PARK, PERIODIC, PICKED, WAITING
 from strategies.allocation.independent import deliver, take_order
 
@@ -30,8 +30,9 @@ def take_next(view, given, k, i):
     count = np.int64(given.planned[i])
     for p in range(count):
         order = np.int64(given.plan[i, p])
-        if view.orders.state[order] == WAITING and view.orders.by[order] == NIL:
-            take_order(view, given, k, order)
+        waits = view.orders.state[order] == WAITING and view.orders.by[order] == NIL
+        if waits and can_do(view, i, order):
+            take_order(view, given, k, i, order)
             for q in range(p + 1, count):
                 given.plan[i, q - p - 1] = given.plan[i, q]
             given.planned[i] = count - p - 1

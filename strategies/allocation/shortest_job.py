@@ -9,7 +9,15 @@ zoning says; without, any order, which it carries to its target.
 
 import numpy as np
 
-from automaton.strategy.kernels import FAR, distance, drop_stand, kernel, pick_stand, position
+from automaton.strategy.kernels import (
+    FAR,
+    can_bring,
+    distance,
+    drop_stand,
+    kernel,
+    pick_stand,
+    position,
+)
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, PARK, PERIODIC, PICKED, SET_DOWN, TICK
 from strategies.allocation.independent import deliver, take_order
@@ -43,12 +51,15 @@ def next_stop(view, order):
 
 @kernel
 def score(view, space, memory, i, order):
-    """The score of an order for robot i, in thousandths of ticks; WORST if there is no way."""
-    pick = pick_stand(view, np.int64(view.orders.place[order]))
-    drop = drop_stand(view, next_stop(view, order))
+    """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it."""
+    slot, kind = next_stop(view, order), view.robots.type[i]
+    if not can_bring(view, kind, order, slot):
+        return WORST
+    pick = pick_stand(view, kind, np.int64(view.orders.place[order]))
+    drop = drop_stand(view, kind, slot)
     heading = np.int64(view.robots.heading[i])
-    job = distance(view, space, position(view, i), heading, pick)
-    job += distance(view, space, pick, heading, drop)
+    job = distance(view, space, kind, position(view, i), heading, pick)
+    job += distance(view, space, kind, pick, heading, drop)
     if job >= FAR:
         return WORST
     age = view.clock[TICK] - view.orders.released[order]
@@ -81,7 +92,7 @@ def set_down(view, given, k, i):
             return
     given.verb[k] = SET_DOWN
     given.slot[k] = slot
-    given.stand[k] = drop_stand(view, slot)
+    given.stand[k] = drop_stand(view, view.robots.type[i], slot)
 
 
 @kernel
@@ -94,7 +105,7 @@ def decide(view, asked, answers, memory, space):
         elif asked.reason[k] != PERIODIC:
             order = best_order(view, given, memory, space, i)
             if order != NIL:
-                take_order(view, given, k, order)
+                take_order(view, given, k, i, order)
             elif memory.parameters[PARKS]:
                 given.verb[k] = PARK
 

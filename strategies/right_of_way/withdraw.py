@@ -91,17 +91,18 @@ def step_away(view, space, i):
     mask = grid.headings - 1
     cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
     target = np.int64(robots.home[i] if robots.stand[i] == NIL else robots.stand[i])
-    here = distance(view, space, cell, heading, target)
+    kind = np.int64(robots.type[i])
+    here = distance(view, space, kind, cell, heading, target)
     best, best_cost, best_raises = NIL, NIL, False
     for direction in range(4):
         straight = direction & mask == heading
-        rule = np.int64(grid.rule[cell])
+        rule = np.int64(grid.ways[kind, cell])
         if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
             continue
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):
             continue
-        cost = distance(view, space, to, direction & mask, target)
+        cost = distance(view, space, kind, to, direction & mask, target)
         if cost >= FAR:
             continue  # there is no way back
         raises = straight and cost > here
@@ -123,7 +124,7 @@ def are_beside(view, i, j):
     """Whether a way leads from the cell of robot j to that of robot i."""
     cell = np.int64(view.robots.cell[j])
     for direction in range(4):
-        if (np.int64(view.grid.rule[cell]) >> direction) & 1:
+        if (np.int64(view.grid.ways[view.robots.type[j], cell]) >> direction) & 1:
             if cell + view.grid.offset[direction] == view.robots.cell[i]:
                 return True
     return False
@@ -168,7 +169,7 @@ def step_aside(view, i, j):
     grid, cell = view.grid, np.int64(view.robots.cell[i])
     best = NIL
     for direction in range(4):
-        rule = np.int64(grid.rule[cell])
+        rule = np.int64(grid.ways[view.robots.type[i], cell])
         straight = direction & (grid.headings - 1) == view.robots.heading[i]
         if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
             continue

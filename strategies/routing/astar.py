@@ -18,7 +18,8 @@ def around_robots(view, space, i, reason, steps):
     if reason != AROUND:
         return NIL
     heading, stand = np.int64(view.robots.heading[i]), np.int64(view.robots.stand[i])
-    return find_path(view, space, position(view, i), heading, stand, True, steps)
+    kind = view.robots.type[i]
+    return find_path(view, space, kind, position(view, i), heading, stand, True, steps)
 
 
 @kernel
@@ -29,16 +30,17 @@ def start_pose(view, i):
 
 @kernel
 def decide(view, asked, answers, memory, space):
-    seed, duration = view.rules.seed, view.rules.duration
+    seed = view.rules.seed
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         steps = answers.routing.steps[k]
         length = around_robots(view, space, i, asked.reason[k], steps)
         if length == NIL:
             start, stand = start_pose(view, i), np.int64(view.robots.stand[i])
-            rule = memory.parameters[RULE]
+            rule, kind = memory.parameters[RULE], view.robots.type[i]
+            duration = view.rules.duration[kind]
             length = astar(
-                view.grid, duration, space.routes, rule, seed, start, stand, False, steps
+                view.grid, kind, duration, space.routes, rule, seed, start, stand, False, steps
             )
         if length != NIL:
             answers.routing.length[k] = length

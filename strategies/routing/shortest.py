@@ -12,15 +12,15 @@ def decide(view, asked, answers, memory, space):
     robots = view.robots
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
-        cell = position(view, i)
+        kind, cell = robots.type[i], position(view, i)
         heading = np.int64(robots.heading[i])
         stand = np.int64(robots.stand[i])
         steps = answers.routing.steps[k]
         length = NIL
         if asked.reason[k] == AROUND:
-            length = find_path(view, space, cell, heading, stand, True, steps)
+            length = find_path(view, space, kind, cell, heading, stand, True, steps)
         if length == NIL:
-            length = descend(view, space, cell, heading, stand, steps)
+            length = descend(view, space, kind, cell, heading, stand, steps)
         if length != NIL:
             answers.routing.length[k] = length
 

@@ -78,12 +78,13 @@ def foresee_task(view, memory, space, i):
     used[:] = 0
     own[i, STAND] = view.robots.stand[i]
     own[i, NEXT] = next_stand(view, i)
-    pose = start_pose(view, i)
+    pose, kind = start_pose(view, i), view.robots.type[i]
     for leg in (STAND, NEXT):
         if own[i, leg] != NIL and pose != NIL:
             pose = search(
                 view.grid,
-                view.rules.duration,
+                kind,
+                view.rules.duration[kind],
                 space.routes,
                 given[RULE],
                 view.rules.seed,
@@ -163,9 +164,11 @@ def choose(view, memory, space, i, start):
     stand, then = np.int64(view.robots.stand[i]), next_stand(view, i)
     pick, drop = (stand, then) if then != NIL else (then, stand)
     count_others(view, memory, space, i)
+    kind = view.robots.type[i]
     threshold = choose_threshold(
         view.grid,
-        view.rules.duration,
+        kind,
+        view.rules.duration[kind],
         routes,
         given[RULE],
         view.rules.seed,
@@ -206,9 +209,11 @@ def plan(view, memory, space, i, steps):
         memory.own[i, PLAN_FROM] = NIL
     else:
         choose(view, memory, space, i, start)
+    kind = view.robots.type[i]
     return astar(
         view.grid,
-        view.rules.duration,
+        kind,
+        view.rules.duration[kind],
         routes,
         memory.parameters[RULE],
         view.rules.seed,
@@ -255,6 +260,6 @@ class TrafficAvoidance(Strategy):
         if p.predictor in ("exact", "noisy"):
             return memory_of(view, own, parameters=parameters)
         file = shipped(SHIPPED) if p.predictor == "network" else Path(p.predictor.network)
-        network = network_for(view.grid, view.rules.duration, file)
+        network = network_for(view.grid, view.rules.duration[0], file)
         parameters = np.concatenate([parameters, packed(network)])
         return memory_of(view, own, scratch_size(network), parameters)

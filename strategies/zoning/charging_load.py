@@ -24,7 +24,7 @@ def charging_minutes(view, rules, zone):
         needed = (end - charge + rate - 1) // rate
         ticks += needed
         charge += needed * rate
-    return ticks / (rules[SPEED] * view.rules.duration[1])
+    return ticks / (rules[SPEED] * view.rules.duration[0, 1])
 
 
 @kernel

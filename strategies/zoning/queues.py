@@ -6,7 +6,15 @@ still belongs to the zone whose robot brought it, and is routed on from there (K
 
 import numpy as np
 
-from automaton.strategy.kernels import FAR, distance, drop_stand, kernel, pick_stand, position
+from automaton.strategy.kernels import (
+    FAR,
+    can_bring,
+    distance,
+    drop_stand,
+    kernel,
+    pick_stand,
+    position,
+)
 from automaton.world.condition import EXHAUSTED
 from automaton.world.state import NIL, TICK, WAITING
 from automaton.zoning.routing import route
@@ -146,6 +154,7 @@ def first_for(view, space, zone, other, direct, near, age, job):
     if server == NIL:
         return found
     i = np.int64(view.robots.at_index[server])
+    kind, heading = np.int64(view.robots.type[i]), np.int64(view.robots.heading[i])
     for order in range(view.orders.state.shape[0]):
         if not is_free(view, order) or view.zoning.queue[order] != zone:
             continue
@@ -154,10 +163,12 @@ def first_for(view, space, zone, other, direct, near, age, job):
             continue
         if near > 0 and not lies_near(view, order, other, near):
             continue
-        pick = pick_stand(view, np.int64(view.orders.place[order]))
-        drop = drop_stand(view, np.int64(view.zoning.stop[order]))
-        ticks = distance(view, space, position(view, i), np.int64(view.robots.heading[i]), pick)
-        ticks += distance(view, space, pick, np.int64(view.robots.heading[i]), drop)
+        stop = np.int64(view.zoning.stop[order])
+        if not can_bring(view, kind, order, stop):
+            continue
+        pick = pick_stand(view, kind, np.int64(view.orders.place[order]))
+        ticks = distance(view, space, kind, position(view, i), heading, pick)
+        ticks += distance(view, space, kind, pick, heading, drop_stand(view, kind, stop))
         if ticks >= FAR:
             continue
         worth = age * (view.clock[TICK] - view.orders.released[order]) - job * ticks

@@ -26,7 +26,7 @@ def cells(view: World, length: float) -> float:
 def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False):
     """The numbers by which zones are made: (RULES,) float64 of automaton.zoning.space."""
     tick = seconds_of_tick(view)
-    duration = view.rules.duration
+    duration = view.rules.duration[0]
     between = view.zoning.roads.between
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
     given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}

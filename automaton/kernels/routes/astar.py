@@ -30,30 +30,31 @@ NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowe
 
 
 @kernel
-def astar(grid, duration, space, ties, seed, start, target, closing, steps):
+def astar(grid, kind, duration, space, ties, seed, start, target, closing, steps):
     """Write the directions of a least path, or as much of it as fits; its length, or NIL.
 
     The arguments are those of `search`.
     """
-    pose = search(grid, duration, space, ties, seed, start, target, closing)
+    pose = search(grid, kind, duration, space, ties, seed, start, target, closing)
     if pose == NIL:
         return pose
     return write_steps(grid, space, pose, steps)
 
 
 @kernel
-def search(grid, duration, space, ties, seed, start, target, closing):
+def search(grid, kind, duration, space, ties, seed, start, target, closing):
     """The pose in which a least path from a pose reaches a cell; NIL if there is none.
 
-    `ties`: FIFO, LARGER_G or RANDOM; random ties are drawn by (seed, start, target), so a path is
-    a pure function of those. `closing`: zones z with space.closed[z] may not be entered. The path
-    is left in space.came, backwards, and its ticks in space.state[COST].
+    `kind`: the type of the robot; `duration`: (A,) its ticks of each action. `ties`: FIFO, LARGER_G
+    or RANDOM; random ties are drawn by (seed, start, target), so a path is a pure function of those.
+    `closing`: zones z with space.closed[z] may not be entered. The path is left in space.came,
+    backwards, and its ticks in space.state[COST].
     """
     width, mask, shift = grid.width, grid.headings - 1, grid.headings >> 1
     move, turn = np.int64(duration[MOVE]), np.int64(duration[TURN])
     if mask and turn == 0 and ties == LARGER_G:
         ties = LARGER_G_HEAP
-    label, state = space.label, space.state
+    label, state, ways = space.label, space.state, grid.ways[kind]
     goal_x, goal_y = target % width, target // width
     fresh = begin(space)
     salt = draw(seed, ROUTE_TIES, start, target)
@@ -76,7 +77,7 @@ def search(grid, duration, space, ties, seed, start, target, closing):
         if cell == target:
             state[COST] = g
             return pose
-        rule, heading, before = np.int64(grid.rule[cell]), pose & mask, state[TAIL]
+        rule, heading, before = np.int64(ways[cell]), pose & mask, state[TAIL]
         for k in range(0, 16, 4):
             way = (NORTH_SOUTH_EAST_WEST >> k) & 3
             if (rule >> way) & 1 == 0 or way & mask != heading:

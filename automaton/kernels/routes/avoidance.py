@@ -22,18 +22,18 @@ MOST_CAUTIOUS = 1  # the one of least A
 
 
 @kernel
-def choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule):
+def choose_threshold(grid, kind, duration, space, ties, seed, start, pick, drop, most, rule):
     """The A = 1..most of the candidate that is taken, or PLAIN.
 
     Reads the others in each zone from space.count; `start` is a pose, `pick` and `drop` are cells,
     `pick` may be NIL. Leaves space.closed for any A: close_zones sets it again.
     """
     chosen = PLAIN
-    least = foreseen_time(grid, duration, space, ties, seed, start, pick, drop, PLAIN)
+    least = foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, PLAIN)
     for threshold in range(1, most + 1):
         if close_zones(grid, space, threshold, start, pick, drop) == 0:
             break  # a larger A closes nothing either
-        ticks = foreseen_time(grid, duration, space, ties, seed, start, pick, drop, threshold)
+        ticks = foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, threshold)
         if rule == MOST_CAUTIOUS and ticks < FAR:
             return np.int64(threshold)
         if ticks < least:
@@ -43,7 +43,7 @@ def choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most,
 
 
 @kernel
-def foreseen_time(grid, duration, space, ties, seed, start, pick, drop, threshold):
+def foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, threshold):
     """Ticks of both legs with the others of space.count in their zones; FAR if there is no way."""
     ticks = 0
     pose = np.int64(start)
@@ -51,7 +51,7 @@ def foreseen_time(grid, duration, space, ties, seed, start, pick, drop, threshol
         target = drop if leg else pick
         if target == NIL:
             continue
-        pose = search(grid, duration, space, ties, seed, pose, target, threshold != PLAIN)
+        pose = search(grid, kind, duration, space, ties, seed, pose, target, threshold != PLAIN)
         if pose == NIL:
             return FAR
         ticks += space.state[COST] + delay_of(grid, duration, space, pose, space.count)

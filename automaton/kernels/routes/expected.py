@@ -73,14 +73,16 @@ def plan_task(view, space, memory, i):
         return
     row[TASK] = task
     row[STEPS] = 0
-    stand = pick_stand(view, np.int64(orders.source[order]))
+    stand = pick_stand(view, view.robots.type[i], np.int64(orders.source[order]))
+    end = drop_stand(view, view.robots.type[i], np.int64(orders.target[order]))
+    if stand == NIL or end == NIL:
+        return  # another type does a part of the way
     heading = np.int64(orders.dispatched_heading[order])
     pose = np.int64(orders.dispatched_from[order]) * headings + heading
     append_path(view, space, memory, i, pose, stand)
     if row[STEPS] > 0:
         heading = row[COLUMNS + row[STEPS] - 1] & (headings - 1)
     append(memory, i, PICKS)
-    end = drop_stand(view, np.int64(orders.target[order]))
     append_path(view, space, memory, i, stand * headings + heading, end)
     append(memory, i, DROPS)
 
@@ -107,7 +109,7 @@ def replay_task(view, memory, i):
     while row[STEP] < row[STEPS] and tick < horizon:
         zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
         enter_zone(memory, i, zone, max(tick, 0))
-        tick += ticks_of_step(view, row, 0)
+        tick += ticks_of_step(view, i, row, 0)
         begin_step(view, row)
     enter_zone(memory, i, NIL, min(max(tick, 0), horizon))
 
@@ -119,11 +121,11 @@ def share_zones(view, memory, i, sign):
     begin_task(view, memory, i)
     ticks = 0
     while row[STEP] < row[STEPS]:
-        ticks += ticks_of_step(view, row, 0)
+        ticks += ticks_of_step(view, i, row, 0)
         begin_step(view, row)
     begin_task(view, memory, i)
     while row[STEP] < row[STEPS]:
-        zone, began = zone_of(view.grid, row[PLACE], row[TRAVEL]), ticks_of_step(view, row, 0)
+        zone, began = zone_of(view.grid, row[PLACE], row[TRAVEL]), ticks_of_step(view, i, row, 0)
         if zone != NIL:
             memory.shared[first + zone] += sign * (began * WHOLE // ticks)
         begin_step(view, row)

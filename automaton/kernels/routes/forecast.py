@@ -106,7 +106,7 @@ def depart(view, memory, crowd, calendar, i, tick):
         if ticks <= 0:
             zone = zone_left(view, row)
             others = 0 if zone == NIL else crowd[zone] - (1 if zone == row[ZONE] else 0)
-            ticks = ticks_of_step(view, row, others)
+            ticks = ticks_of_step(view, i, row, others)
             if row[IN_BAY] and ticks > 1:
                 row[IN_BAY] = ticks
                 schedule(memory, calendar, i, tick + 1)
@@ -130,15 +130,15 @@ def zone_left(view, row):
 
 
 @kernel
-def ticks_of_step(view, row, others):
-    """The ticks that the next step takes, beside `others` in its zone."""
-    duration = view.rules.duration
+def ticks_of_step(view, i, row, others):
+    """The ticks that the next step of robot i takes, beside `others` in its zone."""
+    duration = view.rules.duration[view.robots.type[i]]
     step = row[COLUMNS + row[STEP]]
     if step >= PICKS:
         return np.int64(duration[DROP if step == DROPS else PICK])
     if step & (view.grid.headings - 1) != row[HEADING]:
         return np.int64(duration[TURN])
-    return ticks_of_move(view, others)
+    return ticks_of_move(view, i, others)
 
 
 @kernel
@@ -158,9 +158,10 @@ def begin_step(view, row):
 
 
 @kernel
-def ticks_of_move(view, others):
-    """What a move takes beside so many others."""
-    return np.int64(view.rules.duration[MOVE]) * (1 + (others if view.rules.slowdown else 0))
+def ticks_of_move(view, i, others):
+    """What a move of robot i takes beside so many others."""
+    usual = np.int64(view.rules.duration[view.robots.type[i], MOVE])
+    return usual * (1 + (others if view.rules.slowdown else 0))
 
 
 @kernel
@@ -171,7 +172,7 @@ def foresee_one(view, space, memory, i, steps, length):
     tick = row[FREE]
     while row[STEP] < row[STEPS] and tick < horizon:
         enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick + row[IN_BAY])
-        ticks = ticks_of_step(view, row, present(memory, zone_left(view, row), tick))
+        ticks = ticks_of_step(view, i, row, present(memory, zone_left(view, row), tick))
         if ticks:
             row[IN_BAY] = 0
         begin_step(view, row)

@@ -27,7 +27,7 @@ def trace_legs(grid, duration, space, ties, start, end, used):
     """
     for k in range(start.shape[0]):
         used[k] = 0
-        pose = search(grid, duration, space, ties, np.uint64(0), start[k], end[k], False)
+        pose = search(grid, 0, duration, space, ties, np.uint64(0), start[k], end[k], False)
         if pose == NIL:
             return np.int64(k)
         add_zones(grid, space, pose, used[k])

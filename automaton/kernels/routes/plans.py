@@ -77,7 +77,7 @@ def append_rest(view, space, memory, i, heading):
         append(memory, i, DROPS)
     elif robots.goal[i] == GOAL_PICK and robots.order[i] != NIL:
         append(memory, i, PICKS)
-        stand = drop_stand(view, np.int64(view.orders.target[robots.order[i]]))
+        stand = drop_stand(view, robots.type[i], np.int64(view.orders.target[robots.order[i]]))
         if stand != NIL:
             pose = np.int64(robots.stand[i]) * view.grid.headings + heading
             append_path(view, space, memory, i, pose, stand)
@@ -87,10 +87,11 @@ def append_rest(view, space, memory, i, heading):
 @kernel
 def append_path(view, space, memory, i, pose, target):
     """Add the path of plain A* from a pose to a cell."""
-    rules = view.rules
+    rules, kind = view.rules, view.robots.type[i]
     length = astar(
         view.grid,
-        rules.duration,
+        kind,
+        rules.duration[kind],
         space.routes,
         LARGER_G,
         rules.seed,

@@ -33,13 +33,13 @@ def count_predicted(view, space, ties, besides, steps, seen, field):
             follow(view.grid, cell, steps, length, i + 1, seen, field)
         else:
             pose = cell * headings + heading
-            length = follow_path(view, space, ties, pose, stand, i + 1, steps, seen, field)
+            length = follow_path(view, space, ties, i, pose, stand, steps, seen, field)
         if length > 0:
             heading = np.int64(steps[length - 1]) & (headings - 1)
         beyond = next_stand(view, i)
         if beyond != NIL:
             pose = stand * headings + heading
-            follow_path(view, space, ties, pose, beyond, i + 1, steps, seen, field)
+            follow_path(view, space, ties, i, pose, beyond, steps, seen, field)
 
 
 @kernel
@@ -48,16 +48,17 @@ def next_stand(view, i):
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal[i] != GOAL_PICK:
         return np.int64(NIL)
-    return drop_stand(view, np.int64(view.orders.target[order]))
+    return drop_stand(view, view.robots.type[i], np.int64(view.orders.target[order]))
 
 
 @kernel
-def follow_path(view, space, ties, pose, target, mark, steps, seen, field):
-    """Count the cells of the path of A* from a pose to a cell; its length, NIL if there is none."""
-    rules = view.rules
-    length = astar(view.grid, rules.duration, space, ties, rules.seed, pose, target, False, steps)
+def follow_path(view, space, ties, i, pose, target, steps, seen, field):
+    """Count the cells of robot i's path of A* from a pose to a cell; its length, NIL: none."""
+    rules, kind = view.rules, view.robots.type[i]
+    duration = rules.duration[kind]
+    length = astar(view.grid, kind, duration, space, ties, rules.seed, pose, target, False, steps)
     if length != NIL:
-        follow(view.grid, pose // view.grid.headings, steps, length, mark, seen, field)
+        follow(view.grid, pose // view.grid.headings, steps, length, i + 1, seen, field)
     return length
 
 

@@ -40,14 +40,15 @@ def find_in_time(view, space, memory, beta, i, around, steps):
     `beta`: cost of another robot in thousandths of a move. `around`: cells without room now, the
     stand excepted, are removed from the floor.
     """
-    grid, duration, target = view.grid, view.rules.duration, np.int64(view.robots.stand[i])
+    kind, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.stand[i])
+    duration, ways = view.rules.duration[kind], grid.ways[kind]
     begin_plan(view, memory, i)
     row = memory.own[i]
     headings, bits = grid.headings, bits_for(space.cost.shape[0])
     move, turn = np.int64(duration[MOVE]), np.int64(duration[TURN]) * UNIT
     search = begin_search(space)
     start = row[PLACE] * headings + row[HEADING]
-    size = label(view, space, search, bits, 0, start, 0, row[FREE], target, STARTED)
+    size = label(view, move, space, search, bits, 0, start, 0, row[FREE], target, STARTED)
     while size > 0:
         pose = pop(space.heap, size) & ((1 << bits) - 1)
         size -= 1
@@ -59,22 +60,26 @@ def find_in_time(view, space, memory, beta, i, around, steps):
         cell, heading, cost = pose // headings, pose % headings, np.int64(space.cost[pose])
         if cell == target:
             return write_path(grid, space, pose, steps)
-        rule = np.int64(grid.rule[cell])
+        rule = np.int64(ways[cell])
         for way in range(heading, 4, headings):
             after = cell + grid.offset[way]
             if (rule >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
             others = occupancy(memory, zone_of(grid, cell, way), now)  # in thousandths
             dearer = cost + move * (UNIT + beta * others // 1000)
-            later = now + ticks_of_move(view, others // 1000)
+            later = now + ticks_of_move(view, i, others // 1000)
             to = after * headings + heading
-            size = label(view, space, search, bits, size, to, dearer, later, target, way)
+            size = label(view, move, space, search, bits, size, to, dearer, later, target, way)
         if headings > 1 and rule & 16:
             dearer, later = cost + turn, now + np.int64(duration[TURN])
             to = cell * headings + ((heading + 1) & (headings - 1))
-            size = label(view, space, search, bits, size, to, dearer, later, target, TURNED_AHEAD)
+            size = label(
+                view, move, space, search, bits, size, to, dearer, later, target, TURNED_AHEAD
+            )
             to = cell * headings + ((heading - 1) & (headings - 1))
-            size = label(view, space, search, bits, size, to, dearer, later, target, TURNED_BEHIND)
+            size = label(
+                view, move, space, search, bits, size, to, dearer, later, target, TURNED_BEHIND
+            )
     return np.int64(NIL)
 
 
@@ -88,8 +93,11 @@ def bits_for(count):
 
 
 @kernel
-def label(view, space, search, bits, size, pose, cost, tick, target, how):
-    """Label a pose with a cost and a tick of arrival if that is its best label; the queue's size."""
+def label(view, move, space, search, bits, size, pose, cost, tick, target, how):
+    """Label a pose with a cost and a tick of arrival if that is its best label; the queue's size.
+
+    `move`: ticks of a move of the robot.
+    """
     arrival = space.routes.tick
     if space.stamp[pose] == search:
         if arrival[pose] == EXPANDED or cost > space.cost[pose]:
@@ -98,7 +106,7 @@ def label(view, space, search, bits, size, pose, cost, tick, target, how):
             return size
     width, cell = view.grid.width, pose // view.grid.headings
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
-    total = cost + left * np.int64(view.rules.duration[MOVE]) * UNIT
+    total = cost + left * move * UNIT
     if total > MOST_COST:
         return size
     space.stamp[pose] = search

@@ -61,7 +61,7 @@ def use_zones(grid, duration, space, trial, ties, seed, task):
     trial.used[:] = 0
     pose = np.int64(task[START])
     for k in (PICK, DROP):
-        pose = search(grid, duration, space, ties, seed, pose, np.int64(task[k]), False)
+        pose = search(grid, 0, duration, space, ties, seed, pose, np.int64(task[k]), False)
         add_zones(grid, space, pose, trial.used)
 
 
@@ -76,7 +76,7 @@ def plan_routes(grid, duration, space, trial, ties, seed, r, closing):
     ticks = 0
     pose = np.int64(trial.task[r, START])
     for k in (PICK, DROP):
-        pose = search(grid, duration, space, ties, seed, pose, trial.task[r, k], closing)
+        pose = search(grid, 0, duration, space, ties, seed, pose, trial.task[r, k], closing)
         ticks += space.state[COST] + delay_of(grid, duration, space, pose, trial.actual)
         add_zones(grid, space, pose, trial.used)
         begun = trial.length[r]
@@ -174,7 +174,9 @@ def run_trials(grid, duration, space, trial, ties, seed, tasks, foreseen, most, 
 def run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, row):
     """row: (COLUMNS,) of the trial with trial.task, trial.actual and space.count."""
     start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
-    threshold = choose_threshold(grid, duration, space, ties, seed, start, pick, drop, most, rule)
+    threshold = choose_threshold(
+        grid, 0, duration, space, ties, seed, start, pick, drop, most, rule
+    )
     close_zones(grid, space, threshold, start, pick, drop)
     for column in (0, CHOSEN):
         closing = column == CHOSEN and threshold != PLAIN

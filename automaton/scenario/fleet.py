@@ -1,0 +1,96 @@
+"""What a scenario file may say of its robots: how many, of which types, and where they may not go."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from automaton.scenario.terms import Line, Pair, Part, Weight
+
+
+class FleetType(Part, frozen=True, kw_only=True):
+    """Robots that are alike; where the fleet has several types, robots have them by identity."""
+
+    name: Annotated[Line, Meta(description="What areas, priorities and reports call them.")]
+    robots: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | None,
+        Meta(description="How many there are; one type may leave it out: the rest."),
+    ] = None
+    pace: Annotated[
+        int, Meta(ge=1, le=1000, description="A move takes so many times durations.move.")
+    ] = 1
+    payload: Annotated[
+        Weight | None, Meta(description="The heaviest order that it carries; left out: any.")
+    ] = None
+
+
+class Fleet(Part, frozen=True, kw_only=True):
+    """The robots."""
+
+    robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
+    kinematics: Annotated[
+        Literal["rail", "differential", "omni"],
+        Meta(
+            description="rail: reverses freely, turns only on turntables; differential: every turn "
+            "by 90 degrees takes time; omni: drives in any direction without turning."
+        ),
+    ] = "differential"
+    start: Annotated[
+        Literal["bays", "random", "stands"] | tuple[Pair, ...] | None,
+        Meta(
+            description="Where robots begin: bays, random, stands (in front of racks drawn at "
+            "random), or a list of cells. Left out: where the picture draws robots, else in bays "
+            "if the floor has any, else random."
+        ),
+    ] = None
+    when_done: Annotated[
+        Literal["park", "leave"],
+        Meta(
+            description="What robots without work do. park: drive to where they began; leave: "
+            "leave the floor where they stand, and come back there for an order."
+        ),
+    ] = "park"
+    types: Annotated[
+        tuple[FleetType, ...],
+        Meta(max_length=100, description="Types of robots; left out: all are alike."),
+    ] = ()
+
+    def __post_init__(self) -> None:
+        names = [kind.name for kind in self.types]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"types names {name} twice")
+        rest = [kind.name for kind in self.types if kind.robots is None]
+        if len(rest) > 1:
+            raise ValueError(
+                f"types must say how many robots all but one are: {rest[0]} or {rest[1]}"
+            )
+        given = sum(kind.robots or 0 for kind in self.types)
+        if rest and given >= self.robots:
+            raise ValueError(
+                f"types list {given} robots of fleet.robots {self.robots}: none is left "
+                f"for {rest[0]}"
+            )
+        if self.types and not rest and given != self.robots:
+            raise ValueError(f"types list {given} robots, but fleet.robots is {self.robots}")
+
+    @property
+    def counts(self) -> list[int]:
+        """How many robots there are of each type."""
+        given = sum(kind.robots or 0 for kind in self.types)
+        return [kind.robots or self.robots - given for kind in self.types]
+
+
+class Area(Part, frozen=True, kw_only=True):
+    """A rectangle of the floor that is closed to some types of robots."""
+
+    first: Annotated[Pair, Meta(description="A corner of it.")] = msgspec.field(name="from")
+    last: Annotated[Pair, Meta(description="The opposite corner; both belong to it.")] = (
+        msgspec.field(name="to")
+    )
+    closed_to: Annotated[
+        tuple[Line, ...],
+        Meta(min_length=1, description="The types that must not enter it, by name."),
+    ]

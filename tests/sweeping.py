@@ -143,13 +143,13 @@ class DiesOnce(Strategy):
         answers.allocation.verb[: asked.count[0]] = PARK
 
 
-class DiesAlways(Strategy):
-    """Allocation: kills its process whenever two robots run."""
+class DiesUntilMended(Strategy):
+    """Allocation: kills its process whenever two robots run, until somebody has noted "mended"."""
 
     layer = "allocation"
 
     def decide(self, view, asked, answers, memory, space):
-        if len(view.robots.cell) == 2:
+        if len(view.robots.cell) == 2 and not (Path(os.environ[TROUBLE]) / "mended").exists():
             os.kill(os.getpid(), signal.SIGKILL)
         answers.allocation.verb[: asked.count[0]] = PARK
 

@@ -45,7 +45,8 @@ def build_partition(
         cells, groups = grouped(resolved.plan, int(getattr(pick.parameters, "groups", GROUPS)))
         station_of[: slots.spare] = groups
     roads = roads_of(resolved.plan, cells)
-    partition = partition_of(roads, robots, station_of, orders, robots)
+    # Room for one order at least: without any, there are zones all the same.
+    partition = partition_of(roads, robots, station_of, max(orders, 1), robots)
     data = getattr(pick.parameters, "design", None)
     if data is None:
         return partition

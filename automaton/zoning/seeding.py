@@ -23,10 +23,12 @@ TRIES = 60  # random joins for each station
 
 @kernel
 def first_design(roads, flow, design, space):
-    """Phase 1; returns 0 if no zone can reach a station that is left over."""
+    """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
+    if zones > stations:
+        return 0
     find_extent(roads, flow, space)
     plant(roads, flow, design, space)
     left = stations - zones
@@ -121,9 +123,14 @@ def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
 
 @kernel
 def random_design(roads, rules, design, space, seed, tick):
-    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds."""
+    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
+
+    Nor does any with more zones than stations: there is no seed for each.
+    """
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
+    if zones > stations:
+        return 0
     for _ in range(RESTARTS):
         clear_design(design)
         for z in range(zones):

@@ -113,10 +113,10 @@ def step_away(view, space, i):
 
 @kernel
 def is_idle(view, i):
-    """Whether robot i stands on the floor with nothing to do."""
+    """Whether robot i stands on the floor with nothing to do, parked there or not."""
     robots = view.robots
-    on_floor = robots.cell[i] != NIL and robots.parked[i] == 0
-    return on_floor and robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+    free = robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+    return robots.cell[i] != NIL and free
 
 
 @kernel
@@ -174,7 +174,7 @@ def step_aside(view, i, j):
         if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
             continue
         to = cell + grid.offset[direction]
-        if to == view.robots.cell[j] or not has_room(view.traffic.occupancy, to, direction):
+        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
             continue
         if not is_on_route(view, j, to):
             return direction

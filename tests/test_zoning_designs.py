@@ -154,11 +154,12 @@ def test_the_picture_of_a_design() -> None:
     design = read_design(plan, roads, zones(ONE, TWO))
     design.transfer[0, 1, 1] = design.transfer[1, 0, 1] = 1
     assert design_picture(plan, roads, design).split("\n") == [
-        "Aaaa*aaaA",
+        "Dddd*dddD",
         ".###.####",
         ".###.....",
-        "BbbbbbbbB",
-        "zone 1 (a): 1 2* 3",
-        "zone 2 (b): 4 5",
+        "EeeeeeeeE",
+        "small letters: ways of zones; capitals: their stations; *: transfer stations",
+        "zone 1 (d): 1 2* 3",
+        "zone 2 (e): 4 5",
         "",
     ]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from panel_stage import busy, moment, of_cell, of_robot, shown
 
 from automaton.commands.check import described
 from automaton.headless import run_once
@@ -21,6 +22,8 @@ from automaton.simulation import Simulation
 from automaton.strategy import lookup, paths
 from automaton.strategy.layer import Strategy
 from automaton.world.state import DELIVERED, MOVE, NIL, TAKE
+from tui.widgets.inspector import Inspector
+from tui.widgets.robot_columns import COLUMNS
 
 TUG = {"name": "tug", "robots": 1, "pace": 3, "payload": 5}
 SHUTTLE = {"name": "shuttle", "payload": 2}
@@ -290,6 +293,19 @@ def test_reports_tell_of_types() -> None:
         ("shuttle", 1, 1),
     ]
     assert described(resolved).endswith("2 robots (1 tug, 1 shuttle), east closed to tug, ok")
+
+
+def test_the_viewer_tells_types_and_closed_cells() -> None:
+    types = "fleet.types=[{name: tug, robots: 1, pace: 2, payload: 3}, {name: shuttle}]"
+    areas = "areas={lane: {from: [4, 0], to: [4, 1], closed_to: [tug]}}"
+    view = moment(50, "crossing", types, areas)
+    assert "type tug: 2 x durations.move, carries up to 3" in shown(Inspector(), of_robot(view, 0))
+    assert "type shuttle" in shown(Inspector(), of_robot(view, 1))
+    assert "closed to tug" in shown(Inspector(), of_cell(view, 4, 0))
+    assert "closed to" not in shown(Inspector(), of_cell(view, 5, 0))
+    columns = {column.title: column for column in COLUMNS if column.there(view)}
+    assert [columns["type"].text(view, robot) for robot in (0, 1)] == ["tug", "shuttle"]
+    assert "type" not in {column.title for column in COLUMNS if column.there(busy())}
 
 
 def test_an_order_that_needs_both_types_is_doubted() -> None:

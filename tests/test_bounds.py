@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -59,7 +60,9 @@ def test_a_load_may_be_handed_on_through_a_shelf() -> None:
 
 
 def test_energy_that_batteries_lack_comes_from_chargers() -> None:
-    none = Bounds(1, 10.0, 10.0, 10.0, 0.0, energy=500.0, held=100.0, given=2.0, mended=0.0)
+    none = Bounds(
+        1, 10.0, 10.0, 10.0, 0.0, 0.0, 0.0, energy=500.0, held=100.0, given=2.0, mended=0.0
+    )
     assert least_ticks(none, 2) == (150.0, "chargers give no more energy")
     assert least_ticks(none, 5)[0] == 10.0
     assert least_ticks(none._replace(given=0.0), 2)[0] == float("inf")
@@ -69,3 +72,31 @@ def test_stations_hold_one_robot_each() -> None:
     found = bounds(resolve("depots"))
     stations, count = 13, 200
     assert found.station_ticks == pytest.approx(count * (5 + 5) / stations)
+
+
+PARTS = """name: parts
+layout: {picture: "t..t.t"}
+fleet: {robots: 1, kinematics: omni, start: random}
+durations: {pick: 2, drop: 3}
+orders:
+  parts:
+    - {route: [1, 2, 3], count: 3, at: 7, every: 10}
+    - {route: [2, 3], every: {mean: 5}, count: 2}
+  work: [20, 4, {mean: 9}]
+strategy: {allocation: shortest-job, right_of_way: {name: withdraw, give_way: true}}
+stop: {when: delivered, at_most: 5000}
+"""
+
+
+def test_parts_take_the_work_of_stations_and_their_ways(tmp_path: Path) -> None:
+    (tmp_path / "parts.yaml").write_text(PARTS)
+    resolved = resolve(tmp_path / "parts.yaml")
+    found = bounds(resolved)
+    assert found.orders == 3 * 2 + 2
+    assert found.work == 8 * (2 + 3) + 3 * 3 + 5 * 2
+    assert found.busiest == 3 * 20  # station 1; the last of a route may be worked on after the end
+    assert found.longest_part == 7 + 2 * 10 + 20 + 4 + 2 * (2 + 3) + 3 + 2
+    assert least_ticks(found, 1) == (66.0, "one part on its whole route")
+    with Rounds(1) as rounds:
+        runs = rounds.run([(resolved, seed) for seed in range(5)])
+    assert all(run.finished and run.metrics["T_total"] >= 66 for run in runs)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from automaton.auctions import charging_curve, quotes
+from automaton.auctions import quotes
 from automaton.auctions.market import (
     CHARGING,
     COST,
@@ -26,7 +26,7 @@ from automaton.auctions.market import (
     SAFE,
     WAITING,
 )
-from automaton.auctions.preparation import battery_of
+from automaton.kernels.charging_curve import charging_ticks, level_after
 from layouts.depots import OPTIONAL
 from tests.auction_scenes import TAPER, between_with, market_of, random_situation, stops_of
 from tests.plain_charging import (
@@ -144,14 +144,12 @@ def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
 @pytest.mark.parametrize("curve", [((0, 7_300),), TAPER])
 def test_charging_time_is_that_of_charging_tick_by_tick(curve: tuple[tuple[int, int], ...]) -> None:
     rng = random.Random(7)
-    battery = battery_of(np.zeros((1, 1)), curve=curve)
+    pieces = np.array(curve, np.int32)
     for _ in range(200):
         low, high = sorted((rng.randrange(FULL + 1), rng.randrange(FULL + 1)))
-        ticks = charging_curve.charging_ticks(battery, low, high)
-        assert (ticks, charging_curve.level_after(battery, low, ticks, FULL)) == charging_time(
-            curve, low, high
-        )
-        fewer = charging_curve.level_after(battery, low, max(ticks - 1, 0), FULL)
+        ticks = charging_ticks(pieces, low, high)
+        assert (ticks, level_after(pieces, low, ticks, FULL)) == charging_time(curve, low, high)
+        fewer = level_after(pieces, low, max(ticks - 1, 0), FULL)
         assert fewer < high or low == high
 
 

@@ -182,7 +182,7 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
     )  # fmt: skip
     assert code == 1
     assert "not reachable up to 4 robots" in out
-    assert re.search(r"Time in use: stations .* %, chargers .* %, robots .* %", out)
+    assert re.search(r"Time in use: robots at stations .* %, chargers .* %, robots .* %", out)
 
 
 @pytest.mark.parametrize(
@@ -216,6 +216,21 @@ def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str)
     code, out, err = size(capsys, "tabletop-mini", *given, *arguments)
     assert code == 2
     assert told in err and err.count("\n") == 1 and out == ""
+
+
+def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None:
+    question = ("--target", "T_total<=18000", "--robots", "1..2")
+    any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
+    code, _, err = size(capsys, "factory", *question)
+    settings = " ".join(f"--set {setting}" for setting in any_fleet)
+    assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
+    code, _, err = size(capsys, "factory", *question, "--set", any_fleet[0])
+    assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
+    code, out, err = size(
+        capsys, "factory", *question, *(text for one in any_fleet for text in ("--set", one))
+    )
+    assert (code, err) == (1, "") and "not reachable up to 2 robots" in out
+    assert "2: no run needed, T_total is at least 18,880 ticks: the busiest station" in out
 
 
 def test_targets_and_fleets_as_typed() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 from statistics_trials import coverage, drawn_from
 
 from automaton.statistics.addressed import resamples, uniforms
@@ -34,7 +35,6 @@ def test_students_quantiles_are_those_of_tables(
 
 @given(st.floats(0.01, 50), st.floats(0.5, 500))
 def test_students_tails_agree_with_scipy(t: float, degrees: float) -> None:
-    stats = pytest.importorskip("scipy.stats")
     assert tails(t, degrees) == pytest.approx(2 * stats.t.sf(t, degrees), rel=1e-8, abs=1e-280)
 
 
@@ -79,6 +79,15 @@ def test_one_run_and_equal_runs() -> None:
 def test_what_is_no_number_is_refused(values: list[float]) -> None:
     with pytest.raises(ValueError):
         mean_interval(values)
+
+
+def test_tiny_and_huge_figures_have_the_interval_of_ordinary_ones() -> None:
+    ordinary = mean_interval([1.0, 2.0, 4.0])
+    for unit in (1e-130, 1e130):
+        found = mean_interval([unit, 2 * unit, 4 * unit])
+        assert found.low == pytest.approx(ordinary.low * unit)
+        assert found.high == pytest.approx(ordinary.high * unit)
+        assert skewness([unit, 2 * unit, 4 * unit]) == pytest.approx(skewness([1.0, 2.0, 4.0]))
 
 
 @given(NUMBERS)

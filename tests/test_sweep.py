@@ -23,9 +23,10 @@ from sweeping import (
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import Study, keys, session, simulate, sweep
+from automaton.experiments.forecast import done_in
 from automaton.experiments.names import COLUMNS
 from automaton.experiments.plan import plan_of
-from automaton.experiments.store import Store
+from automaton.experiments.store import Store, read_rows
 from automaton.glossary import GLOSSARY
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -247,14 +248,27 @@ def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
     assert Store(tmp_path / "out").rows().num_rows == 6
 
 
-def test_a_run_that_kills_its_worker_twice_has_failed_and_others_have_not(tmp_path: Path) -> None:
-    command = sweep_command(troubled(tmp_path, "DiesAlways"), tmp_path / "out", "--workers", "1")
+def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
+    command = sweep_command(study, out, "--workers", "1")
     process = started(command, **{TROUBLE: str(tmp_path)})
     _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and err.count("\n") == 1
-    rows = Store(tmp_path / "out").rows().to_pylist()
-    assert [row["failed"] for row in rows[:3]] == [None] * 3
-    assert all("the worker process died twice" in row["failed"] for row in rows[3:])
+    failed = Store(out).rows().column("failed").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all("the worker process died twice" in why for why in failed[3:])
+    # Mended, but they are not done again by themselves: they might kill workers for ever.
+    monkeypatch.setenv(TROUBLE, str(tmp_path))
+    (tmp_path / "mended").touch()
+    assert main(command[3:]) == 1
+    said = "3 runs gave no figures; the column `failed` says why, --retry-failed tries again\n"
+    assert capsys.readouterr().err == f"automaton: {said}"
+    assert [done_in(out, plan_of(study), retry) for retry in (False, True)] == [6, 3]
+    assert swept_here(study, out, retry_failed=True).column("failed").to_pylist() == [None] * 6
+    (file,) = row_files(out)
+    assert read_rows(file).num_rows == 6  # the rows of failures are gone
 
 
 def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(

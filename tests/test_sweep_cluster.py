@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from sweeping import (
     row_files,
     small_study,
     started,
+    started_cluster,
     sweep_command,
     swept_here,
     wait_until,
@@ -34,23 +34,11 @@ REPLICATIONS = 400
 def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[str]]]]:
     """The file of a scheduler and its two workers, begun by their command lines."""
     file = tmp_path / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    local = ["--host", "127.0.0.1"]
-    processes = [
-        started([*dask, "scheduler", *local, "--port", "0", "--no-dashboard", *place(file)])
-    ]
-    for _ in range(2):
-        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
-        processes.append(started([*dask, "worker", *local, *options, *place(file)]))
+    processes = started_cluster(file)
     try:
-        wait_until(lambda: file.exists() and file.read_text().endswith("}"))
         yield str(file), processes[1:]
     finally:
         end_all(processes)
-
-
-def place(file: Path) -> list[str]:
-    return ["--scheduler-file", str(file)]
 
 
 def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(

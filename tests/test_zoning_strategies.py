@@ -327,7 +327,11 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
     ("zoning", "sentence"),
     [
         ("{name: static, design: factory-loged}", "did you mean 'factory-logged'"),
-        ("{name: static, design: {zones: [{stations: [1]}]}}", "no zone has station 2"),
+        ("{name: static, design: {zones: [{stations: [1]}]}}", "has 1 zone, .* there are 3"),
+        (
+            "{name: static, design: {zones: [{stations: [1]}, {stations: [3]}, {stations: [4]}]}}",
+            "no zone has station 2",
+        ),
         ("{name: annealing, step: 5}", "steps"),
         ("{name: decentralized, rounds: 0}", "rounds"),
         ("anealing", "annealing"),
@@ -339,8 +343,10 @@ def test_bad_zoning_gets_one_sentence(zoning: str, sentence: str) -> None:
 
 
 def test_a_design_needs_a_zone_for_each_robot() -> None:
-    with pytest.raises(InputError, match="one for each robot"):
-        Simulation(resolve("factory", ("fleet.robots=2", "fleet.start=[[28, 128], [52, 0]]")))
+    two = ("fleet.robots=2", "fleet.start=[[28, 128], [52, 0]]")
+    with pytest.raises(InputError, match=r"factory.yaml:15: .* one for each robot; there are 2"):
+        resolve("factory", two)
+    assert not Simulation(resolve("factory", (*two, "strategy.zoning.design=null"))).finished
 
 
 def test_zones_of_a_floor_without_stations_are_groups_of_slots() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import FULL, INF, STATES
 from automaton.compiled import kernel
+from automaton.kernels.charging_curve import RATE
 from automaton.world.state import NIL
 
 # Places of Scratch.path, while a path is searched.
@@ -72,7 +73,7 @@ def find_stops(work, battery, scratch, place, charge, order, length):
 @kernel
 def reach_chargers(work, battery, scratch, place, charge, order, i):
     """weight[i], back[i]: the best ways to the chargers before task i, from the start or a stop."""
-    rate = np.int64(battery.curve_rate[0])
+    rate = np.int64(battery.curve[0, RATE])
     before = place_before(work, place, order, i)
     for c in range(battery.charger.shape[0]):
         at = np.int64(battery.charger[c])
@@ -92,7 +93,7 @@ def reach_chargers(work, battery, scratch, place, charge, order, i):
 def come_from_stops(work, battery, scratch, before, order, i, c):
     """Improve weight[i, c], back[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve_rate[0])
+    rate = np.int64(battery.curve[0, RATE])
     at = np.int64(battery.charger[c])
     into_ticks = work.ticks[work.kind[0], before, at] + scratch.done_ticks[i]
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
@@ -119,7 +120,7 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
 def finish(work, battery, scratch, place, order, i):
     """Drive on to the end from each charger before task i, or note it as one to go on from."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve_rate[0])
+    rate = np.int64(battery.curve[0, RATE])
     path = scratch.path
     before = place_before(work, place, order, i)
     after = np.int64(work.begin[order[i]])
@@ -148,7 +149,7 @@ def finish(work, battery, scratch, place, order, i):
 def hop(work, battery, scratch, i):
     """Ways from one charger straight to another, where the way between tasks is long; found any?"""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve_rate[0])
+    rate = np.int64(battery.curve[0, RATE])
     found = False
     changed = True
     while changed:

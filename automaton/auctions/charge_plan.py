@@ -7,7 +7,6 @@ the best path charges as much as the stretch to the next one needs, in whole tic
 import numpy as np
 
 from automaton.auctions.charge_path import find_stops, note_stops, tail_of, waiting_at
-from automaton.auctions.charging_curve import charging_ticks, level_after
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import (
     CHARGING,
@@ -23,6 +22,7 @@ from automaton.auctions.market import (
     WAITING,
 )
 from automaton.compiled import kernel
+from automaton.kernels.charging_curve import charging_ticks, level_after
 from automaton.world.state import NIL
 
 
@@ -113,11 +113,11 @@ def charge_just_enough(work, battery, scratch, place, charge, order, length):
 @kernel
 def stop_at(battery, plan, k, level, goal, wait):
     """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
-    duration = charging_ticks(battery, level, goal)
+    duration = charging_ticks(battery.curve, level, goal)
     plan.waited[k] = wait
     plan.arrival[k] = level
     plan.duration[k] = duration
-    plan.level[k] = level_after(battery, level, duration, FULL)
+    plan.level[k] = level_after(battery.curve, level, duration, FULL)
     plan.figures[LOWEST] = min(plan.figures[LOWEST], level)
     plan.figures[CHARGING] += duration
     plan.figures[WAITING] += wait

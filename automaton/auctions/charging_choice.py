@@ -8,8 +8,9 @@ import numpy as np
 
 from automaton.auctions.market import INF, NO_CHARGING
 from automaton.auctions.quotes import look_at, quote
-from automaton.auctions.site import charging_time, count_queues, enter_task, survey
+from automaton.auctions.site import count_queues, enter_task, survey
 from automaton.compiled import kernel
+from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.operations import first_cell
 from automaton.world.condition import FULL
 from automaton.world.state import FREE, GOAL_CHARGE, NIL, PERIODIC, WAIT, WAITING
@@ -52,8 +53,8 @@ def count_earlier(view, asked, given, site, k):
         if given.stand[earlier] >= 0:
             j = np.int64(asked.robot[earlier])
             level = np.int64(given.level[earlier])
-            site.battery.wait[view.chargers.at[given.stand[earlier]]] += charging_time(
-                view, np.int64(view.robots.charge[j]), level
+            site.battery.wait[view.chargers.at[given.stand[earlier]]] += charging_ticks(
+                view.rules.curve, np.int64(view.robots.charge[j]), level
             )
 
 

@@ -50,8 +50,7 @@ class Battery(Struct):
     wait: Array  # (C,) int32 ticks until it is free of the robots that come before
     nearest: Array  # (K, P) int32: the charger that takes least energy to reach; NIL: none
     reach: Array  # (K, P) int64 units to it; INF: none
-    curve_from: Array  # (K,) int32 units: the piece holds from this level on; the first is 0
-    curve_rate: Array  # (K,) int32 units per tick
+    curve: Array  # (C, 2) int32: of each piece the level from which it holds, and units per tick
     reserve: int  # units that are left on every arrival
     end_reach: int  # 1: at the end of a list a charger can still be reached (never strand)
     policy: int

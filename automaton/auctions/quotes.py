@@ -51,7 +51,7 @@ def quote(work, battery, scratch, place, ready, charge, order, length):
             cost = np.int64(INF)
     elif policy == FILL_UP:
         cost = plan_single_stop(work, battery, scratch, place, charge, order, length, 1)
-    elif battery.curve_rate.shape[0] > 1:
+    elif battery.curve.shape[0] > 1:
         cost = plan_single_stop(work, battery, scratch, place, charge, order, length, 0)
     else:
         cost = plan_charging(work, battery, scratch, place, charge, order, length)

@@ -18,10 +18,10 @@ from automaton.auctions.charge_plan import (
     plan_charging,
     stop_at,
 )
-from automaton.auctions.charging_curve import charging_ticks, level_after
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, STATES
 from automaton.compiled import kernel
+from automaton.kernels.charging_curve import RATE, charging_ticks, level_after
 from automaton.world.state import NIL
 
 
@@ -81,7 +81,7 @@ def goal_of(battery, arrival, rest, fill):
 def find_stop(work, battery, scratch, place, charge, order, length, fill):
     """(position, charger) of the best single stop, or (NIL, NIL)."""
     tail = tail_of(battery, work.end[order[length - 1]])
-    rate = np.int64(battery.curve_rate[0])
+    rate = np.int64(battery.curve[0, RATE])
     best, nearest = np.int64(INF), np.int64(INF)
     position, charger = np.int64(NIL), np.int64(NIL)
     if tail >= INF:
@@ -102,13 +102,15 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
             if arrival < battery.reserve or rest + tail + battery.reserve > FULL:
                 continue
             goal = goal_of(battery, arrival, rest + tail, fill)
-            duration = charging_ticks(battery, arrival, goal)
+            duration = charging_ticks(battery.curve, arrival, goal)
             ticks = scratch.done_ticks[length] + into + work.ticks[work.kind[0], at, after]
             ticks += duration - work.ticks[work.kind[0], before, after]
             ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:
-                score -= level_after(battery, arrival, duration, FULL) - rest - battery.reserve
+                score -= (
+                    level_after(battery.curve, arrival, duration, FULL) - rest - battery.reserve
+                )
             later = into == nearest and i > position
             if score < best or (score == best and (into < nearest or later)):
                 best, nearest, position, charger = score, into, np.int64(i), np.int64(c)

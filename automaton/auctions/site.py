@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from automaton.auctions.market import INF, Battery, Fleet, Scratch, Work
 from automaton.auctions.preparation import battery_of, deliveries, fleet_of, scratch_for
 from automaton.compiled import kernel
-from automaton.kernels.energy import gain
+from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.operations import first_cell
 from automaton.kernels.search import distance
 from automaton.kernels.stands import drop_stand, pick_stand
@@ -145,7 +145,7 @@ def enter_robot(view, space, site, r, i):
         place = np.int64(robots.stand[i])
         drive = way_from(view, space, i, place)
         charge -= drive * empty
-        ready += drive + charging_time(view, charge, np.int64(robots.level[i]))
+        ready += drive + charging_ticks(rules.curve, charge, np.int64(robots.level[i]))
         if site.queues:
             ready += max(np.int64(0), line_ahead(view, i) - drive)
         charge = max(charge, np.int64(robots.level[i]))
@@ -176,13 +176,10 @@ def enter_robot(view, space, site, r, i):
 
 
 @kernel
-def charging_time(view, charge, level):
-    """Ticks at a charger from one charge to another."""
-    ticks = np.int64(0)
-    while charge < level:
-        charge += gain(view, charge)
-        ticks += 1
-    return ticks
+def ticks_to_level(view, j):
+    """Ticks at a charger until robot j has the charge that it was sent there for."""
+    robots = view.robots
+    return charging_ticks(view.rules.curve, np.int64(robots.charge[j]), np.int64(robots.level[j]))
 
 
 @kernel
@@ -198,7 +195,7 @@ def line_ahead(view, i):
             robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
         )
         if robots.yields[j] == 0 and (there or before):
-            ticks += charging_time(view, np.int64(robots.charge[j]), np.int64(robots.level[j]))
+            ticks += ticks_to_level(view, j)
     return ticks
 
 
@@ -247,6 +244,4 @@ def count_queues(view, site, besides):
             continue
         stand = np.int64(robots.stand[j])
         if stand != NIL and robots.yields[j] == 0:
-            wait[view.chargers.at[stand]] += charging_time(
-                view, np.int64(robots.charge[j]), np.int64(robots.level[j])
-            )
+            wait[view.chargers.at[stand]] += ticks_to_level(view, j)

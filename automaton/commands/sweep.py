@@ -1,6 +1,7 @@
 """Do the runs of a study and keep their rows in a folder; the same command again goes on.
 
-Exit code 0: all runs are done; 1: some gave no figures; 2: bad input; 130: stopped by Ctrl-C.
+Exit code 0: all runs are done; 1: some gave no figures, now or before; 2: bad input;
+130: stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="begin anew where the folder holds results of other code or another study",
     )
+    parser.add_argument(
+        "--retry-failed", action="store_true", help="try again also the runs that gave no figures"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
 
 
@@ -65,10 +69,16 @@ def run(args: argparse.Namespace) -> int:
     begun_at = time.monotonic()
     with progress(args.out) as listener:
         swept = sweep_into(
-            args.out, plan, lambda: crew_of(args), args.recompute, listener.begin, listener.rows
+            args.out,
+            plan,
+            lambda: crew_of(args),
+            args.recompute,
+            listener.begin,
+            listener.rows,
+            args.retry_failed,
         )
     tell(args, swept, time.monotonic() - begun_at)
-    return 1 if swept.tally.failed else 0
+    return 1 if swept.failed else 0
 
 
 def crew_of(args: argparse.Namespace) -> Crew:
@@ -87,7 +97,7 @@ def dry_run(args: argparse.Namespace, plan: Any) -> int:
     from automaton.experiments.forecast import forecast
     from automaton.parallel import cores
 
-    found = forecast(plan, args.out, args.workers or cores())
+    found = forecast(plan, args.out, args.workers or cores(), args.retry_failed)
     if args.json:
         print(json.dumps({"study": plan.study.name, **found._asdict(), "wall_s": found.wall_s}))
         return 0
@@ -203,6 +213,7 @@ def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
             "runs": begun.runs,
             "found": begun.done,
             **tally._asdict(),
+            "without_figures": swept.failed,
             "wall_s": round(seconds, 3),
         }
         print(json.dumps(found, indent=2))
@@ -213,9 +224,10 @@ def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
             print(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
         if tally.repeated:
             print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
-    if tally.failed:
+    if swept.failed:
         sys.stdout.flush()
-        note(f"{count(tally.failed, 'run')} gave no figures; the column `failed` says why")
+        what = f"{count(swept.failed, 'run')} gave no figures; the column `failed` says why"
+        note(f"{what}, --retry-failed tries again")
 
 
 def note(text: str) -> None:

@@ -51,6 +51,7 @@ def sweep(
     *,
     workers: int | None = None,
     recompute: bool = False,
+    retry_failed: bool = False,
 ) -> pa.Table:
     """Do the runs of a study that the folder `out` lacks; all its rows as an Arrow table.
 
@@ -68,6 +69,7 @@ def sweep(
 
     plan = plan_of(study)
     if out is not None:
-        return sweep_into(Path(out), plan, crew, recompute).store.rows()
+        swept = sweep_into(Path(out), plan, crew, recompute, retry_failed=retry_failed)
+        return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
         return sweep_into(Path(folder), plan, crew).store.rows()

@@ -39,12 +39,12 @@ class Forecast(NamedTuple):
         return (self.runs - self.done) * self.run_s / self.workers
 
 
-def forecast(plan: Plan, folder: Path | None, workers: int) -> Forecast:
+def forecast(plan: Plan, folder: Path | None, workers: int, retry_failed: bool = False) -> Forecast:
     """Run a few points once, in this process, and reckon. Nothing is written.
 
-    Raises InputError for a strategy that raises.
+    `retry_failed`: runs that failed are done again, too. Raises InputError for a strategy that raises.
     """
-    done = done_in(folder, plan) if folder is not None else 0
+    done = done_in(folder, plan, retry_failed) if folder is not None else 0
     warm(plan)
     number = len(plan.scenarios)
     chosen = sorted({index * (number - 1) // max(1, PILOTS - 1) for index in range(PILOTS)})
@@ -68,12 +68,12 @@ def forecast(plan: Plan, folder: Path | None, workers: int) -> Forecast:
     )
 
 
-def done_in(folder: Path, plan: Plan) -> int:
-    """Runs of a plan that a folder holds."""
+def done_in(folder: Path, plan: Plan, retry_failed: bool) -> int:
+    """Runs of a plan that a folder holds, without those that are tried again."""
     before = read_manifest(folder)
     if before is None or difference(before, plan.manifest):
         return 0
-    return len(Store(folder).keys())
+    return len(Store(folder).keys(with_failed=not retry_failed))
 
 
 def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:

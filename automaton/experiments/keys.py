@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -24,6 +24,7 @@ from automaton.strategy import lookup
 
 MANIFEST: Final = "sweep.json"
 FORMAT: Final = 1
+DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
 
@@ -101,24 +102,36 @@ def hashed(value: Any) -> str:
 def fingerprint(resolved: Resolved, window: int = 0) -> str:
     """Of a resolved scenario but for its seed and summary: 32 hex digits.
 
-    The floor counts as it was built, files of strategies by their contents. `window`: ticks of a
-    window of the series that its rows keep.
+    Files count by their contents and not by their places, so that it is the same in another folder
+    and on another machine; of a floor, what was built. `window`: ticks of a window of the series
+    that its rows keep.
     """
     scenario = msgspec.to_builtins(resolved.scenario)
     del scenario["seed"], scenario["summary"]
+    for form in DRAWN_ELSEWHERE:
+        scenario["layout"].pop(form, None)
     picks = {
         layer: [pick.name, msgspec.to_builtins(pick.parameters)]
         for layer, pick in resolved.picks.items()
     }
+    contents = file_hashes(resolved).get("files", {})
     whole = [
-        scenario,
-        picks,
+        by_content(scenario, contents),
+        by_content(picks, contents),
         resolved.plan.fingerprint,
         resolved.start,
-        file_hashes(resolved),
         window,
     ]
     return digest(json.dumps(whole, sort_keys=True, ensure_ascii=False, default=str))[:32]
+
+
+def by_content(data: Any, contents: Mapping[str, str]) -> Any:
+    """Plain data with the hash of its content instead of each path; `contents`: path -> hash."""
+    if isinstance(data, dict):
+        return {key: by_content(value, contents) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [by_content(value, contents) for value in data]
+    return contents.get(data, data) if isinstance(data, str) else data
 
 
 def plugins_of(resolved: Resolved) -> set[str]:
@@ -135,25 +148,27 @@ def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
     """
     found: Sources = {}
     for package in PACKAGES:
-        root = _folder(package)
+        root, _ = _home(package)
         files = (path for path in root.rglob("*") if path.suffix in DECIDING)
         found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in files}
     for plugin in plugins:
         top = plugin.partition(".")[0]
-        root = _folder(top)
-        whole = (root / "__init__.py").is_file() and root.name == top
+        root, whole = _home(top)
         files = root.rglob("*.py") if whole else root.glob("*.py")
         found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
     return dict(sorted(found.items()))
 
 
-def _folder(package: str) -> Path:
+def _home(name: str) -> tuple[Path, bool]:
+    """The folder of a package or module, and whether it is a package, with `__init__.py` or without."""
     import importlib.util
 
-    spec = importlib.util.find_spec(package)
+    spec = importlib.util.find_spec(name)
+    if spec is not None and spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations))), True
     if spec is None or spec.origin is None:
-        raise InputError(f"the package {package} is not installed here")
-    return Path(spec.origin).parent
+        raise InputError(f"the package {name} is not installed here")
+    return Path(spec.origin).parent, False
 
 
 def _content(path: Path) -> str:

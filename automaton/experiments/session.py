@@ -35,6 +35,7 @@ class Swept(NamedTuple):
     store: Store
     begun: Begun
     tally: Tally
+    failed: int  # runs without figures, those that failed in earlier sweeps included
 
 
 def sweep_into(
@@ -44,13 +45,17 @@ def sweep_into(
     recompute: bool = False,
     on_begun: Callable[[Begun], None] | None = None,
     on_rows: OnRows | None = None,
+    retry_failed: bool = False,
 ) -> Swept:
-    """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case."""
+    """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
+
+    `retry_failed`: runs that failed are lacking, too.
+    """
     arrow()
     with locked(folder):
         store, reanalysed = opened(folder, plan, recompute)
         aside = tuple(set_damaged_aside(store))
-        done = store.keys()
+        done = store.keys(with_failed=not retry_failed)
         begun = Begun(plan.study.runs, len(done), aside, reanalysed)
         if on_begun is not None:
             on_begun(begun)
@@ -63,7 +68,7 @@ def sweep_into(
             writer.close()
         finally:
             writer.release()
-        return Swept(store, begun, tally)
+        return Swept(store, begun, tally, len(store.failed()))
 
 
 def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:

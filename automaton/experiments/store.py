@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 STUDY_FILE: Final = "study.yaml"
 ROWS: Final = "rows"
+KEY_COLUMNS: Final = ["key", "failed"]  # which run a row is of, and why it has no figures
 ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
 
 
@@ -66,27 +67,41 @@ class Store:
     def rows(self) -> pa.Table:
         """All valid rows, each run once, by point and replication.
 
-        Rows of other code or of another floor are left out, as are files that are damaged.
+        Rows of other code or of another floor are left out, as are files that are damaged. Of a run
+        that failed and was tried again with success, the row with figures is taken.
         """
         pa = arrow()
         schema = self.schema
         tables = [fitted(table, schema) for _, table in self._tables(None)]
         table = pa.concat_tables(tables) if tables else schema.empty_table()
         expected = self.manifest.keys()
-        first: dict[str, int] = {}
+        failed = table.column("failed").to_pylist()
+        taken: dict[str, int] = {}
         for index, key in enumerate(table.column("key").to_pylist()):
-            if key in expected:
-                first.setdefault(key, index)
-        chosen = table.take(pa.array(list(first.values()), pa.int64()))
+            better = key not in taken or (failed[taken[key]] and not failed[index])
+            if key in expected and better:
+                taken[key] = index
+        chosen = table.take(pa.array(list(taken.values()), pa.int64()))
         return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
 
-    def keys(self) -> set[str]:
-        """The keys of the runs that are done."""
+    def keys(self, with_failed: bool = True) -> set[str]:
+        """The keys of the runs that are done; `with_failed`: those that failed included."""
+        done, failed = self._done_and_failed()
+        return done | failed if with_failed else done
+
+    def failed(self) -> set[str]:
+        """The keys of the runs that failed: no row has figures of them."""
+        done, failed = self._done_and_failed()
+        return failed - done
+
+    def _done_and_failed(self) -> tuple[set[str], set[str]]:
+        """The keys of this study's rows with figures, and of those without."""
         expected = self.manifest.keys()
-        found: set[str] = set()
-        for _, table in self._tables(["key"]):
-            found.update(table.column("key").to_pylist())
-        return found & expected
+        found: tuple[set[str], set[str]] = set(), set()
+        for _, table in self._tables(KEY_COLUMNS):
+            for all_keys, keys in zip(found, done_and_failed(table), strict=True):
+                all_keys |= keys & expected
+        return found
 
     def files(self) -> list[Path]:
         """The files of rows, damaged ones included."""
@@ -135,6 +150,15 @@ def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
         )
         columns.append(table.column(field.name) if held else pa.nulls(table.num_rows, field.type))
     return pa.table(columns, schema=schema)
+
+
+def done_and_failed(table: pa.Table) -> tuple[set[str], set[str]]:
+    """The keys of a table's rows with figures, and of those without; it has KEY_COLUMNS."""
+    found: tuple[set[str], set[str]] = set(), set()
+    columns = (table.column(name).to_pylist() for name in KEY_COLUMNS)
+    for key, failed in zip(*columns, strict=True):
+        found[failed is not None].add(key)
+    return found
 
 
 def content_name(content: bytes | str, first: str) -> str:

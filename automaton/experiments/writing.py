@@ -24,12 +24,14 @@ from automaton.experiments.keys import MANIFEST, Manifest
 from automaton.experiments.names import COLUMNS, SERIES, column_value
 from automaton.experiments.runs import Row
 from automaton.experiments.store import (
+    KEY_COLUMNS,
     ROWS,
     STUDY_FILE,
     Damaged,
     Store,
     arrow,
     content_name,
+    done_and_failed,
     file_digest,
     read_rows,
 )
@@ -171,6 +173,7 @@ class Writer:
         merged: list[Path] = []
         group: list[Any] = []
         seen: set[str] = set()
+        done = _with_figures(paths)
         with part.open("wb") as file:
             with pa.parquet.ParquetWriter(
                 file, self.schema, compression="zstd", write_page_checksum=True
@@ -182,9 +185,12 @@ class Writer:
                         continue
                     if not table.schema.equals(self.schema):
                         continue
-                    keys = table.column("key").to_pylist()
-                    fresh = [index for index, key in enumerate(keys) if key not in seen]
-                    seen.update(keys)
+                    columns = (table.column(name).to_pylist() for name in KEY_COLUMNS)
+                    fresh = []
+                    for index, (key, failed) in enumerate(zip(*columns, strict=True)):
+                        if key not in seen and (failed is None or key not in done):
+                            seen.add(key)
+                            fresh.append(index)
                     group.append(table.take(pa.array(fresh, pa.int64())))
                     merged.append(path)
                     if sum(one.num_rows for one in group) >= GROUP_ROWS:
@@ -195,6 +201,15 @@ class Writer:
             file.flush()
             os.fsync(file.fileno())
         return merged
+
+
+def _with_figures(paths: list[Path]) -> set[str]:
+    """The keys of rows with figures in files; a run that failed and then did not has such a row."""
+    found: set[str] = set()
+    for path in paths:
+        with contextlib.suppress(Damaged, FileNotFoundError):
+            found |= done_and_failed(read_rows(path, KEY_COLUMNS))[0]
+    return found
 
 
 def set_damaged_aside(store: Store) -> list[Path]:

@@ -7,6 +7,7 @@ does nothing in this tick and is out of order from the next one on (automaton.ke
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.charging_curve import rate_at
 from automaton.kernels.motion import LIVE, U, has_room
 from automaton.kernels.operations import exhaust, lose_tick, need_allocation, pay, price
 from automaton.recording.codes import DID_BLOCKED, DID_CHARGE
@@ -43,11 +44,7 @@ def affords(world, i, action):
 @kernel
 def gain(world, charge):
     """Units that a tick at a charger gives at this charge."""
-    curve = world.rules.curve
-    k = curve.shape[0] - 1
-    while k > 0 and curve[k, 0] > charge:
-        k -= 1
-    return min(np.int64(curve[k, 1]), FULL - charge)
+    return min(rate_at(world.rules.curve, charge), FULL - charge)
 
 
 @kernel

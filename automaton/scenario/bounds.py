@@ -4,6 +4,7 @@ work       each order is taken, carried over the cheapest way with the turns tha
            down: N robots need work / N ticks. A load may be set down on the way and taken up from
            another side (a bucket brigade): that is a way through a slot, at the cost of handling it
 stations   a station holds one robot: picks and drops at stations, shared evenly among them
+parts      stations work on one part at a time, and a part goes its whole route (part_bounds)
 chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
            from repairs
 
@@ -21,6 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.scenario.orders import DRAWN
+from automaton.scenario.part_bounds import part_bounds, ways
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Battery, ChargeRange
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
@@ -44,7 +46,9 @@ class Bounds(NamedTuple):
     work: float  # robot ticks of all orders
     least_order: float  # robot ticks of the shortest
     longest_order: float  # robot ticks of the longest
-    station_ticks: float  # of each station, if they share the work evenly
+    station_ticks: float  # of each station with picks and drops, if they share them evenly
+    busiest: float  # ticks of work on parts of the station that has most
+    longest_part: float  # ticks of the part that takes longest
     energy: float  # percent of a battery, all orders
     held: float  # the same, in each battery at the start
     given: float  # the same, by all chargers in a tick
@@ -71,6 +75,7 @@ def bounds(resolved: Resolved) -> Bounds:
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
     stations = int(np.count_nonzero(resolved.plan.kind == STATION))
     busy = picks * durations.pick + drops * durations.drop
+    parts = part_bounds(scenario.orders, ticks)
     energy = 0.0
     if battery is not None:
         drain, loaded = battery.drain, battery.drain.loaded
@@ -82,6 +87,8 @@ def bounds(resolved: Resolved) -> Bounds:
         least_order=float(ticks.min(initial=math.inf)),
         longest_order=float(ticks.max(initial=0)),
         station_ticks=busy / stations if stations else 0.0,
+        busiest=parts.busiest,
+        longest_part=parts.longest,
         energy=energy,
         held=_held(battery),
         given=_given(resolved),
@@ -98,6 +105,8 @@ def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
         (found.work / robots, f"work of {found.work:,.0f} robot ticks shared by {robots}"),
         (found.longest_order, "the longest order alone"),
         (found.station_ticks, "stations hold one robot each"),
+        (found.busiest, "the busiest station works on one part at a time"),
+        (found.longest_part, "one part on its whole route"),
         (charging, "chargers give no more energy"),
     )
 
@@ -120,6 +129,10 @@ def least_drives(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
         pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
         return _listed_drives(resolved, pairs, price), int(picks), int(drops)
+    if orders.parts is not None:
+        cells = plan.stations().tolist()
+        pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
+        return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
     if orders.generator not in ENDS:
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
@@ -139,12 +152,12 @@ def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Pric
     targets = sorted({target for _, target in pairs})
     if len(targets) > MOST_TARGETS:
         return cheapest(resolved, np.array([a for a, _ in pairs]), np.array(targets), price)
-    drives = np.zeros(len(pairs))
+    drive: dict[tuple[int, int], float] = {}
     for cell in targets:
-        rows = [row for row, (_, target) in enumerate(pairs) if target == cell]
-        sources = np.array([pairs[row][0] for row in rows])
-        drives[rows] = cheapest(resolved, sources, np.array([cell]), price)
-    return drives
+        sources = sorted({source for source, target in pairs if target == cell})
+        found = cheapest(resolved, np.array(sources), np.array([cell]), price)
+        drive |= {(source, cell): one for source, one in zip(sources, found.tolist(), strict=True)}
+    return np.array([drive[pair] for pair in pairs])
 
 
 def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:

@@ -18,7 +18,12 @@ from automaton.sizing.session import Session
 from automaton.statistics.intervals import Interval
 from automaton.units import count, number, percent
 
-USES = {"station_use": "stations", "charger_use": "chargers", "utilization": "robots"}
+USES = {
+    "busiest": "the busiest station",
+    "station_use": "robots at stations",
+    "charger_use": "chargers",
+    "utilization": "robots",
+}
 MOST_CAUSES = 4
 LEAST_SHOWN = 0.0005  # of the robots' time
 WIDTH = 100  # a table of figures is no text to be folded

@@ -77,10 +77,10 @@ class Fleets:
                 try:
                     self.resolved(Place(robots, strategy))
                 except InputError as error:
-                    if isinstance(self.base.scenario.fleet.start, tuple):
-                        hint = "; fleets of other sizes start elsewhere: --set fleet.start=random"
-                        raise InputError(error.message + hint, error.file, error.line) from None
-                    raise
+                    unsaid = (one for one in for_any_fleet(self.base) if one not in error.message)
+                    settings = " ".join(f"--set {setting}" for setting in unsaid)
+                    hint = f"; fleets of other sizes: {settings}" if settings else ""
+                    raise InputError(error.message + hint, error.file, error.line) from None
 
     def excluded(self, asked: Question) -> dict[int, str]:
         """The candidates that no strategy can help, each with the bound that excludes it."""
@@ -111,6 +111,16 @@ class Fleets:
     def ends_with_orders(self) -> bool:
         """Whether a run ends when all is delivered, and not at a given tick."""
         return self.base.scenario.stop.when != "never"
+
+
+def for_any_fleet(resolved: Resolved) -> list[str]:
+    """Settings that take back what binds a scenario to its number of robots."""
+    settings = []
+    if isinstance(resolved.scenario.fleet.start, tuple):
+        settings.append("fleet.start=random")
+    if getattr(resolved.picks["zoning"].parameters, "design", None) is not None:
+        settings.append("strategy.zoning.design=null")
+    return settings
 
 
 def check_measured(target: Target, run: Run) -> None:

@@ -103,8 +103,14 @@ def skewness(values: Sequence[float] | Values) -> float:
     x = checked(values)
     if len(x) < 3 or constant(x):
         return 0.0
-    deviations = x - x.mean()
+    deviations = scaled(x - x.mean())
     return float((deviations**3).mean() / (deviations**2).mean() ** 1.5)
+
+
+def scaled(x: Values) -> Values:
+    """Values in units of the largest: powers of them neither vanish nor overflow."""
+    largest = float(np.abs(x).max(initial=0))
+    return x / largest if largest > 0 else x
 
 
 def few(x: Values) -> str:
@@ -134,8 +140,9 @@ def bca(value: float, replicates: Values, influence: Values, reach: float) -> tu
     below += float(np.count_nonzero(replicates == value)) / 2  # ties, where runs are whole numbers
     share = min(max(below / len(replicates), 0.5 / len(replicates)), 1 - 0.5 / len(replicates))
     z0 = normal_quantile(share)
-    spread = float((influence**2).sum())
-    acceleration = float((influence**3).sum()) / (6 * spread**1.5) if spread > 0 else 0.0
+    moves = scaled(influence)
+    spread = float((moves**2).sum())
+    acceleration = float((moves**3).sum()) / (6 * spread**1.5) if spread > 0 else 0.0
     ends = []
     for z in (z0 - reach, z0 + reach):
         shrunk = 1 - acceleration * z

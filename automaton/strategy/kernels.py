@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from automaton.compiled import announce_first_compilation, kernel
+from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
@@ -62,6 +63,7 @@ __all__ = [
     "blur",
     "can_bring",
     "can_do",
+    "charging_ticks",
     "choose_threshold",
     "close_zones",
     "count_zones",

@@ -10,8 +10,8 @@ import numpy as np
 
 from automaton.strategy.kernels import can_do, drop_stand, find_path, kernel, pick_stand, position
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN
-from strategies.allocation.independent import deliver, take_order
+from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED
+from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
 ALLEY = 0  # memory.own: the column of the alley that a robot has reserved, or 0
@@ -128,7 +128,7 @@ def pass_right(view, given, memory, k, i):
         column = view.slots.cell[slot] % width
         if column <= x or column > best_column or view.slots.endless[slot]:
             continue
-        if view.slots.content[slot] != NIL or view.slots.by[slot] != NIL or given.slot_taken[slot]:
+        if not takes_load(view, given, slot):
             continue
         if drop_stand(view, kind, slot) == NIL:
             continue
@@ -138,10 +138,7 @@ def pass_right(view, given, memory, k, i):
     if best == NIL:
         deliver(view, given, k, i)
     else:
-        given.verb[k] = SET_DOWN
-        given.slot[k] = best
-        given.stand[k] = drop_stand(view, kind, best)
-        given.slot_taken[best] = 1
+        set_down(view, given, k, i, np.int64(best))
     given.try_drop[k] = 1
 
 

@@ -65,17 +65,33 @@ def take_nearest(view, given, space, k, i, released):
 
 
 @kernel
-def deliver(view, given, k, i):
-    """Answer k: set the load down at its order's own target."""
-    slot = np.int64(view.orders.target[view.robots.load[i]])
-    if view.slots.endless[slot] == 0:
-        if view.slots.content[slot] != NIL or view.slots.by[slot] != NIL or given.slot_taken[slot]:
-            given.ask_again[k] = 1  # the target shelf is full or promised: look again next tick
-            return
-        given.slot_taken[slot] = 1
+def takes_load(view, given, slot):
+    """Whether a load may be set down at a slot: where any number fits, or on a shelf that is empty
+    and promised to nobody."""
+    if view.slots.endless[slot]:
+        return True
+    empty = view.slots.content[slot] == NIL and view.slots.by[slot] == NIL
+    return empty and given.slot_taken[slot] == 0
+
+
+@kernel
+def set_down(view, given, k, i, slot):
+    """Answer k: robot i sets its load down at this slot, which takes it."""
     given.verb[k] = SET_DOWN
     given.slot[k] = slot
     given.stand[k] = drop_stand(view, view.robots.type[i], slot)
+    if view.slots.endless[slot] == 0:
+        given.slot_taken[slot] = 1
+
+
+@kernel
+def deliver(view, given, k, i):
+    """Answer k: set the load down at its order's own target; if it is full, ask again next tick."""
+    slot = np.int64(view.orders.target[view.robots.load[i]])
+    if takes_load(view, given, slot):
+        set_down(view, given, k, i, slot)
+    else:
+        given.ask_again[k] = 1
 
 
 @kernel

@@ -19,8 +19,8 @@ from automaton.strategy.kernels import (
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED, SET_DOWN, TICK
-from strategies.allocation.independent import deliver, take_order
+from automaton.world.state import NIL, PARK, PERIODIC, PICKED, TICK
+from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
 # memory.parameters
@@ -80,19 +80,14 @@ def best_order(view, given, memory, space, i):
 
 
 @kernel
-def set_down(view, given, k, i):
-    """Answer k: carry the load of robot i to its next stop; a full shelf is asked for again."""
+def bring(view, given, k, i):
+    """Answer k: carry the load of robot i to its next stop, or to its target if that is full."""
     order = np.int64(view.robots.load[i])
-    slot = next_stop(view, order)
-    if slot == view.orders.target[order] or view.slots.endless[slot] == 0:
-        if slot != view.orders.target[order] and view.slots.content[slot] != NIL:
-            slot = np.int64(view.orders.target[order])
-        if slot == view.orders.target[order]:
-            deliver(view, given, k, i)
-            return
-    given.verb[k] = SET_DOWN
-    given.slot[k] = slot
-    given.stand[k] = drop_stand(view, view.robots.type[i], slot)
+    stop = next_stop(view, order)
+    if stop != view.orders.target[order] and takes_load(view, given, stop):
+        set_down(view, given, k, i, stop)
+    else:
+        deliver(view, given, k, i)
 
 
 @kernel
@@ -101,7 +96,7 @@ def decide(view, asked, answers, memory, space):
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         if asked.reason[k] == PICKED:
-            set_down(view, given, k, i)
+            bring(view, given, k, i)
         elif asked.reason[k] != PERIODIC:
             order = best_order(view, given, memory, space, i)
             if order != NIL:

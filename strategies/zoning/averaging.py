@@ -66,10 +66,9 @@ def fill_parts(view, parts):
 
 
 @kernel
-def own_load(view, rules, design, space, parts, identity):
-    """Minutes of work of a robot: what lies in the queues of the zones that it serves, and charging."""
-    space.leg_flow[:] = 0.0
-    reach = space.reach
+def own_load(view, rules, design, space, parts, i):
+    """Minutes of work of robot i: what lies in the queues of the zones that it serves, and charging."""
+    reach, identity = space.reach, view.robots.identity[i]
     for zone in range(reach.shape[0]):
         reach[zone] = 1 if view.zoning.server[zone] == identity else 0
     fill_parts(view, parts)
@@ -78,7 +77,7 @@ def own_load(view, rules, design, space, parts, identity):
     for zone in range(reach.shape[0]):
         if reach[zone]:
             total += space.load[zone]
-    return total + charging_minutes(view, rules, identity)
+    return total + charging_minutes(view, rules, i)
 
 
 @kernel
@@ -135,6 +134,7 @@ def look(view, memory, i, p, load):
 
 @kernel
 def wants_redesign(view, memory, i, p):
+    """Whether robot i is out of tolerance, and has not been calm for long."""
     own, now = memory.own, view.clock[TICK]
     out = own[i, IN] == 0 and now - own[i, SINCE] >= p[HYSTERESIS]
     return out and now - own[i, CALM] > p[PATIENCE]

@@ -172,7 +172,7 @@ def decide(view, asked, answers, memory, space):
             degree = find_reach(view, zones.reach, i, p[RANGE])
             load = np.int64(0)
             if looks or own[i, ROUND] == NIL:  # further steps of a consensus need no load
-                load = np.int64(NANO * own_load(view, rules, given.design, zones, parts, identity))
+                load = np.int64(NANO * own_load(view, rules, given.design, zones, parts, i))
             if looks:
                 look(view, memory, i, p, load)
             if averages:

@@ -14,6 +14,9 @@ import yaml
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
+from automaton.scenario.schema import Scenario
+from automaton.units import count
+from automaton.world.plan import FloorPlan
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
@@ -46,6 +49,17 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         if not isinstance(self.design, str):
             return self
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """A design says how many robots there are."""
+        zones = self.design.get("zones") if isinstance(self.design, dict) else None
+        robots = scenario.fleet.robots
+        if not isinstance(zones, list) or len(zones) == robots:
+            return None
+        return (
+            f"the zone design has {count(len(zones), 'zone')}, one for each robot; there are {robots} "
+            "(without a design, strategy.zoning.design=null, zones are made for any number)"
+        )
 
 
 class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -1,24 +1,38 @@
 """The charging curve, a step function: units per tick by the level at the start of the tick.
 
-One piece is the linear curve. Further pieces make a taper; the time to charge from a to b is then the
-sum over the pieces in between, each in whole ticks.
+A curve is (K, 2) int32: the level from which each piece holds (the first one from 0), and its rate. One
+piece is the linear curve. Further pieces make a taper; the time to charge from a to b is then the sum
+over the pieces in between, each in whole ticks.
 """
 
 import numpy as np
 
 from automaton.compiled import kernel
 
+# Columns of a curve.
+SINCE = 0
+RATE = 1
+
 
 @kernel
-def charging_ticks(battery, low, high):
+def rate_at(curve, level):
+    """Units that a tick of charging gives at this level."""
+    k = curve.shape[0] - 1
+    while k > 0 and curve[k, SINCE] > level:
+        k -= 1
+    return np.int64(curve[k, RATE])
+
+
+@kernel
+def charging_ticks(curve, low, high):
     """Ticks of charging from level `low` until the level is at least `high`."""
     ticks = np.int64(0)
     level = np.int64(low)
-    last = battery.curve_rate.shape[0] - 1
+    last = curve.shape[0] - 1
     for k in range(last + 1):
-        until = high if k == last else min(high, np.int64(battery.curve_from[k + 1]))
+        until = high if k == last else min(high, np.int64(curve[k + 1, SINCE]))
         if level < until:
-            rate = np.int64(battery.curve_rate[k])
+            rate = np.int64(curve[k, RATE])
             needed = (until - level + rate - 1) // rate
             level += needed * rate
             ticks += needed
@@ -26,15 +40,15 @@ def charging_ticks(battery, low, high):
 
 
 @kernel
-def level_after(battery, low, ticks, full):
+def level_after(curve, low, ticks, full):
     """The level after so many ticks of charging; never above `full`."""
     level = np.int64(low)
     left = np.int64(ticks)
-    last = battery.curve_rate.shape[0] - 1
+    last = curve.shape[0] - 1
     for k in range(last + 1):
-        rate = np.int64(battery.curve_rate[k])
+        rate = np.int64(curve[k, RATE])
         if k < last:
-            until = np.int64(battery.curve_from[k + 1])
+            until = np.int64(curve[k + 1, SINCE])
             used = min(left, max((until - level + rate - 1) // rate, np.int64(0)))
         else:
             used = left

@@ -1,0 +1,111 @@
+"""Keys of runs follow from contents: the same study in another folder has the same ones."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sweeping import environment
+
+from automaton.experiments.keys import sources_of
+
+PLUG_IN = """from pathlib import Path
+
+import msgspec
+
+from automaton.strategy.layer import Strategy
+from automaton.world.state import PARK
+
+
+class Parameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    table: str = "table.txt"
+
+    @property
+    def files(self):
+        return (Path(self.table),)
+
+    def located(self, folder):
+        return msgspec.structs.replace(self, table=str((folder / self.table).resolve()))
+
+
+class Own(Strategy):
+    layer = "allocation"
+    Parameters = Parameters
+
+    def decide(self, view, asked, answers, memory, space):
+        answers.allocation.verb[: asked.count[0]] = PARK
+"""
+SCENARIO = """name: own
+layout: {file: floor.txt}
+fleet: {robots: 1}
+orders: {generator: drawn-loads}
+strategy: {allocation: {name: 'own_allocation:Own', table: table.txt}}
+"""
+STUDY = """name: own
+scenario: own.yaml
+factors:
+  fleet.robots: [1, 2]
+  strategy.allocation:
+    - {name: 'own_allocation:Own', table: table.txt}
+    - independent
+replications: 2
+"""
+TELL = (
+    "import sys\n"
+    "from automaton.experiments.plan import plan_of\n"
+    "print(*sorted(plan_of(sys.argv[1]).manifest.keys()))\n"
+)
+
+
+def copied(folder: Path, table: str = "1 2 3\n") -> Path:
+    """A checkout: a study, its scenario with a floor, a plug-in and the file that it reads."""
+    folder.mkdir()
+    (folder / "own_allocation.py").write_text(PLUG_IN)
+    (folder / "table.txt").write_text(table)
+    (folder / "floor.txt").write_text("b.$.d\nb....\n#....\n")
+    (folder / "own.yaml").write_text(SCENARIO)
+    (folder / "own-study.yaml").write_text(STUDY)
+    return folder / "own-study.yaml"
+
+
+def keys_told(study: Path, folder: Path) -> str:
+    """The keys of a study as a process tells them that runs in a folder, and has its plug-ins."""
+    paths = os.pathsep.join([str(study.parent), environment()["PYTHONPATH"]])
+    found = subprocess.run(
+        [sys.executable, "-c", TELL, os.path.relpath(study, folder)],
+        cwd=folder,
+        env=environment() | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert found.returncode == 0, found.stderr
+    return found.stdout
+
+
+def test_two_checkouts_have_the_same_keys(tmp_path: Path) -> None:
+    one, other = copied(tmp_path / "one"), copied(tmp_path / "another one")
+    changed = copied(tmp_path / "changed", table="1 2 4\n")
+    keys = keys_told(one, one.parent)
+    assert len(set(keys.split())) == 4 * 2
+    assert keys_told(other, tmp_path) == keys
+    differ = set(keys_told(changed, tmp_path).split()) - set(keys.split())
+    assert len(differ) == 2 * 2  # the points whose strategy reads the table
+
+
+@pytest.mark.parametrize("begun", ["", "__init__.py"], ids=["without __init__", "with it"])
+def test_all_files_of_a_package_of_plug_ins_count(
+    begun: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"own_package{len(begun)}"
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / name / "deep").mkdir(parents=True)
+    (tmp_path / "beside.py").touch()
+    for file in ("own.py", "deep/more.py", *([begun] if begun else [])):
+        (tmp_path / name / file).touch()
+    counted = {file for file in sources_of((f"{name}.own",)) if file.startswith(name)}
+    names = {"own.py", "deep/more.py", *([begun] if begun else [])}
+    assert counted == {f"{name}: {file}" for file in names}

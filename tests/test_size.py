@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from automaton.commands.size import Telling
 from automaton.errors import InputError
 from automaton.rounds import Rounds
 from automaton.scenario.resolve import resolve
-from automaton.sizing.candidates import Place, Run
+from automaton.sizing.candidates import Candidate, Place, Run
+from automaton.sizing.charts import picture
 from automaton.sizing.question import Target, question, read_robots, read_target
 from automaton.sizing.runner import Fleets, conducted_with_use, longer, replication_seeds
 from automaton.sizing.search import Search
@@ -159,6 +161,45 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
     for told in ("Estimand", "Zone 0.02", "Robot time lost", "The last robot (2 -> 3)", "Assumed",
                  "Durations 10 % longer", "Spent", "error 0.05 / 4"):  # fmt: skip
         assert told in out
+
+
+def test_the_candidates_are_drawn_one_below_the_other() -> None:
+    search = searched([0.0, 0.5, 1.0])
+    head, *lines, ends = picture(search, search.asked)
+    assert head == "robots  share with its 95 % interval; | ends of the zone"
+    assert re.fullmatch(r" {5}1  o-+ +\| \|", lines[0])  # far from the zone, which begins at 93 %
+    assert re.fullmatch(r" {5}2  +-+o-+ +\| \|", lines[1])
+    assert re.fullmatch(r" {5}3  +\|-\|-o", lines[2])
+    assert [line.index("o") - 8 for line in lines] == [0, pytest.approx(30, abs=8), 60]
+    assert ends.split() == ["0", "%", "100", "%"]
+
+
+def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    code, out, err = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "3", "--budget", "300",
+        "--workers", "1", "--plots", str(tmp_path),
+    )  # fmt: skip
+    assert code == 0 and "ends of the zone" in out
+    names = ["mean-t-total-by-robots", "share-of-runs-with-t-total-1-700"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"{name}.{form}" for name in names for form in ("png", "svg")
+    ]
+    assert err.count("automaton: wrote ") == 4
+
+
+def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
+    asked = question(ZERO._replace(value=100.0), (1, 2), mean=True, zone=5.0)
+    search = Search(asked, "", lambda *_: [], asked.budget)
+    for robots, ticks in ((1, [128.0, 132.0]), (2, [80.0, 80.0])):
+        search.candidates.append(Candidate(Place(robots)))
+        search.candidates[-1].runs = [Run(True, {"T_total": one}) for one in ticks]
+    head, one, two, ends = picture(search, asked)
+    assert head == "robots  mean T_total with its 95 % interval; | ends of the zone"
+    low, high = (int(text) for text in ends.split())
+    at = {value: 8 + round((value - low) / (high - low) * 60) for value in (80, 95, 105, 130)}
+    assert low <= 80 and one[at[95]] == one[at[105]] == "|" and one[at[130]] == "o"
+    assert two[at[80]] == "o" and two[at[95]] == two[at[105]] == "|"
 
 
 def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any) -> None:

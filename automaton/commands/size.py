@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes, default one for each core",
     )
+    add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
     add("--json", action="store_true", help="one JSON object instead of text")
 
 
@@ -71,6 +73,10 @@ def run(args: argparse.Namespace) -> int:
     """Search and report; Ctrl-C reports what is known."""
     from automaton.sizing.question import question, read_robots, read_target
 
+    if args.plots is not None:
+        from automaton.reporting.plots import figure_class
+
+        figure_class()  # says what is missing before anything is computed
     target, robots = read_target(args.target), read_robots(args.robots)
     strategies: tuple[str, ...] = ("",)
     if args.strategies is not None:
@@ -104,6 +110,8 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
             if sys.stderr.isatty():
                 print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         show(args, session, fleets)
+        if args.plots is not None:
+            draw(args.plots, session)
         if interrupted:
             raise KeyboardInterrupt
     return 0 if session.settled else 1
@@ -128,6 +136,16 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {scenario.units.tick}."
     print_answer(console(), session, scenario.name, ends, args.price)
+
+
+def draw(folder: Path, session: Session) -> None:
+    """Write the plots, and say where they are."""
+    from automaton.reporting.plots import write_plots
+    from automaton.sizing.charts import curves
+
+    sys.stdout.flush()
+    for path in write_plots(curves(session), folder):
+        print(f"automaton: wrote {path}", file=sys.stderr)
 
 
 class Telling:

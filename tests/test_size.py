@@ -11,15 +11,21 @@ import numpy as np
 import pytest
 from statistics_trials import synthetic
 
+from automaton import experiments
 from automaton.commands import main
-from automaton.commands.size import Telling
 from automaton.errors import InputError
 from automaton.rounds import Rounds
 from automaton.scenario.resolve import resolve
 from automaton.sizing.candidates import Candidate, Place, Run
 from automaton.sizing.charts import picture
 from automaton.sizing.question import Target, question, read_robots, read_target
-from automaton.sizing.runner import Fleets, conducted_with_use, longer, replication_seeds
+from automaton.sizing.runner import (
+    Checked,
+    Fleets,
+    conducted_with_use,
+    longer,
+    replication_seeds,
+)
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.sizing.strategies import strategies_named
@@ -216,6 +222,26 @@ def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any)
     assert candidates[1]["lost"]["lost_waiting"] > 0  # the largest fleet is shown all the same
 
 
+def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
+    found = experiments.size(
+        "tabletop-mini", "T_total<=1700", (1, 4), budget=700, workers=1, durations__turn=20
+    )
+    code, out, _ = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--json",
+        "--budget", "700", "--workers", "1", "--set", "durations.turn=20",
+    )  # fmt: skip
+    assert code == 0 and json.loads(out) == found.record
+    assert (found.robots, found.strategy, found.settled) == (2, "", True)
+    rows = found.candidates.to_pylist()
+    assert [row["verdict"] for row in rows] == ["fails", "meets"]
+    last = rows[-1]
+    assert last["robots"] == 2 and last["met"] / last["runs"] == last["share"]
+    assert last["share_low"] < last["share"] <= last["share_high"]
+    assert last["mean_low"] < last["mean"] < last["mean_high"] < 1700
+    with pytest.raises(InputError, match="1 <= FIRST <= LAST"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=0)
+
+
 def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
     code, out, _ = size(
         capsys, "depots", "--target", "lead_time<=1", "--robots", "4", "--budget", "90",
@@ -260,18 +286,21 @@ def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str)
 
 
 def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None:
-    question = ("--target", "T_total<=18000", "--robots", "1..2")
+    options = ("--target", "T_total<=18000", "--robots", "1..5")
     any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
-    code, _, err = size(capsys, "factory", *question)
+    code, _, err = size(capsys, "factory", *options)
     settings = " ".join(f"--set {setting}" for setting in any_fleet)
     assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
-    code, _, err = size(capsys, "factory", *question, "--set", any_fleet[0])
+    code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
     assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
-    code, out, err = size(
-        capsys, "factory", *question, *(text for one in any_fleet for text in ("--set", one))
-    )
-    assert (code, err) == (1, "") and "not reachable up to 2 robots" in out
-    assert "2: no run needed, T_total is at least 18,880 ticks: the busiest station" in out
+    with Rounds(1, conducted_with_use) as rounds:
+        fleets = Fleets("factory", any_fleet, None, rounds)
+        asked = question(Target("T_total", True, 18_000.0), (1, 5))
+        fleets.check(asked)
+        excluded = fleets.excluded(asked)
+    assert list(excluded) == [1, 2, 3, 4, 5]
+    assert excluded[1] == "T_total is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"
+    assert excluded[5].startswith("T_total is at least 18,880 ticks: the busiest station works on")
 
 
 def test_targets_and_fleets_as_typed() -> None:
@@ -325,6 +354,6 @@ def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
 def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
     asked = question(Target("energy", True, 1.0), (1, 1))
     with Rounds(1, conducted_with_use) as rounds:
-        runner = Telling(Fleets("tabletop-mini", (), None, rounds), asked)
+        runner = Checked(Fleets("tabletop-mini", (), None, rounds), asked)
         with pytest.raises(InputError, match="does not measure energy"):
             runner(Place(1), 0, 5)

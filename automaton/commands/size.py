@@ -9,14 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
 
 if TYPE_CHECKING:
-    from automaton.sizing.candidates import Place, Run
+    from automaton.sizing.candidates import Place
     from automaton.sizing.question import Question
     from automaton.sizing.runner import Fleets
     from automaton.sizing.session import Session
@@ -92,15 +91,12 @@ def run(args: argparse.Namespace) -> int:
 def answered(args: argparse.Namespace, asked: Question) -> int:
     """Run the search, and print it."""
     from automaton.rounds import Rounds
-    from automaton.sizing.runner import Fleets, conducted_with_use
-    from automaton.sizing.session import Session
+    from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
 
     with Rounds(args.workers, conducted_with_use) as rounds:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
         tell_doubts(fleets.base)
-        fleets.check(asked)
-        runner, excluded = Telling(fleets, asked), fleets.excluded(asked)
-        session = Session(asked, runner, excluded, fleets.changes)
+        session = session_of(fleets, Checked(fleets, asked, tell_progress))
         interrupted = False
         try:
             session.go()
@@ -148,19 +144,8 @@ def draw(folder: Path, session: Session) -> None:
         print(f"automaton: wrote {path}", file=sys.stderr)
 
 
-class Telling:
-    """A runner that checks the first run's metrics, and says on a terminal how far it is."""
-
-    def __init__(self, fleets: Fleets, asked: Question) -> None:
-        self._fleets, self._asked, self._runs = fleets, asked, 0
-
-    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
-        from automaton.sizing.runner import check_measured
-
-        if sys.stderr.isatty():
-            text = f"{place.robots} robots, {self._runs:,} runs of at most {self._asked.budget:,}"
-            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-        if self._runs == 0:
-            check_measured(self._asked.target, self._fleets(place, 0, 1)[0])
-        self._runs += number
-        return self._fleets(place, first, number)
+def tell_progress(place: Place, runs: int, asked: Question) -> None:
+    """Say on a terminal how far the search is."""
+    if sys.stderr.isatty():
+        text = f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}"
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)

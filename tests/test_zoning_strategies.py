@@ -135,7 +135,9 @@ def test_robots_serve_the_queues_of_their_own_zones_alone() -> None:
 
 
 def test_one_robot_is_never_out_of_balance() -> None:
-    run = factory("strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.at_most=20000")
+    run = factory(
+        "strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.at_most=20000"
+    )
     assert run.counted["redesigns"] == run.counted["ticks_in_balance"] == 0
     assert (run.world.orders.delivered >= 0).sum() > 50
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
@@ -12,7 +12,13 @@ import numpy as np
 from automaton.circles import circles
 from automaton.compiled import seconds_compiled
 from automaton.errors import InputError
-from automaton.metrics import OPERATIONS, illegal_by_layer, metrics_by_robot, metrics_of
+from automaton.metrics import (
+    OPERATIONS,
+    illegal_by_layer,
+    metrics_by_robot,
+    metrics_by_type,
+    metrics_of,
+)
 from automaton.picture import picture_of
 from automaton.picture.partition import partition_picture
 from automaton.scenario.resolve import Resolved
@@ -53,6 +59,7 @@ class Outcome(NamedTuple):
     circles: list[tuple[int, ...]]  # robots that wait for each other at the end, circle by circle
     ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
     picture: str  # the grid at the end, if it was asked for,
+    types: Sequence[dict[str, Any]] = ()  # figures by type of robot, where there are several
     zones: str = ""  # and the zones that robots serve and the work at stations, if there are any
 
 
@@ -133,6 +140,7 @@ def run_once(
         circles=circles(simulation.world, stuck(simulation, still)),
         ran_out=ran_out(simulation),
         picture=picture_of(simulation, brief=True) if draw else "",
+        types=metrics_by_type(simulation),
         zones=partition_picture(simulation.world, resolved.plan) if draw else "",
     )
 

@@ -133,7 +133,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     world = run.world
     elapsed = int(world.clock[TICK])
     ticks = executed_ticks(world)
-    slows = may_slow(world)
+    slows, names = may_slow(world), type_names(run)
     rows = []
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.times[i], ticks[i])
@@ -141,9 +141,37 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         if not world.rules.battery:
             del figures["lost_in_line"]
         actions = {ACTION_NAMES[a] + "s": int(world.tally.times[i, a].sum()) for a in OPERATIONS}
-        row: dict[str, Any] = {"robot": identity, "operations": figures.pop("T_Rtotal")}
+        row: dict[str, Any] = {"robot": identity}
+        if names:
+            row["type"] = names[world.robots.type[i]]
+        row |= {"operations": figures.pop("T_Rtotal")}
         row |= actions | {"utilization": _ratio(active, elapsed)} | figures
         rows.append(row | ({"slowed": int(world.tally.slowed[i])} if slows else {}))
+    return rows
+
+
+def type_names(run: Measured) -> list[str]:
+    """The names of the types of robots; none where all are alike."""
+    return [kind.name for kind in run.resolved.scenario.fleet.types]
+
+
+def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
+    """For each type of robots: how many, what they delivered, and the ticks of what they did.
+
+    A delivery counts for the type of the robot that took the order last.
+    """
+    world, ticks = run.world, executed_ticks(run.world)
+    done = world.orders.dispatched_type[world.orders.state == DELIVERED]
+    rows = []
+    for number, kind in enumerate(run.resolved.scenario.fleet.types):
+        mine = world.robots.type == number
+        spent = {ACTION_NAMES[a]: int(ticks[mine, a].sum()) for a in (MOVE, TURN, PICK, DROP)}
+        active = int(ticks[mine, 1:OUT_OF_ORDER].sum())
+        row = {"type": kind.name, "robots": int(mine.sum()), "pace": kind.pace}
+        row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
+        row |= {f"{name}_ticks": total for name, total in spent.items()}
+        share = _ratio(active, mine.sum() * int(world.clock[TICK]))
+        rows.append(row | {"utilization": share})
     return rows
 
 

@@ -19,6 +19,7 @@ from automaton.units import Unit, count, duration, number, percent
 LOST = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's figures
     "robot": "robot",
+    "type": "type",
     "ops": "operations",
     "moves": "moves",
     "turns": "turns",
@@ -75,7 +76,8 @@ def print_report(resolved: Resolved, outcome: Outcome) -> None:
     for line in heading(resolved, outcome, tick):
         out.print(line, soft_wrap=True)
     tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
-    for table in (*tables, robots_table(outcome, tick, cell)):
+    by_type = [types_table(outcome, tick)] if outcome.types else []
+    for table in (*tables, *by_type, robots_table(outcome, tick, cell)):
         out.print()
         print_table(out, table)
     if len(outcome.robots) > ROBOTS_SHOWN:
@@ -171,10 +173,27 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     return table
 
 
+def types_table(outcome: Outcome, tick: Unit) -> Table:
+    """One line for each type of robots: what they delivered, and how their time went by."""
+    heads = ("robots", "pace", "payload", "delivered", "driving", "handling", "used")
+    table = plain_table("type", *heads, gap=1)
+    table.columns[0].justify = "left"
+    for row in outcome.types:
+        payload = "any" if row["payload"] is None else number(row["payload"])
+        driving = number(tick.of(row["move_ticks"] + row["turn_ticks"]))
+        handling = number(tick.of(row["pick_ticks"] + row["drop_ticks"]))
+        counted = (number(row[name]) for name in ("robots", "pace"))
+        done = number(row["delivered"])
+        used = percent(row["utilization"], 0)
+        table.add_row(row["type"], *counted, payload, done, driving, handling, used)
+    return table
+
+
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
     slows = SLOWED in outcome.metrics
-    columns = {head: name for head, name in ROBOT_COLUMNS.items() if slows or name != SLOWED}
+    absent = {name for name, there in ((SLOWED, slows), ("type", outcome.types)) if not there}
+    columns = {head: name for head, name in ROBOT_COLUMNS.items() if name not in absent}
     if cell is not None:
         columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
         columns[cell.name] = "travel"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -29,7 +30,7 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 from automaton.world.carry import OF_THE_BUFFERS
 from automaton.world.plan import floor_plan
-from automaton.world.state import CLOCK_SIZE, GOAL_CHARGE
+from automaton.world.state import CLOCK_SIZE, DELIVERED, GOAL_CHARGE
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
@@ -220,7 +221,7 @@ def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
 
 def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
     power = "battery={drain: {move: 0.5}, charge: 1}"
-    settings = ("strategy.charging=none", power, "fleet.start=[[2, 0], [6, 0], [4, 10], [0, 4]]")
+    settings = ("strategy.charging=none", power)
     running = Simulation(resolve("depots", settings))
     running.run(until=400)
     whole, brief = picture_of(running), picture_of(running, brief=True)

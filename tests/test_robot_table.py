@@ -16,8 +16,8 @@ from tui.view import View
 from tui.widgets.robot_columns import COLUMNS, Column, ordered
 from tui.widgets.robots import Robots
 
-PLAIN = [c for c in COLUMNS if c.title not in ("battery", "ahead", "zone", "queue")]
-TITLES = [column.title for column in PLAIN]  # without batteries, plans and zones to serve
+PLAIN = [c for c in COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")]
+TITLES = [column.title for column in PLAIN]  # without types, batteries, plans and zones to serve
 ALL = 80  # columns for the whole table
 
 

@@ -23,6 +23,8 @@ from sweeping import (
 )
 
 from automaton.commands import main
+from automaton.errors import InputError
+from automaton.experiments import sweep
 from automaton.experiments.store import Store
 
 pytest.importorskip("distributed")
@@ -58,6 +60,10 @@ def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
     assert found["done"] == 4 * REPLICATIONS and found["failed"] == 0
     assert found["repeated"] <= 400  # only what was under way, not what was finished
     assert plain(Store(out).rows()) == plain(swept_here(study))
+    # From Python, by the address that the file holds; one worker is left.
+    few, address = small_study(tmp_path, 2), json.loads(Path(scheduler).read_text())["address"]
+    assert address.startswith("tcp://")
+    assert plain(sweep(few, scheduler=address)) == plain(swept_here(few))
 
 
 def test_a_scheduler_that_is_not_there_is_told(
@@ -71,3 +77,7 @@ def test_a_scheduler_that_is_not_there_is_told(
     assert "no Dask scheduler answers at nonsense://x" in capsys.readouterr().err
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "nothing.json"]) == 2
     assert "nothing.json: is no address, such as tcp://" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9"):
+        sweep(study, scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(InputError, match="one of executor, workers and scheduler"):
+        sweep(study, workers=1, scheduler="tcp://127.0.0.1:9")

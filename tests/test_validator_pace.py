@@ -96,7 +96,7 @@ def test_without_slow_zones_every_move_takes_its_duration() -> None:
 
 def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
     head = header(CORNER, [(2, 1)], world={"extra_tick": 0.5})
-    pace = Pace(head["floor"], head["seed"])
+    pace = Pace(head["floor"], head["seed"], [1] * len(head["robots"]["home"]))
     late = [tick for tick in range(1, 40) if pace.draw(tick, 0) < 2**31]
     assert 5 < len(late) < 35
     for tick in (late[0], next(tick for tick in range(1, 40) if tick not in late)):
@@ -114,7 +114,7 @@ def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
 
 @given(st.integers(0, 2**63 - 1), st.integers(0, 2**40), st.integers(0, 10**6))
 def test_its_draws_are_those_of_the_world(seed: int, tick: int, robot: int) -> None:
-    mine = Pace({}, seed).draw(tick, robot)
+    mine = Pace({}, seed, []).draw(tick, robot)
     with np.errstate(over="ignore"):
         assert mine == int(draw(np.uint64(seed), EXTRA_TICKS, tick, robot)) >> 32
 

@@ -121,6 +121,14 @@ def path(*cells: Any) -> list[list[int]]:
             zones(ONE, {**TWO, "segments": [path((0, 3), (8, 3)), path((8, 3), (0, 3))]}),
             "zone 2 has 2 segments for 2 stations: 1 join them without a ring",
         ),
+        (
+            {**zones(ONE, TWO), "transfer": []},
+            "a zone design has zones and transfers, found 'transfer'",
+        ),
+        (
+            {**zones(ONE, TWO), "transfers": 5},
+            "transfers are a list of {zones: [1, 2], stations: [...]}, found 5",
+        ),
     ],
 )
 def test_bad_data_is_refused_in_a_sentence(data: Any, sentence: str) -> None:

@@ -21,6 +21,7 @@ from automaton.strategy.layer import Strategy
 from automaton.world.condition import RUNNING
 from automaton.world.state import CARRIED, DELIVERED, LAYERS, NIL, WAIT, WAITING, ZONING
 from automaton.world.waiting import REDESIGN as HALTED
+from strategies.zoning.repairing import AnnealedZones
 from strategies.zoning.talk import DEGREES, MEAN, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
@@ -132,6 +133,34 @@ def test_robots_serve_the_queues_of_their_own_zones_alone() -> None:
             order = int(world.robots.order[world.robots.at_index[identity]])
             if order != NIL:
                 assert world.zoning.server[world.zoning.queue[order]] == identity
+
+
+def test_one_robot_is_never_out_of_balance() -> None:
+    run = factory(
+        "strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.at_most=20000"
+    )
+    assert run.counted["redesigns"] == run.counted["ticks_in_balance"] == 0
+    assert (run.world.orders.delivered >= 0).sum() > 50
+
+
+def test_a_redesign_that_finds_no_zones_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a search that failed has written to the design must not decide who serves what."""
+
+    def fail(self: AnnealedZones, view: Any, design: Any, space: Any) -> bool:
+        design.zone[:] = 0
+        return False
+
+    monkeypatch.setattr(AnnealedZones, "_design", fail)
+    settings = (ANNEALED, "strategy.zoning.sharing=false")
+    run = Simulation(resolve("factory", settings))
+    run.run(until=12_000)
+    assert run.counted["redesigns"] == 0
+    still = Simulation(resolve("factory", (ALONE,)))
+    still.run(until=12_000)
+    for name in ("delivered", "legs", "released"):
+        assert (
+            getattr(run.world.orders, name).tolist() == getattr(still.world.orders, name).tolist()
+        )
 
 
 def test_fixed_zones_with_and_without_sharing() -> None:

@@ -11,7 +11,7 @@ from automaton.circles import circles
 from automaton.headless import Outcome, operations, ran_out, stuck, trouble
 from automaton.history.divergence import first_difference
 from automaton.history.run import Run
-from automaton.metrics import metrics_by_robot, metrics_of
+from automaton.metrics import metrics_by_robot, metrics_by_type, metrics_of
 from automaton.recording.header import changed, resolved_of
 from automaton.run_report import print_report
 from automaton.scenario.resolve import Resolved
@@ -109,4 +109,5 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         circles=circles(front.world, stuck(front, still)),
         ran_out=ran_out(front),
         picture="",
+        types=metrics_by_type(front),
     )

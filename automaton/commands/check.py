@@ -105,5 +105,13 @@ def described(resolved: Resolved) -> str:
     kinds = resolved.plan.kind
     parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
     parts = [part for part in parts if not part.startswith("0 ")]
-    robots = count(resolved.scenario.fleet.robots, "robot")
-    return f"{resolved.scenario.name}: {', '.join([*parts, robots])}, ok"
+    fleet = resolved.scenario.fleet
+    robots = count(fleet.robots, "robot")
+    if fleet.types:
+        pairs = zip(fleet.types, fleet.counts, strict=True)
+        robots += f" ({', '.join(f'{many} {kind.name}' for kind, many in pairs)})"
+    closed = [
+        f"{area} closed to {' and '.join(given.closed_to)}"
+        for area, given in resolved.scenario.areas.items()
+    ]
+    return f"{resolved.scenario.name}: {', '.join([*parts, robots, *closed])}, ok"

@@ -133,6 +133,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "wall_s": None if outcome.wall_s is None else round(outcome.wall_s, 6),
         "metrics": outcome.metrics,
         "robots": outcome.robots,
+        **({"types": list(outcome.types)} if outcome.types else {}),
         **({"in_units": told} if told else {}),
         **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
         **({"zones": outcome.zones.splitlines()} if outcome.zones else {}),

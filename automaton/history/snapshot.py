@@ -77,10 +77,12 @@ class OrderBook:
     target: Array
     by: Array
     released: Array
+    weight: Array
     coming: Array
     dispatched: Array
     dispatched_from: Array
     dispatched_heading: Array
+    dispatched_type: Array
     delivered: Array
     legs: Array
 

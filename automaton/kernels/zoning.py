@@ -22,6 +22,7 @@ from automaton.world.state import (
     WAKING,
     ZONING,
 )
+from automaton.zoning.paths import copy_segment
 
 LONGEST_HALT = 60_000  # ticks
 
@@ -114,16 +115,6 @@ def fill_in_hidden(world, i, design):
                 for station in range(design.zone.shape[0]):
                     lies = design.zone[station] == a or design.zone[station] == b
                     design.transfer[a, b, station] = now.transfer[a, b, station] if lies else 0
-
-
-@kernel
-def copy_segment(source, segment, design, to):
-    design.owner[to] = source.owner[segment]
-    design.points[to] = source.points[segment]
-    for end in range(2):
-        design.ends[to, end] = source.ends[segment, end]
-    for k in range(source.points[segment]):
-        design.path[to, k] = source.path[segment, k]
 
 
 @kernel

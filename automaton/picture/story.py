@@ -69,7 +69,7 @@ class Story:
             if robots.busy[i]:
                 raise InputError(f"robot {name} is still on its way")
             traffic.want[i] = LIVE | DIRECTIONS.index(direction)
-        traffic.span[:] = self.world.rules.duration[MOVE]
+        traffic.span[:] = self.world.rules.duration[0, MOVE]
         self.world.clock[TICK] += 1
         with np.errstate(over="ignore"):
             count_robots(self.world.grid, robots, traffic.crowd)

@@ -92,5 +92,9 @@ class Area(Part, frozen=True, kw_only=True):
     )
     closed_to: Annotated[
         tuple[Line, ...],
-        Meta(min_length=1, description="The types that must not enter it, by name."),
+        Meta(description="The types that must not enter it, by name."),
     ]
+
+    def __post_init__(self) -> None:
+        if not self.closed_to:
+            raise ValueError("closed_to must name a type of robots")

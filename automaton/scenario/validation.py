@@ -25,12 +25,37 @@ def validated(document: Document, value: Any, wanted: type[T], at: Keys = ()) ->
     except msgspec.ValidationError as error:
         match = AT.match(str(error))
         assert match is not None, "every text matches"
-        inner = tuple(
-            int(index) if index else name
-            for name, index in PART.findall(match["path"] or "")
-            if name or index
-        )
+        inner = _keys(value, wanted, match["path"] or "")
         raise _explained(document, value, wanted, at, inner, match["what"]) from None
+
+
+def _keys(value: Any, wanted: Any, path: str) -> Keys:
+    """The keys of a path of msgspec, which writes [...] for whatever key of a mapping."""
+    keys: Keys = ()
+    for name, index in PART.findall(path):
+        if name or index:
+            keys = (*keys, int(index) if index else name)
+        elif isinstance(entries := _value_at(value, keys), dict):
+            bad = (key for key in entries if not _fits(_with_one(value, keys, key), wanted))
+            keys = (*keys, next(bad, ""))
+    return keys
+
+
+def _with_one(value: Any, keys: Keys, key: str) -> Any:
+    """The value with one entry alone in the mapping at some keys."""
+    if not keys:
+        return {key: value[key]}
+    if isinstance(value, dict):
+        return {**value, keys[0]: _with_one(value[keys[0]], keys[1:], key)}
+    return [_with_one(one, keys[1:], key) if k == keys[0] else one for k, one in enumerate(value)]
+
+
+def _fits(value: Any, wanted: Any) -> bool:
+    try:
+        msgspec.convert(value, wanted)
+    except msgspec.ValidationError:
+        return False
+    return True
 
 
 def _explained(
@@ -140,6 +165,8 @@ def _type_at(expected: Any, inner: Keys) -> Any:
                 following = fields.get(str(key), following)
             elif isinstance(option, inspect.VarTupleType | inspect.ListType):
                 following = option.item_type
+            elif isinstance(option, inspect.DictType):
+                following = option.value_type
             elif isinstance(option, inspect.TupleType) and isinstance(key, int):
                 following = option.item_types[min(key, len(option.item_types) - 1)]
         expected = following

@@ -138,7 +138,14 @@ def read_robots(text: str) -> tuple[int, int]:
     found = _RANGE.fullmatch(text)
     if found is None:
         raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
-    first, last = int(found[1] or found[3]), int(found[2] or found[3])
+    return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
+
+
+def checked_robots(first: int, last: int) -> tuple[int, int]:
+    """The smallest and the largest fleet that may be an answer. Raises InputError."""
     if not 1 <= first <= last <= MOST_ROBOTS:
-        raise InputError(f"--robots '{text}': expected FIRST..LAST with 1 <= FIRST <= LAST")
+        raise InputError(
+            f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
+            f"{MOST_ROBOTS:,}"
+        )
     return first, last

@@ -11,6 +11,7 @@ from rich.table import Table
 from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
+from automaton.sizing.charts import picture
 from automaton.sizing.follow_up import MOVES_LATE, OFF, Best, Gain, Moved
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
@@ -100,6 +101,8 @@ def print_search(out: Console, search: Search, session: Session, several: bool) 
     if several:
         out.print(label(search.strategy))
     print_table(out, candidates_table(search, asked))
+    for line in picture(search, asked):
+        out.print(line, soft_wrap=True, highlight=False)
     for one in search.candidates:
         if one.excluded:
             out.print(f"{one.place.robots}: no run needed, {one.excluded}", soft_wrap=True)

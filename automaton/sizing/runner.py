@@ -6,8 +6,9 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from automaton.headless import run_to_end
 from automaton.metrics import executed_ticks, metrics_of
 from automaton.rounds import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
+from automaton.scenario.document import Override
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
 from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
+from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
@@ -50,7 +53,11 @@ class Fleets:
     """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
 
     def __init__(
-        self, scenario: str, settings: Sequence[str], seed: int | None, rounds: Rounds
+        self,
+        scenario: str | Path | Scenario,
+        settings: Sequence[str | Override],
+        seed: int | None,
+        rounds: Rounds,
     ) -> None:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings)
@@ -111,6 +118,36 @@ class Fleets:
     def ends_with_orders(self) -> bool:
         """Whether a run ends when all is delivered, and not at a given tick."""
         return self.base.scenario.stop.when != "never"
+
+
+class Checked:
+    """A runner that sees to it that the first run has the metric of the target.
+
+    `tell` hears before each round what is run, and how many runs were made for the question.
+    """
+
+    def __init__(
+        self,
+        fleets: Fleets,
+        asked: Question,
+        tell: Callable[[Place, int, Question], None] | None = None,
+    ) -> None:
+        self.fleets, self.asked, self.tell, self.runs = fleets, asked, tell, 0
+
+    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
+        """As of Fleets. Raises InputError for a metric that is not measured."""
+        if self.tell is not None:
+            self.tell(place, self.runs, self.asked)
+        if self.runs == 0:
+            check_measured(self.asked.target, self.fleets(place, 0, 1)[0])
+        self.runs += number
+        return self.fleets(place, first, number)
+
+
+def session_of(fleets: Fleets, runner: Checked) -> Session:
+    """The session that answers the runner's question. Raises InputError if that cannot be asked."""
+    fleets.check(runner.asked)
+    return Session(runner.asked, runner, fleets.excluded(runner.asked), fleets.changes)
 
 
 def for_any_fleet(resolved: Resolved) -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.kernels import search
+from automaton.kernels import search, stands
 from automaton.world.state import NIL, Workspace, World
 
 UNREACHABLE = search.FAR
@@ -40,6 +40,17 @@ def distance(view: World, space: Workspace, robot: int, target: int) -> int:
     cell = position(view, robot)
     kind = int(view.robots.type[robot])
     return int(search.distance(view, space, kind, cell, heading, _checked(view, target)))
+
+
+def can_do(view: World, robot: int, order: int) -> bool:
+    """Whether a robot carries an order, and gets to where it lies and to its target."""
+    return bool(stands.can_do(view, robot, int(order)))
+
+
+def stands_of(view: World, robot: int, slot: int) -> list[int]:
+    """The cells from which a robot can serve a slot: east, south, west and north of it."""
+    within = view.slots.within[view.robots.type[robot]]
+    return [int(cell) for cell in view.slots.access[slot] if cell != NIL and within[cell]]
 
 
 def nearest(

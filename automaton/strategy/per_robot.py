@@ -80,21 +80,23 @@ def drive(directions: Sequence[int]) -> Answer:
 class Sees:
     """What one robot knows: the order list, and the robots in its sight."""
 
-    def __init__(self, view: World, taken: Any) -> None:
+    def __init__(self, view: World, taken: Any, robot: int) -> None:
         self.view = view  # all that is visible, as arrays
         self._taken = taken
+        self._robot = robot
 
     @property
     def tick(self) -> int:
         return int(self.view.clock[state.TICK])
 
     def open_orders(self) -> list[Order]:
-        """Orders that wait and that nobody reserved, by index."""
+        """Orders that wait and that nobody reserved, of those that the robot can do, by index."""
         orders = self.view.orders
         is_open = (orders.state == state.WAITING) & (orders.by == NIL) & (self._taken == 0)
         return [
             Order(int(index), int(orders.place[index]), int(orders.target[index]))
             for index in is_open.nonzero()[0]
+            if paths.can_do(self.view, self._robot, index)
         ]
 
     def target_of(self, order: int) -> int:
@@ -139,14 +141,17 @@ class Me:
         return None if load == NIL else load
 
     def stand_for(self, slot: int) -> int:
-        """The flat cell from which it serves a slot with the fewest ticks."""
-        cells = [int(cell) for cell in self._view.slots.access[slot] if cell != NIL]
+        """The flat cell from which it serves a slot with the fewest ticks; NIL: from none."""
+        cells = paths.stands_of(self._view, self._robot, slot)
         found = paths.nearest(self._view, self._space, self._robot, cells)
-        return cells[found or 0]
+        return cells[found or 0] if cells else NIL
 
     def ticks_to(self, slot: int) -> int:
         """Ticks to the nearest cell from which it serves a slot, on the empty floor."""
-        return paths.distance(self._view, self._space, self._robot, self.stand_for(slot))
+        stand = self.stand_for(slot)
+        if stand == NIL:
+            return paths.UNREACHABLE
+        return paths.distance(self._view, self._space, self._robot, stand)
 
     def route(self, around: bool = False) -> list[int] | None:
         """Directions to its stand; `around`: avoiding the robots in sight."""
@@ -168,7 +173,7 @@ def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Ans
             for k in range(asked.count[0]):
                 robot = int(asked.robot[k])
                 me = Me(view, space, robot, int(asked.reason[k]), memory.own[robot])
-                answer = decide_one(me, Sees(view, answers.allocation.order_taken))
+                answer = decide_one(me, Sees(view, answers.allocation.order_taken, robot))
                 if answer is not None and not isinstance(answer, Answer):
                     raise TypeError(f"{decide_one.__name__} must return an answer, not {answer!r}")
                 if answer is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.scenario.floors import point_names
 from automaton.units import count
-from automaton.world.partition import SAID, Design, Partition, Roads
+from automaton.world.partition import SAID, Partition, Roads
 from automaton.world.places import Slots, Stations
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import slot_access, steps_from
@@ -18,7 +18,7 @@ from automaton.world.state import NIL, Array, Workspace, World
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.roads import roads_of
-from automaton.zoning.space import space_for
+from automaton.zoning.space import design_for, space_for
 
 if TYPE_CHECKING:
     from automaton.scenario.resolve import Resolved
@@ -63,9 +63,8 @@ def with_zones(space: Workspace, world: World) -> Workspace:
     zoning = world.zoning
     if not len(zoning.queue):
         return space
-    robots = len(zoning.halt)
     return space.replaced(
-        zoning=space_for(zoning.roads, len(zoning.server), robots),
+        zoning=space_for(zoning.roads, len(zoning.server)),
         parts=parts_for(len(zoning.queue)),
     )
 
@@ -75,22 +74,12 @@ def partition_of(
 ) -> Partition:
     """A partition over some roads in which no station has a zone."""
 
-    def nil(*shape: int) -> Array:
-        return np.full(shape, NIL, np.int32)
+    def nil(count: int) -> Array:
+        return np.full(count, NIL, np.int32)
 
-    points, count = len(roads.cell), len(roads.point)
     return Partition(
         roads=roads,
-        design=Design(
-            zone=nil(count),
-            segments=np.zeros(1, np.int64),
-            owner=nil(count),
-            ends=nil(count, 2),
-            points=np.zeros(count, np.int32),
-            path=nil(count, points),
-            held=nil(points),
-            transfer=np.zeros((zones, zones, count), np.uint8),
-        ),
+        design=design_for(roads, zones),
         station_of=station_of,
         server=np.arange(zones, dtype=np.int32),
         queue=nil(orders),

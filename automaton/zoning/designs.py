@@ -51,12 +51,16 @@ def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = 
             _read_segment(plan, roads, design, zone, where, _whole(plan, roads, where, points))
     _check_points(plan, roads, design)
     _join(roads, design, [not entry.get("segments") for entry in zones])
-    _read_transfers(design, data.get("transfers") or ())
+    _read_transfers(design, data.get("transfers") or [])
     return design
 
 
 def _read_transfers(design: Design, entries: Any) -> None:
     """Transfer stations of pairs of zones, counted from 1."""
+    if not isinstance(entries, list):
+        raise InputError(
+            f"transfers are a list of {{zones: [1, 2], stations: [...]}}, found {entries!r}"
+        )
     zones, stations = len(design.transfer), len(design.zone)
     for entry in entries:
         try:
@@ -99,6 +103,9 @@ def _zones(data: Any) -> list[dict[str, Any]]:
     zones = data.get("zones") if isinstance(data, dict) else None
     if not isinstance(zones, list) or not zones:
         raise InputError("a zone design has a list `zones`, such as zones: [{stations: [1, 4]}, …]")
+    for key in data:
+        if key not in ("zones", "transfers"):
+            raise InputError(f"a zone design has zones and transfers, found '{key}'")
     for number, entry in enumerate(zones, 1):
         if not isinstance(entry, dict) or not isinstance(entry.get("stations"), list):
             raise InputError(f"zone {number} has no list `stations`, such as stations: [1, 4]")

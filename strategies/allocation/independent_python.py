@@ -24,7 +24,9 @@ class IndependentPython(Strategy):
                 slot = view.orders.target[view.robots.load[robot]]
                 given.verb[k] = SET_DOWN
                 given.slot[k] = slot
-                given.stand[k] = self.beside(view, slot, (2, 0, 3, 1))  # from the left if possible
+                given.stand[k] = self.beside(
+                    view, robot, slot, (2, 0, 3, 1)
+                )  # the left if possible
             elif reason != PERIODIC:
                 order = self.nearest(view, space, robot, taken, reason == RELEASED)
                 if order is None:
@@ -33,7 +35,7 @@ class IndependentPython(Strategy):
                 taken.add(order)
                 given.verb[k] = TAKE
                 given.order[k] = order
-                given.stand[k] = self.beside(view, view.orders.place[order], (0, 2, 1, 3))
+                given.stand[k] = self.beside(view, robot, view.orders.place[order], (0, 2, 1, 3))
 
     def nearest(self, view, space, robot, taken, around):
         orders = [
@@ -42,14 +44,17 @@ class IndependentPython(Strategy):
             if view.orders.state[order] == WAITING
             and view.orders.by[order] == NIL
             and order not in taken
+            and paths.can_do(view, robot, order)
         ]
-        stands = [self.beside(view, view.orders.place[order], (0, 2, 1, 3)) for order in orders]
+        stands = [
+            self.beside(view, robot, view.orders.place[order], (0, 2, 1, 3)) for order in orders
+        ]
         found = paths.nearest(view, space, robot, stands, around) if around else None
         if found is None:  # or if nothing is reachable around the other robots
             found = paths.nearest(view, space, robot, stands)
         return None if found is None else orders[found]
 
-    def beside(self, view, slot, directions):
-        """The cell from which a slot is served: the first drivable neighbour in this order."""
-        access = view.slots.access[slot]
-        return next(access[d] for d in directions if access[d] != NIL)
+    def beside(self, view, robot, slot, directions):
+        """The cell from which a robot serves a slot: the first neighbour where it gets to."""
+        access, usable = view.slots.access[slot], paths.stands_of(view, robot, slot)
+        return next(access[d] for d in directions if access[d] in usable)

@@ -16,7 +16,7 @@ from automaton.errors import InputError
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
-from automaton.zoning.annealing import repair
+from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import CENTRAL
@@ -29,7 +29,6 @@ from strategies.zoning.units import rules_of_zones, ticks
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
-ATTEMPTS: Final = 20  # to anneal the first zones
 
 # memory.own, in the row of robot 0
 REDESIGNS: Final = 0
@@ -82,8 +81,8 @@ class Monitored(Strategy):
         copy_design(view.zoning.design, given.design)
         if not state[BEGUN]:
             self._begin(view, asked, given, state, space)
-        elif state[NEW_ZONES_AT] and now >= state[NEW_ZONES_AT]:
-            self._take_effect(view, given, memory, space)
+        else:
+            self._renew(view, given, memory, space)
         redesigned = int(given.redesigned[0])
         take_over(view, given)
         queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
@@ -109,10 +108,7 @@ class Monitored(Strategy):
     def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
         if given.design.zone[0] == NIL:
-            self._flow[:] = 1.0
-            np.fill_diagonal(self._flow, 0.0)
-            found = any(self._anneal(view, given.design, space, again) for again in range(ATTEMPTS))
-            if not found:
+            if not self._anneal_first(view, given.design, space):
                 raise InputError(
                     f"zoning found no zones for {count(len(view.zoning.server), 'robot')} on this floor; "
                     "strategy.zoning.design gives them, and fewer robots or more groups are easier"
@@ -129,27 +125,21 @@ class Monitored(Strategy):
         state[BEGUN] = 1
         state[NEXT_LOOK] = int(view.clock[TICK]) + ticks(view, FIRST_LOOK)
 
-    def _anneal(self, view: World, design: Any, space: Workspace, again: int = 0) -> bool:
-        """New zones by simulated annealing on self._flow; False if none was found.
-
-        again: other draws than before in the same tick.
-        """
+    def _anneal_first(self, view: World, design: Any, space: Workspace) -> bool:
+        """The first zones, where the scenario gives none; False if none are found."""
         given = self.parameters
         return bool(
-            repair(
+            first_zones(
                 view.zoning.roads,
                 self._rules,
-                self._flow,
-                float(getattr(given, "hot", 4.5)),
-                float(getattr(given, "cold", 0.35)),
-                int(getattr(given, "steps", 500)),
-                int(getattr(given, "steps", 500)),
-                3,
+                float(getattr(given, "hot", HOT)),
+                float(getattr(given, "cold", COLD)),
+                int(getattr(given, "steps", STEPS)),
                 design,
                 space.zoning,
                 self._everywhere,
                 view.rules.seed,
-                int(view.clock[TICK]) + (again << 32),
+                int(view.clock[TICK]),
             )
         )
 
@@ -166,7 +156,8 @@ class Monitored(Strategy):
             find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
             add_charging(view, space.zoning.load, self._rules)
             value = balance(space.zoning.load)
-            good = int(0.0 < value <= self.parameters.tolerance)
+            if len(space.zoning.load) > 1:  # one zone is out of balance with nobody
+                good = int(0.0 < value <= self.parameters.tolerance)
         state[LAST_LOOK], state[WAS_GOOD] = now, good
         often = ticks(view, self.parameters.often)
         state[NEXT_LOOK] = now + often
@@ -182,8 +173,7 @@ class Monitored(Strategy):
             self._consider(view, state, now)
 
     def _consider(self, view: World, state: Any, now: int) -> None:
-        """Out of balance: is it time for new zones?"""
+        """Out of balance: what else follows; here nothing, zones stay."""
 
-    def _take_effect(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
-        """New zones, made from the flow that was recorded."""
-        raise NotImplementedError
+    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 
 from automaton.world.state import NIL, TICK, Memory, Workspace, World
+from automaton.zoning.annealing import REPAIRS, repair
 from automaton.zoning.genetic import evolve
 from automaton.zoning.herd import population_for
+from automaton.zoning.paths import copy_design
 from strategies.zoning.monitored import (
     AFTER_REPAIR,
     BAD_SINCE,
@@ -28,7 +31,7 @@ class StaticZones(Monitored):
     Parameters = Monitoring
 
 
-class Repaired(Monitored):
+class Repaired(Monitored, ABC):
     """Zones that are designed anew when they have been out of balance for long."""
 
     def _consider(self, view: World, state: Any, now: int) -> None:
@@ -38,18 +41,23 @@ class Repaired(Monitored):
         state[FLOW:] = self._flow.reshape(-1).astype(np.int64)
         state[NEW_ZONES_AT] = now + max(1, ticks(view, self.parameters.compute))
 
-    def _take_effect(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """New zones of the flow that was recorded take effect when they are due."""
         state, now = memory.shared, int(view.clock[TICK])
+        if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
+            return
         self._flow[:] = state[FLOW:].reshape(self._flow.shape)
         if self._design(view, given.design, space):
             given.redesigned[0] = 1
             memory.own[view.robots.at_index[0], REDESIGNS] += 1
+        else:
+            copy_design(view.zoning.design, given.design)
         state[NEW_ZONES_AT] = state[BAD_SINCE] = 0
         state[NEXT_LOOK] = now + ticks(view, AFTER_REPAIR)
 
+    @abstractmethod
     def _design(self, view: World, design: Any, space: Workspace) -> bool:
-        """Make new zones of self._flow; False if none were found."""
-        raise NotImplementedError
+        """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
 
 
 class AnnealedZones(Repaired):
@@ -58,7 +66,24 @@ class AnnealedZones(Repaired):
     Parameters = Annealing
 
     def _design(self, view: World, design: Any, space: Workspace) -> bool:
-        return self._anneal(view, design, space)
+        given = self.parameters
+        return bool(
+            repair(
+                view.zoning.roads,
+                self._rules,
+                self._flow,
+                float(given.hot),
+                float(given.cold),
+                given.steps,
+                given.steps,
+                REPAIRS,
+                design,
+                space.zoning,
+                self._everywhere,
+                view.rules.seed,
+                int(view.clock[TICK]),
+            )
+        )
 
 
 class BredZones(Repaired):

@@ -25,6 +25,7 @@ from tui.widgets.lines import (
     title,
 )
 from tui.widgets.partition_facts import order_zone, part_of_order, station_facts
+from tui.widgets.types import closed_to
 from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
@@ -74,6 +75,7 @@ def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
     room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
     return [
         ("exits", [", ".join(ways) if ways else "none"]),
+        ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),
         ("room for", [room + (", one each way" if capacity == 2 else "")]),
     ]
 

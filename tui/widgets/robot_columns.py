@@ -12,10 +12,12 @@ from automaton.history.snapshot import Fleet
 from automaton.units import percent
 from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
 from automaton.world.state import ACTION_NAMES, NIL, Array
+from automaton.world.types import type_of_each
 from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, waits
 from tui.view import View
 from tui.widgets.charge_facts import has_batteries
 from tui.widgets.partition_facts import partition_of, queued
+from tui.widgets.types import has_types, type_of
 
 OUT_OF_ORDER: Final = {EMPTY: "empty", BROKEN: "broken", TOWED: "towed", GONE: "towed"}
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
@@ -92,6 +94,15 @@ def _or_blank(value: int, absent: int) -> str:
 
 COLUMNS: Final = (
     Column("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
+    Column(
+        "type",
+        8,
+        lambda v: type_of_each(v.run.resolved.scenario.fleet),
+        lambda v, r: kind.name[:8] if (kind := type_of(v, r)) else "",
+        False,
+        right=False,
+        there=has_types,
+    ),
     Column("doing", 6, _doing_keys, lambda v, r: doing(v.snapshot.robots, r), False, right=False),
     Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),

@@ -38,6 +38,7 @@ from tui.widgets.lines import (
 )
 from tui.widgets.partition_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
+from tui.widgets.types import type_of
 
 HEADINGS: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),
@@ -53,6 +54,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
     facts: list[tuple[str, list[str | Span]]] = [
+        ("type", _type(view, robot)),
         ("waits for", _waits_for(view, robot)),
         ("battery", battery(view, robot, signs)),
         ("charging", charging_plan(view, robot)),
@@ -73,6 +75,17 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
     for name, parts in facts:
         lines += fact(name, *parts, width=width) if parts else []
     return [*lines, (), *_last_events(view, robot)]
+
+
+def _type(view: View, robot: int) -> list[str | Span]:
+    """Its type with what sets it apart; nothing where all robots are alike."""
+    kind = type_of(view, robot)
+    if kind is None:
+        return []
+    facts = [f"{kind.pace} x durations.move" if kind.pace > 1 else ""]
+    facts += [f"carries up to {kind.payload:,}" if kind.payload else ""]
+    told = ", ".join(fact for fact in facts if fact)
+    return [kind.name, f": {told}" if told else ""]
 
 
 def _state(view: View, robot: int) -> str:

@@ -11,7 +11,6 @@ from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
-
 SCENARIO = """name: narrow
 layout:
   picture: |

@@ -297,7 +297,10 @@ def test_each_kind_of_file_is_told_from_the_others(
     study.write_text("name: s\nscenario: tabletop-mini\nfactors: {seed: [1]}\nreplications: 2\n")
     scenario = str(SHIPPED_FOLDER / "tabletop-mini.yaml")
     for command, said in (
-        (["sweep", scenario, "--out", str(tmp_path / "r")], "this is a scenario; a study is a file"),
+        (
+            ["sweep", scenario, "--out", str(tmp_path / "r")],
+            "this is a scenario; a study is a file",
+        ),
         (["sweep", "tabletop-1", "--dry-run"], "'tabletop-1' is a scenario; a study is a file"),
         (["run", str(study)], "this is a study; `automaton sweep STUDY"),
         (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),

@@ -83,7 +83,10 @@ def path(*cells: Any) -> list[list[int]]:
         (zones({"stations": [1], "segments": "ab"}), "the segments of zone 1 are no list"),
         (zones(ONE, {"stations": [4, 6]}), "zone 2: stations are 1 to 5, found 6"),
         (zones(ONE, {"stations": [3, 4, 5]}), "station 3 is in zone 1 and in zone 2"),
-        (zones(ONE, {"stations": [4]}), "no zone has station 5; each of the stations 1 to 5 is in one zone"),
+        (
+            zones(ONE, {"stations": [4]}),
+            "no zone has station 5; each of the stations 1 to 5 is in one zone",
+        ),
         (
             zones({"stations": [1, 2]}, {"stations": [3, 4, 5]}),
             "zone 2 cannot be joined without points of other zones",

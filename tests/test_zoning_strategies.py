@@ -373,10 +373,14 @@ def test_bad_zoning_gets_one_sentence(zoning: str, sentence: str) -> None:
 
 
 def test_a_design_from_a_file_is_named(tmp_path: Path) -> None:
-    (tmp_path / "mine.yaml").write_text("zones: [{stations: [1]}, {stations: [2]}, {stations: [99]}]")
+    (tmp_path / "mine.yaml").write_text(
+        "zones: [{stations: [1]}, {stations: [2]}, {stations: [99]}]"
+    )
     (tmp_path / "floor.yaml").write_text(document_of("factory").text)
     setting = "strategy.zoning={name: static, design: mine.yaml}"
-    with pytest.raises(InputError, match=r"static: the zone design 'mine.yaml': zone 3: stations are"):
+    with pytest.raises(
+        InputError, match=r"static: the zone design 'mine.yaml': zone 3: stations are"
+    ):
         resolve(tmp_path / "floor.yaml", (setting,))
 
 

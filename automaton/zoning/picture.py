@@ -8,7 +8,9 @@ from typing import Final
 from automaton.world.partition import Design, Roads
 from automaton.world.plan import FloorPlan
 
-ZONES: Final = "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
+ZONES: Final = (
+    "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
+)
 KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
 
 

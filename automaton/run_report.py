@@ -8,10 +8,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from automaton.headless import Outcome, deadlocks
+from automaton.headless import Outcome
 from automaton.metrics import GLOSSARY
 from automaton.picture.partition import coloured
 from automaton.scenario.resolve import Resolved
+from automaton.standstill import deadlocks
 from automaton.strategy.lookup import NONE
 from automaton.translation import units_of
 from automaton.units import Unit, count, duration, number, percent

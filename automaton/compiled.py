@@ -186,7 +186,7 @@ class _Compilations(event.Listener):
 
     def _tell(self, subject: str) -> None:
         self._told.add(subject)
-        _say(f"first use on this machine: compiling {subject}, once (some 10 to 40 s)")
+        _say(f"first use on this machine: compiling {subject}, once")
 
 
 def subject_of(module: str) -> str:

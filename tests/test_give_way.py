@@ -51,3 +51,41 @@ def test_otherwise_it_stays_where_it_is(tmp_path: Path) -> None:
 def test_such_a_run_keeps_the_rules_when_it_is_recorded(tmp_path: Path) -> None:
     """The validator knows by itself that a robot on the floor that moves is not parked any more."""
     assert validate_stored(recorded(resolve(scenario(tmp_path, AROUND, "park")))).valid
+
+
+PLANT = """name: plant
+layout:
+  picture: |
+    t=====t=====t
+    =#####=#####=
+    =#####=#####=
+    t#####=#####t
+    =#####=#####=
+    =#####=#####=
+    t==t==t==t==t
+    =#####=#####=
+    =#####=#####=
+    t#####=#####t
+    =#####=#####=
+    =============
+fleet: {robots: 5, kinematics: omni}
+durations: {pick: 3, drop: 3, delay: 2}
+orders:
+  parts:
+    - {route: [1, 4, 8, 5], count: 15, every: 40}
+    - {route: [2, 7, 12, 3, 10], count: 15, every: {mean: 50}}
+    - {route: [11, 6, 9], count: 10, at: 20, every: 60}
+  work: 20
+strategy:
+  allocation: {name: shortest-job, idle: stay}
+  right_of_way: {name: withdraw, give_way: true}
+stop: {when: delivered, at_most: 30000}
+"""
+
+
+def test_who_cannot_withdraw_for_an_idle_robot_behind_it_is_made_room_for(tmp_path: Path) -> None:
+    """Robot 0 stands between one that comes and one that stays; both its ways were closed for ever."""
+    (tmp_path / "plant.yaml").write_text(PLANT)
+    run = Simulation(resolve(tmp_path / "plant.yaml", seed=5739497603756485852))
+    run.run()
+    assert run.finished

@@ -172,7 +172,7 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 
 
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
-    told = {*NUMBERS, "cell", "claim", "stand", "slot", "need", "length", "at", "route", "plan"}
+    told = {*NUMBERS, "zone", "cell", "claim", "stand", "slot", "need", "length", "at", "route", "plan"}
     assert set(ROBOT_FIELDS) <= told
 
 
@@ -220,10 +220,9 @@ def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
 
 
 def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
-    power = "battery={drain: {move: 0.5}, charge: 1}"
-    settings = ("strategy.charging=none", power)
+    settings = ("strategy.charging=none", "battery.drain.move=0.01", "strategy.allocation=first-come")
     running = Simulation(resolve("depots", settings))
-    running.run(until=400)
+    running.run(until=900)
     whole, brief = picture_of(running), picture_of(running, brief=True)
     delivered = int((running.world.orders.state == DELIVERED).sum())
     assert delivered > 1 and whole.count(" delivered to ") == delivered

@@ -172,7 +172,19 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 
 
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
-    told = {*NUMBERS, "zone", "cell", "claim", "stand", "slot", "need", "length", "at", "route", "plan"}
+    told = {
+        *NUMBERS,
+        "zone",
+        "cell",
+        "claim",
+        "stand",
+        "slot",
+        "need",
+        "length",
+        "at",
+        "route",
+        "plan",
+    }
     assert set(ROBOT_FIELDS) <= told
 
 
@@ -220,7 +232,11 @@ def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
 
 
 def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
-    settings = ("strategy.charging=none", "battery.drain.move=0.01", "strategy.allocation=first-come")
+    settings = (
+        "strategy.charging=none",
+        "battery.drain.move=0.01",
+        "strategy.allocation=first-come",
+    )
     running = Simulation(resolve("depots", settings))
     running.run(until=900)
     whole, brief = picture_of(running), picture_of(running, brief=True)

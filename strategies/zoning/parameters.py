@@ -103,10 +103,14 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     matched: Annotated[
         bool,
         Meta(
-            description="new zones go to the robots that began nearest to them; false: in the order "
-            "in which they are bred"
+            description="new zones go to the robots whose poses are nearest; false: in the order in "
+            "which they are bred"
         ),
     ] = True
+    poses: Annotated[
+        tuple[tuple[int, int], ...] | None,
+        Meta(description="cells [x, y], one for each robot; left out: where robots begin"),
+    ] = None
 
 
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):

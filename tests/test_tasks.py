@@ -209,7 +209,7 @@ class Plainly(Strategy):
             elif asked.reason[k] == PERIODIC:
                 continue
             elif len(open_orders):
-                take_order(view, given, k, int(open_orders[0]))
+                take_order(view, given, k, i, int(open_orders[0]))
             else:
                 given.verb[k] = PARK
 

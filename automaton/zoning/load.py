@@ -2,7 +2,7 @@
 
 f_ij   loads from i to j        tot = base + sum f_ij        W the stations of the zone
 g_ij   = (inflow of i) (outflow of j) / tot: empty trips; the paper prints the same sum twice
-L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l)
+L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l), V by robot
 SVp    = sum over pairs of zones of |L_z - L_y| / ((zones - 1) sum L)
 """
 
@@ -27,9 +27,9 @@ def find_loads(roads, rules, flow, through, design, space):
     for z in range(design.transfer.shape[0]):
         members(design, space, z, rules[SHARED])
         if through == 1:
-            space.load[z] = load_of(roads, rules, space.legs, space)
+            space.load[z] = load_of(roads, rules, space.legs, space, z)
         else:
-            space.load[z] = load_of(roads, rules, flow, space)
+            space.load[z] = load_of(roads, rules, flow, space, z)
     return balance(space.load)
 
 
@@ -45,8 +45,8 @@ def members(design, space, z, shared):
 
 
 @kernel
-def load_of(roads, rules, flow, space):
-    """Minutes of work at the stations of space.member."""
+def load_of(roads, rules, flow, space, z):
+    """Minutes of work of the robot of zone z at the stations of space.member."""
     count = np.int64(0)
     for s in range(space.member.shape[0]):
         if space.member[s] == 1:
@@ -73,7 +73,7 @@ def load_of(roads, rules, flow, space):
             if i != j:
                 empty = space.into[i] * space.out[j] / total
                 cells += (flow[i, j] + empty) * roads.between[i, j]
-    return cells / rules[SPEED] + total * rules[HANDLING]
+    return cells * space.pace[z] / rules[SPEED] + total * rules[HANDLING]
 
 
 @kernel

@@ -23,6 +23,7 @@ from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import CENTRAL
 from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_transfers
+from strategies.zoning.able import hand_on, heed_servers
 from strategies.zoning.charging_load import add_charging
 from strategies.zoning.parameters import Monitoring
 from strategies.zoning.queues import queue_orders, record_flow, share, take_over
@@ -80,6 +81,7 @@ class Monitored(Strategy):
         given, state = answers.zoning, memory.shared
         now = int(view.clock[TICK])
         copy_design(view.zoning.design, given.design)
+        heed_servers(view, space.zoning)
         if not state[BEGUN]:
             self._begin(view, asked, given, state, space)
         else:
@@ -87,6 +89,7 @@ class Monitored(Strategy):
         redesigned = int(given.redesigned[0])
         take_over(view, given)
         queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
+        hand_on(view, given, NIL)
         if now >= state[NEXT_LOOK]:
             self._look(view, given, memory, space)
         self._consider(view, state)

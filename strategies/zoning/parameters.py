@@ -44,6 +44,14 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
     ] = None
 
+    priority: Annotated[
+        dict[str, tuple[int, ...]],
+        Meta(
+            description="{TYPE: [stations]}: where robots of a type come first: zones are made so, and "
+            "no exchange takes such a station from them for another type"
+        ),
+    ] = {}
+
     def located(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
         if not isinstance(self.design, str):
@@ -51,7 +59,24 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
 
     def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
-        """A design says how many robots there are."""
+        """A design says how many robots there are; priority names types and stations."""
+        return self._wrong_priority(scenario, plan) or self._wrong_design(scenario)
+
+    def _wrong_priority(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        names = [kind.name for kind in scenario.fleet.types]
+        most = len(plan.stations()) or self.groups
+        for name, stations in self.priority.items():
+            if name not in names:
+                known = (
+                    f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
+                )
+                return f"priority names the type '{name}'{nearest(name, names)}, but {known}"
+            for station in stations:
+                if not 1 <= station <= most:
+                    return f"priority names station {station}, but there are stations 1 to {most}"
+        return None
+
+    def _wrong_design(self, scenario: Scenario) -> str | None:
         zones = self.design.get("zones") if isinstance(self.design, dict) else None
         robots = scenario.fleet.robots
         if not isinstance(zones, list) or len(zones) == robots:

@@ -149,14 +149,20 @@ class BredZones(Repaired):
         return np.array(given) + 1  # the border of the grid
 
     def _give_out(self, view: World, design: Any) -> None:
-        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order."""
+        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
+
+        Robots of a type choose among the zones that were bred for their type.
+        """
         cells = view.zoning.roads.cell[view.zoning.roads.point]
         across, down = cells % view.grid.width, cells // view.grid.width
-        zones = len(view.zoning.server)
+        zones, kinds = len(view.zoning.server), view.robots.type[view.robots.at_index]
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
             x, y = self._poses[robot]
-            free = [zone for zone in range(zones) if name[zone] == NIL]
+            alike = (view.zoning.serves == view.zoning.serves[robot]).all(axis=1)
+            alike &= (view.zoning.first == view.zoning.first[robot]).all(axis=1)
+            alike &= kinds == kinds[robot]
+            free = [zone for zone in range(zones) if name[zone] == NIL and alike[zone]]
             middle = [design.zone == zone for zone in free]
             far = [
                 np.hypot(across[mask].mean() - x, down[mask].mean() - y) if mask.any() else np.inf

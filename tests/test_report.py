@@ -172,6 +172,9 @@ def test_bad_input_is_one_sentence(
 def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
     assert report(capsys, str(tmp_path))[0] == 2
     assert report(capsys, str(tmp_path / "none"))[0] == 2
+    (tmp_path / "run.rec").touch()
+    code, _, err = report(capsys, str(tmp_path / "run.rec"))
+    assert code == 2 and "is a file" in err and "automaton replay ONE OTHER" in err
 
 
 # Results made up, without runs.

@@ -61,6 +61,16 @@ def test_where_there_is_room_stations_bear_their_numbers() -> None:
     assert rows(two_zones(), "3x1")[0] == "t1 d  d  d  T2 .  .  .  t3"
 
 
+def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() -> None:
+    plan = draw_floor("t" * 11)
+    roads = roads_of(plan, plan.stations())
+    design = read_design(plan, roads, {"zones": [{"stations": list(range(1, 12))}]})
+    station_of = np.arange(11, dtype=np.int32)
+    zoning = partition_of(roads, 1, station_of, 0, 1).replaced(design=design)
+    robot = {"cell": plan.cell(10, 0), "heading": 1}
+    assert rows(stage(plan, robot, zoning=zoning, layer="served"), "3x1")[0].endswith("t10v0")
+
+
 def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> None:
     scene = two_zones()
     codes, camera = composed(scene, "1x1")

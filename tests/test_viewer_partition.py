@@ -265,8 +265,8 @@ def test_zones_and_stations_as_text(factory: View) -> None:
     world = factory.run.shown.world
     lines = partition_picture(world, factory.plan).split("\n")
     assert len(lines[0]) == factory.plan.width and lines[factory.plan.height] == ""
-    zones = lines[factory.plan.height + 1 : factory.plan.height + 4]
-    assert [line[:10] for line in zones] == ["zone 1 (a)", "zone 2 (b)", "zone 3 (c)"]
+    zones = lines[factory.plan.height + 2 : factory.plan.height + 5]
+    assert [line[:10] for line in zones] == ["zone 1 (d)", "zone 2 (e)", "zone 3 (f)"]
     assert sum(line.startswith("station ") for line in lines) == 18
     at = station_with(factory, world.stations.first != NIL)
     (told,) = (line for line in lines if line.startswith(f"station {at + 1},"))
@@ -283,10 +283,10 @@ def test_without_zones_and_stations_there_is_nothing_to_draw() -> None:
 def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "factory", "--until", "40", "--picture"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in lines
+    assert "zone 1 (d): 3* 6* 7 9* 10 15*" in lines
     assert any(line.startswith("station 14, zone 3: ") for line in lines)
     assert main(["run", "factory", "--until", "40", "--picture", "--json"]) == 0
-    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in json.loads(capsys.readouterr().out)["zones"]
+    assert "zone 1 (d): 3* 6* 7 9* 10 15*" in json.loads(capsys.readouterr().out)["zones"]
 
 
 def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Path) -> None:

@@ -54,6 +54,8 @@ class Store:
         manifest = read_manifest(self.folder)
         if manifest is None:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
+            if self.folder.is_file():
+                why = "is a file; results are a folder, the one that `sweep --out` wrote"
             raise InputError(why, str(folder))
         self.manifest: Manifest = manifest
         self.study: Study = read_study(self.folder / STUDY_FILE)

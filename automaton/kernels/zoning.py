@@ -232,9 +232,10 @@ def line_up(world, given, k):
     order, queue, stop = np.int64(given.order[k]), np.int64(given.queue[k]), np.int64(given.stop[k])
     legal = 0 <= order < orders.state.shape[0] and 0 <= queue < zoning.server.shape[0]
     legal = legal and orders.state[order] == WAITING and orders.by[order] == NIL
-    legal = legal and 0 <= stop < world.slots.cell.shape[0] and stop != orders.place[order]
-    if legal and stop != orders.target[order]:  # on the way: at a station, or on a shelf
+    legal = legal and 0 <= stop < world.slots.cell.shape[0]
+    if legal and stop != orders.target[order]:  # on the way: at another station, or on a shelf
         legal = world.stations.at[stop] != NIL or world.slots.endless[stop] == 0
+        legal = legal and stop != orders.place[order]
     if not legal:
         world.tally.illegal[ZONING] += 1
         return

@@ -48,7 +48,8 @@ def build_partition(
     roads = roads_of(resolved.plan, cells)
     serves = served_stations(resolved, slots, station_of, len(cells))
     priority = getattr(pick.parameters, "priority", {})
-    partition = partition_of(roads, robots, station_of, orders, robots).replaced(
+    # Room for one order at least: without any, there are zones all the same.
+    partition = partition_of(roads, robots, station_of, max(orders, 1), robots).replaced(
         serves=serves, first=priorities(resolved, priority, len(cells))
     )
     data = getattr(pick.parameters, "design", None)

@@ -65,7 +65,7 @@ from strategies.zoning.units import cells, rules_of_zones, ticks
 
 
 @kernel
-def replace_broken(view, given, i):
+def replace_broken(view, given, i, far):
     """Robot i serves its own zone, and that of one that it sees out of order and unreplaced."""
     identity = np.int64(view.robots.identity[i])
     for zone in range(view.zoning.server.shape[0]):
@@ -166,7 +166,7 @@ def decide(view, asked, answers, memory, space):
         identity = np.int64(view.robots.identity[i])
         if own[i, LOOK] == 0:
             begin(view, given, memory, zones, rules, k, i, p)
-        replace_broken(view, given, i)
+        replace_broken(view, given, i, p[RANGE])
         if not is_running(view, i):
             given.again[k] = p[LOOK_EVERY]
             continue

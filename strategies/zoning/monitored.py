@@ -13,7 +13,6 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
@@ -108,7 +107,6 @@ class Monitored(Strategy):
 
     def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
-        done = announce_first_compilation()
         if given.design.zone[0] == NIL:
             if not self._anneal_first(view, given.design, space):
                 raise InputError(
@@ -121,7 +119,6 @@ class Monitored(Strategy):
             find_transfers(
                 view.zoning.roads, self._rules, given.design, space.zoning, self._everywhere
             )
-        done()
         given.redesigned[0] = 1
         for k in range(int(asked.count[0])):
             given.zone[k] = view.robots.identity[asked.robot[k]]

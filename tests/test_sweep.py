@@ -146,6 +146,22 @@ def test_other_code_is_refused_and_recomputed_on_demand(
     assert swept_here(study, out, recompute=True).num_rows == 4
 
 
+def test_after_another_order_of_points_each_row_is_of_its_own_point(tmp_path: Path) -> None:
+    """Keys hold no point: rows that are there belong to the points of the study as it is now."""
+    study, out = small_study(tmp_path, 3), tmp_path / "out"
+    swept_here(study, out)
+    text = study.read_text()
+    for before, after in [
+        ("[1, 2]", "[2, 1]"),
+        ("  fleet.robots: [1, 2]\n", "  durations.turn: [22, 5]\n  fleet.robots: [2, 1, 3]\n"),
+        ("name: small", "name: other"),
+    ]:
+        study.write_text(text.replace(before, after))
+        fresh = plain(swept_here(study, tmp_path / after.replace(" ", "").strip()))
+        assert plain(swept_here(study, out, recompute=True)) == fresh
+        assert plain(Store(out).rows()) == fresh
+
+
 def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     study = small_study(tmp_path)

@@ -17,7 +17,9 @@ from automaton.experiments.sweeping import Coordinator, OnRows, Tally
 from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
 
-ADVICE = "take another folder, or --recompute: older rows then count no more"
+ADVICE = (
+    "take another folder, or --recompute: rows of other code, scenarios or seeds then count no more"
+)
 
 
 class Begun(NamedTuple):

@@ -11,13 +11,13 @@ Readers need no lock: files appear whole under their names, and never change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, read_manifest
-from automaton.experiments.names import COLUMNS, SERIES, metric_names
+from automaton.experiments.names import COLUMNS, SERIES, column_value, metric_names
 from automaton.experiments.study import Study, read_study
 
 if TYPE_CHECKING:
@@ -68,13 +68,14 @@ class Store:
         """All valid rows, each run once, by point and replication.
 
         Rows of other code or of another floor are left out, as are files that are damaged. Of a run
-        that failed and was tried again with success, the row with figures is taken.
+        that failed and was tried again with success, the row with figures is taken. A row belongs to
+        the point that its key follows from, whatever point the study had when it was written.
         """
         pa = arrow()
         schema = self.schema
         tables = [fitted(table, schema) for _, table in self._tables(None)]
         table = pa.concat_tables(tables) if tables else schema.empty_table()
-        expected = self.manifest.keys()
+        expected = {run.key: run.point for run in self.manifest.runs()}
         failed = table.column("failed").to_pylist()
         taken: dict[str, int] = {}
         for index, key in enumerate(table.column("key").to_pylist()):
@@ -82,6 +83,11 @@ class Store:
             if key in expected and better:
                 taken[key] = index
         chosen = table.take(pa.array(list(taken.values()), pa.int64()))
+        columns = point_columns(self.study, self.manifest, [expected[key] for key in taken])
+        for name, values in columns.items():
+            field = schema.field(name)
+            at = schema.get_field_index(name)
+            chosen = chosen.set_column(at, field, pa.array(values, field.type))
         return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
 
     def keys(self, with_failed: bool = True) -> set[str]:
@@ -138,6 +144,21 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     if study.design == "steady-state":
         fields.append(pa.field(SERIES, pa.list_(pa.int32())))
     return pa.schema(fields)
+
+
+def point_columns(study: Study, manifest: Manifest, points: Sequence[int]) -> dict[str, list[Any]]:
+    """The columns that follow from the design points of rows, given by their numbers."""
+    planned = [manifest.points[point] for point in points]
+    factors = {
+        name: [column_value(one.levels.get(name), kind) for one in planned]
+        for name, kind in study.column_types().items()
+    }
+    return {
+        "study": [study.name] * len(points),
+        "scenario": [one.scenario for one in planned],
+        "point": list(points),
+        **factors,
+    }
 
 
 def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:

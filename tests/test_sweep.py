@@ -134,7 +134,7 @@ def test_other_code_is_refused_and_recomputed_on_demand(
     monkeypatch.setattr(keys, "sources_of", lambda plugins: before)
     plan = plan_of(study)
     out.joinpath("rows").mkdir(parents=True)
-    session.declare(out, plan.text, plan.manifest)
+    session.declare(out, plan.manifest)
     monkeypatch.undo()
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 2
     said = capsys.readouterr().err
@@ -169,10 +169,10 @@ def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Pat
     for path in row_files(swept):
         (out / "rows" / path.name).write_bytes(path.read_bytes())
     plan = plan_of(study)
-    session.declare(out, plan.text, plan.manifest)
+    session.declare(out, plan.manifest)
     assert Store(out).rows().num_rows == 24
     other = plan.manifest.__class__(**{**manifest_fields(plan.manifest), "sources": {"a": "b"}})
-    session.declare(out, plan.text, other)
+    session.declare(out, other)
     assert Store(out).rows().num_rows == 0 and Store(out).keys() == set()
 
 

@@ -23,7 +23,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 1
+FORMAT: Final = 2
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -43,12 +43,20 @@ class PlannedPoint(msgspec.Struct, frozen=True):
     scenario: str
     levels: Levels
     fingerprint: str  # of the resolved scenario, floor included
+    window: int  # ticks of a window of its rows' series; 0: they keep none
+
+
+class Form(msgspec.Struct, frozen=True):
+    """What every manifest says, whatever wrote it."""
+
+    format: int
 
 
 class Manifest(msgspec.Struct, frozen=True):
     """What the results in a folder follow from."""
 
     study: str
+    text: str  # of the study's file
     replications: int
     seed: int
     common_random_numbers: bool
@@ -190,7 +198,11 @@ def read_manifest(folder: Path) -> Manifest | None:
     """What the results in a folder follow from; None if it holds none yet. Raises InputError."""
     path = folder / MANIFEST
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Manifest)
+        content = path.read_bytes()
+        form = msgspec.json.decode(content, type=Form).format
+        if form != FORMAT:
+            raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
+        return msgspec.json.decode(content, type=Manifest)
     except FileNotFoundError:
         return None
     except (msgspec.DecodeError, OSError) as error:
@@ -199,12 +211,13 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 def manifest_of(
     study: Study,
+    text: str,
     scenarios: tuple[Resolved, ...],
     windows: tuple[int, ...],
     versions: dict[str, str],
     counted: tuple[str, ...],
 ) -> tuple[Manifest, tuple[str, ...]]:
-    """The manifest of a study, of which the points were resolved to these scenarios.
+    """The manifest of a study with this text, of which the points were resolved to these scenarios.
 
     And the modules of plug-ins that they use.
     """
@@ -212,11 +225,12 @@ def manifest_of(
     each = zip(study.points, scenarios, windows, strict=True)
     manifest = Manifest(
         study=study.name,
+        text=text,
         replications=study.replications,
         seed=study.seed,
         common_random_numbers=study.common_random_numbers,
         points=tuple(
-            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window))
+            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window), window)
             for point, resolved, window in each
         ),
         sources=sources_of(plugins),

@@ -11,8 +11,8 @@ from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, changed_sources, read_manifest
 from automaton.experiments.plan import Plan, told
 from automaton.experiments.pools import Crew
-from automaton.experiments.store import STUDY_FILE, Store, arrow
-from automaton.experiments.study import Point, read_study
+from automaton.experiments.store import Store, arrow, declared_in
+from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
 from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
@@ -81,17 +81,17 @@ def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bo
     manifest = plan.manifest
     before = read_manifest(folder)
     if before is None:
-        return declare(folder, plan.text, manifest), False
+        return declare(folder, manifest), False
     objection = "" if recompute else difference(before, manifest)
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
-    earlier = read_study(folder / STUDY_FILE).analysis
+    earlier = declared_in(folder, before).analysis
     reanalysed = not recompute and earlier != plan.study.analysis
     history = () if recompute else before.earlier
     if reanalysed:
         history = (*history, earlier)
     manifest = manifest_with(manifest, history)
-    return declare(folder, plan.text, manifest), reanalysed
+    return declare(folder, manifest), reanalysed
 
 
 def manifest_with(manifest: Manifest, earlier: tuple[object, ...]) -> Manifest:

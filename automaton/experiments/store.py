@@ -1,7 +1,7 @@
 """A folder of results: rows in Parquet files that are whole, checked, and read as one table.
 
-    DIR/study.yaml      the study as declared
-    DIR/sweep.json      what the rows follow from: points, seeds, hashes of the code
+    DIR/sweep.json      what the rows follow from: the study, points, seeds, hashes of the code
+    DIR/study.yaml      the study as declared, for you and for another sweep
     DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
     DIR/rows/*.bad      files that were damaged; their runs are done again
 
@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, Final
 from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, read_manifest
 from automaton.experiments.names import COLUMNS, SERIES, column_value, metric_names
-from automaton.experiments.study import Study, read_study
+from automaton.experiments.study import Study, checked_study, document_of
+from automaton.scenario.document import Document
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -56,7 +57,7 @@ class Store:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
             raise InputError(why, str(folder))
         self.manifest: Manifest = manifest
-        self.study: Study = read_study(self.folder / STUDY_FILE)
+        self.study: Study = declared_in(self.folder, manifest)
         self.damaged: list[Path] = []  # files that the last reading left out
 
     @property
@@ -131,6 +132,16 @@ class Store:
                 seen.add(path)
             if not fresh:
                 return
+
+
+def study_document_in(folder: Path, manifest: Manifest) -> Document:
+    """The study as the manifest has it: a reader never finds one of them without the other."""
+    return document_of(manifest.text, folder / STUDY_FILE)
+
+
+def declared_in(folder: Path, manifest: Manifest) -> Study:
+    """The study that the rows of a folder belong to. Raises InputError."""
+    return checked_study(study_document_in(folder, manifest))
 
 
 def schema_of(study: Study, manifest: Manifest) -> pa.Schema:

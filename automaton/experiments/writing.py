@@ -222,10 +222,10 @@ def set_damaged_aside(store: Store) -> list[Path]:
     return aside
 
 
-def declare(folder: Path, text: str, manifest: Manifest) -> Store:
+def declare(folder: Path, manifest: Manifest) -> Store:
     """Write what a folder's results follow from. Raises InputError."""
     with _told(folder):
-        write_whole(folder / STUDY_FILE, text.encode())
+        write_whole(folder / STUDY_FILE, manifest.text.encode())
         pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
         write_whole(folder / MANIFEST, pretty + b"\n")
     return Store(folder)

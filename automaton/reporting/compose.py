@@ -8,7 +8,7 @@ from pathlib import Path
 
 from automaton.errors import InputError
 from automaton.experiments.plan import resolved_study, window_of
-from automaton.experiments.store import STUDY_FILE, Store
+from automaton.experiments.store import STUDY_FILE, Store, study_document_in
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.results import Results, point_name, read_results
@@ -55,7 +55,7 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
     """The scenario of each point as it is now, or why they cannot be read."""
     try:
-        _, _, scenarios = resolved_study(store.folder / STUDY_FILE)
+        _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
     except InputError as error:
         return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
     return dict(enumerate(scenarios)), ""
@@ -93,5 +93,5 @@ def add_repeat(document: Document, store: Store) -> None:
         Text("This command, with the code named above and this study file, gives the same rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
         Text(f"{STUDY_FILE}:"),
-        Text((folder / STUDY_FILE).read_text(encoding="utf-8").strip(), code=True),
+        Text(store.manifest.text.strip(), code=True),
     )

@@ -8,6 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,15 +18,19 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
+from automaton.experiments import sweep
+from automaton.experiments.store import Store
 from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
 from automaton.reporting.comparing import comparisons, declared_pairs, pairing_remark
+from automaton.reporting.compose import compose
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.html import as_html
 from automaton.reporting.results import Results, point_name
 from automaton.reporting.sections import comparison_section, metric_section, remarks, steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
+from automaton.scenario.reading import find
 from automaton.statistics.effects import effect
 
 pytest.importorskip("pyarrow")
@@ -307,6 +312,30 @@ def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
     assert refused[1] == "-"
     (listed,) = [block for block in blocks if isinstance(block, Listed)]
     assert "not stationary or too short" in listed.items[0]
+
+
+@pytest.fixture
+def steady(tmp_path: Path) -> Path:
+    """A folder of a steady state, of which the scenario lies beside the study, not in the folder."""
+    shipped = find("warehouse-100").read_text()
+    (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 1200"))
+    (tmp_path / "steady.yaml").write_text(
+        "name: steady\nscenario: own.yaml\nreplications: 20\ndesign: steady-state\nwindow: 20\n"
+        "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput]}\n"
+    )
+    with ThreadPoolExecutor(1) as executor:
+        sweep(tmp_path / "steady.yaml", tmp_path / "deep" / "results", executor)
+    return tmp_path / "deep" / "results"
+
+
+def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
+    store = Store(steady)
+    document = compose(store)
+    told = [item for block in document.blocks if isinstance(block, Listed) for item in block.items]
+    assert any("without lower bounds and maps" in item for item in told)
+    table = next(one for one in tables(document.blocks) if "orders/1000 ticks" in one.head)
+    series = np.array(store.rows().column("series").to_pylist())[:, 400 // 20 :]
+    assert float(table.rows[0][1]) == pytest.approx(series.mean() * 1000 / 20, rel=1e-3)
 
 
 def replace_study(**more: Any) -> Study:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from automaton.errors import InputError
-from automaton.experiments.plan import resolved_study, window_of
+from automaton.experiments.plan import resolved_study
 from automaton.experiments.store import STUDY_FILE, Store, study_document_in
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
@@ -42,7 +42,7 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
             document.add(*metric_section(results, scenarios, metric))
         else:
             document.add(Heading(metric, 3), Text("No run has this metric."))
-    windows = {number: window_of(study, resolved) for number, resolved in scenarios.items()}
+    windows = {number: point.window for number, point in enumerate(store.manifest.points)}
     document.add(*steady_section(results, windows), *comparison_section(results))
     drawn = list(curves(results, scenarios))
     if drawn:

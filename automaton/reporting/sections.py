@@ -291,7 +291,7 @@ def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Blo
     )
     rows, refused = [], []
     for point in results.points:
-        found = steady_throughput(results, point, windows.get(point.number, 0) or 1)
+        found = steady_throughput(results, point, windows[point.number])
         cells = ["-"] * 5
         if found is not None and found.interval is not None:
             interval = found.interval

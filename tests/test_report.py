@@ -338,6 +338,21 @@ def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
     assert float(table.rows[0][1]) == pytest.approx(series.mean() * 1000 / 20, rel=1e-3)
 
 
+def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsys: Any) -> None:
+    """Beside the folder's own study, where the report looks first, lies a scenario of that name."""
+    own = steady.parent.parent / "own.yaml"
+    (steady / "own.yaml").write_text(own.read_text())
+    code, out, _ = report(capsys, str(steady), "--floor", "0")
+    assert code == 0 and "most: no strategy can do better" in out and "Visits, point 0" in out
+    (steady / "own.yaml").write_text(own.read_text().replace("count: 2000", "count: 1999"))
+    code, out, _ = report(capsys, str(steady))
+    assert code == 0 and "no strategy can do better" not in out
+    told = "without lower bounds and maps of 1 of 1 point, since another scenario is found now"
+    assert told in " ".join(out.split())
+    code, _, err = report(capsys, str(steady), "--floor", "0")
+    assert code == 2 and "has changed" in err
+
+
 def replace_study(**more: Any) -> Study:
     return Study(
         name="steady",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from automaton.errors import InputError
+from automaton.experiments.keys import fingerprint
 from automaton.experiments.plan import resolved_study
 from automaton.experiments.store import STUDY_FILE, Store, study_document_in
 from automaton.reporting.curves import curves
@@ -20,6 +21,7 @@ from automaton.reporting.sections import (
     remarks,
     steady_section,
 )
+from automaton.units import count
 
 
 def compose(store: Store, floors: Sequence[int] = ()) -> Document:
@@ -53,12 +55,26 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
 
 
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
-    """The scenario of each point as it is now, or why they cannot be read."""
+    """The scenario of each point if it is still the one that was run; what is lacking, and why."""
+    planned = store.manifest.points
     try:
         _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
     except InputError as error:
         return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
-    return dict(enumerate(scenarios)), ""
+    same = {
+        number: resolved
+        for number, (point, resolved) in enumerate(zip(planned, scenarios, strict=True))
+        if fingerprint(resolved, point.window) == point.fingerprint
+    }
+    other = [point for point in store.study.points if point.number not in same]
+    if not other:
+        return same, ""
+    names = ", ".join(dict.fromkeys(point.scenario for point in other))
+    what = f"{len(other)} of {count(len(planned), 'point')}"
+    return same, (
+        f"without lower bounds and maps of {what}, since another scenario is found now than was "
+        f"run: {names} changed (the file, its floor, or the code)"
+    )
 
 
 def add_floors(
@@ -75,7 +91,7 @@ def add_floors(
             last = len(results.points) - 1
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
-            raise InputError(f"--floor {number}: its scenario cannot be read")
+            raise InputError(f"--floor {number}: its scenario cannot be read, or has changed")
         point = results.points[number]
         first = results.first_run(point)
         if first is None:

@@ -22,6 +22,7 @@ from automaton.recording.header import DECIDING, PACKAGES, file_hashes
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 
+DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
 FORMAT: Final = 2
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
@@ -152,19 +153,31 @@ def plugins_of(resolved: Resolved) -> set[str]:
 def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
     """The files from which runs follow: automaton's packages, and the modules of plug-ins.
 
-    Of a plug-in that is a package all its files count, of a single module those beside it.
+    Of a plug-in that is a package all its files count but caches, of a single module the Python
+    files beside it.
     """
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
-        files = (path for path in root.rglob("*") if path.suffix in DECIDING)
-        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in files}
+        deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA)
+        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in deciding}
     for plugin in plugins:
         top = plugin.partition(".")[0]
         root, whole = _home(top)
-        files = root.rglob("*.py") if whole else root.glob("*.py")
+        files = _own_files(root) if whole else root.glob("*.py")
         found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
     return dict(sorted(found.items()))
+
+
+def _own_files(root: Path) -> Iterator[Path]:
+    """The files of a package: not caches, nothing hidden, and no results that a sweep keeps there."""
+    for path in sorted(root.iterdir()):
+        if path.name.startswith(".") or path.name == "__pycache__" or path.suffix == ".pyc":
+            continue
+        if path.is_file():
+            yield path
+        elif path.is_dir() and not path.is_symlink() and not (path / MANIFEST).exists():
+            yield from _own_files(path)
 
 
 def _home(name: str) -> tuple[Path, bool]:

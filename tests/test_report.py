@@ -242,7 +242,7 @@ def test_runs_that_lack_are_told() -> None:
     some = replace(whole, columns={k: v[:15] for k, v in whole.columns.items()}, earlier=1)
     notes = " ".join(remarks(some))
     assert "5 runs of 20 not done yet" in notes
-    assert "the analysis was changed 1 time after runs had been made" in notes
+    assert "the analysis or warm-up was changed 1 time after runs had been made" in notes
 
 
 def test_the_baseline_is_compared_at_equal_other_levels() -> None:

@@ -28,6 +28,9 @@ from automaton.experiments.names import COLUMNS
 from automaton.experiments.plan import plan_of
 from automaton.experiments.store import Store, read_rows
 from automaton.glossary import GLOSSARY
+from automaton.reporting.compose import compose
+from automaton.reporting.document import Table
+from automaton.reporting.results import read_results
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
@@ -235,9 +238,33 @@ def test_a_changed_analysis_is_told_and_kept(
     study.write_text(study.read_text() + "analysis: {metrics: [T_total]}\n")
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert "another one than that with which 4 runs were made" in capsys.readouterr().err
-    assert Store(out).manifest.earlier == (None,)
+    assert [one.analysis for one in Store(out).manifest.earlier] == [None]
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path) -> None:
+    study, out = tmp_path / "steady.yaml", tmp_path / "out"
+    text = (
+        "name: steady\nscenario: tabletop-mini\nreplications: {}\ndesign: steady-state\n{}"
+        "window: 50\npoints: [{{stop.when: never, stop.at_most: 999}}]\n"
+    )
+    told = []
+    for replications, warm_up in ((1, "warm_up: mser-5\n"), (3, "warm_up: mser-5\n"), (3, "")):
+        study.write_text(text.format(replications, warm_up))
+        swept_here(study, out)
+        found = read_results(Store(out))
+        told.append((found.earlier, list(found.raised)))
+    assert told == [(0, []), (0, [1]), (1, [1])]
+    (row,) = (row for table in design_tables(out) for row in table.rows if row[0] == "runs")
+    assert "raised from 1 after runs had been made" in row[1]
+    # Begun anew, but the same runs count: what was declared before is not forgotten.
+    swept_here(study, out, recompute=True)
+    assert len(Store(out).manifest.earlier) == 2
+
+
+def design_tables(out: Path) -> list[Table]:
+    return [block for block in compose(Store(out)).blocks if isinstance(block, Table)]
 
 
 def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:

@@ -154,7 +154,7 @@ class Listener:
             note(f"{path} is damaged; its runs are done again")
         if begun.reanalysed:
             note(
-                "the analysis declared in the study is another one than that with which "
+                "the analysis or warm-up declared in the study is another one than that with which "
                 f"{count(begun.done, 'run')} were made; the earlier one stays in sweep.json"
             )
 

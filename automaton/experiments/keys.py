@@ -47,6 +47,18 @@ class PlannedPoint(msgspec.Struct, frozen=True):
     window: int  # ticks of a window of its rows' series; 0: they keep none
 
 
+class Declared(msgspec.Struct, frozen=True):
+    """What a study says of its analysis, and no key of a run follows from."""
+
+    replications: int
+    warm_up: int | str | None
+    analysis: Any  # as plain data; None: nothing was declared
+
+    def analysed_as(self, other: Declared) -> bool:
+        """Whether the runs are asked the same."""
+        return (self.warm_up, self.analysis) == (other.warm_up, other.analysis)
+
+
 class Form(msgspec.Struct, frozen=True):
     """What every manifest says, whatever wrote it."""
 
@@ -65,7 +77,7 @@ class Manifest(msgspec.Struct, frozen=True):
     sources: Sources
     versions: dict[str, str]  # of libraries; for the record
     counted: tuple[str, ...]  # metrics that the strategies count themselves
-    earlier: tuple[Any, ...] = ()  # analyses that were declared before, when runs had been made
+    earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
     format: int = FORMAT
 
     @property
@@ -220,6 +232,11 @@ def read_manifest(folder: Path) -> Manifest | None:
         return None
     except (msgspec.DecodeError, OSError) as error:
         raise InputError(f"cannot be read: {error}", str(path)) from None
+
+
+def declared_by(study: Study) -> Declared:
+    """What must be told of a study if it is another one after runs have been made."""
+    return Declared(study.replications, study.warm_up, msgspec.to_builtins(study.analysis))
 
 
 def manifest_of(

@@ -48,11 +48,14 @@ def arrow() -> Any:
 
 
 class Store:
-    """The results in a folder; reading alone. Raises InputError where there are none."""
+    """The results in a folder; reading alone. Raises InputError where there are none.
 
-    def __init__(self, folder: str | Path) -> None:
+    `manifest`: what they must follow from, if that is not what the folder says.
+    """
+
+    def __init__(self, folder: str | Path, manifest: Manifest | None = None) -> None:
         self.folder = Path(folder)
-        manifest = read_manifest(self.folder)
+        manifest = manifest or read_manifest(self.folder)
         if manifest is None:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
             raise InputError(why, str(folder))

@@ -74,12 +74,11 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         warm_up = f"the first {study.warm_up:,} ticks are left out, as declared"
     seeds = "replication r has the seed hash(study seed, r)"
     common = "the same for every point" if study.common_random_numbers else "one for each point"
-    {f"1 tick = {resolved.scenario.units.tick}" for resolved in scenarios.values()}
     varied = [name for name in study.factor_names if name.startswith("durations.")]
     rows = [
         ["estimand", "mean of each metric over runs with seeds of their own, those that finish"],
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
-        ["runs", "n fixed beforehand"],
+        ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
         ["warm-up", warm_up],
         ["intervals", f"{percent(1 - analysis.error, 0)}; Student's from 60 runs on, below BCa"],
@@ -106,6 +105,17 @@ def runs_planned(results: Results) -> str:
     """Runs by point and in all."""
     study = results.study
     return f"{count(study.replications, 'run')} each, {count(study.runs, 'run')} in all"
+
+
+def fixed(results: Results) -> str:
+    """Whether the number of runs was declared before any was made."""
+    if not results.raised:
+        return "n fixed beforehand"
+    before = ", then ".join(map(str, results.raised))
+    return (
+        f"n not fixed beforehand: raised from {before} after runs had been made; if their figures "
+        "were the reason, intervals and p values say too much"
+    )
 
 
 def family(results: Results) -> str:
@@ -139,8 +149,8 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"{count(failed, 'run')} failed and have no figures: {'; '.join(sorted(reasons)[:3])}"
     if results.earlier:
         yield (
-            f"the analysis was changed {count(results.earlier, 'time')} after runs had been made: "
-            "what it finds is a lead, not a test"
+            f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
+            "made: what it finds is a lead, not a test"
         )
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"

@@ -236,6 +236,15 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
     assert "2 runs did not finish" in notes and "2 runs failed" in notes and "it broke" in notes
 
 
+def test_what_was_not_measured_is_in_no_mean() -> None:
+    study = study_of({"fleet.robots": (1, 2)})
+    results = made_up(study, lambda p, r: 100.0 if r % 3 else None)
+    (table,) = tables(blocks := list(metric_section(results, {}, "T_total")))
+    assert [row[1] for row in table.rows] == ["100", "100"]
+    (listed, *_) = (block for block in blocks if isinstance(block, Listed))
+    assert listed.items[0].startswith("robots 1: 20 of 60 runs without T_total")
+
+
 def test_runs_that_lack_are_told() -> None:
     study = study_of({"fleet.robots": (1, 2)}, replications=10)
     whole = made_up(study, noise)

@@ -184,6 +184,15 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
             "the cheapest way, and by what stations and chargers can do"
         )
+    lacking = [
+        f"{point_name(results.study, one.point)}: {without} of "
+        f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
+        "measured by; the mean is of the others"
+        for one in found
+        if one.interval is not None and (without := one.counts.finished - one.interval.n)
+    ]
+    if lacking:
+        yield Listed(lacking)
     yield from warnings(results, found)
 
 

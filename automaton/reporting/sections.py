@@ -22,7 +22,7 @@ from automaton.reporting.results import (
 from automaton.reporting.steady_state import steady_throughput
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved
-from automaton.statistics.intervals import Interval, mean_interval
+from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval
 from automaton.units import count, number, percent
 
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
@@ -202,11 +202,13 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
     for one in found:
         if one.interval is not None and one.interval.warning:
             told.setdefault(one.interval.warning, []).append(point_name(results.study, one.point))
-    if len(told) > 3:
-        few = min(one.interval.n for one in found if one.interval and one.interval.warning)
+    if len(told.keys() - {SAME}) > 3:
+        few = min(one.interval.n for one in found if one.interval is not None)
         worst = max(told, key=lambda text: abs(skew_in(text)))
-        rest = f"{len(found)} points have fewer than 60 runs (least {few}); the most skewed: "
-        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}"])
+        many = sum(one.interval is not None and one.interval.n < ENOUGH for one in found)
+        rest = f"{many} points have fewer than {ENOUGH} runs (least {few}); the most skewed: "
+        same = [f"warning: {', '.join(told[SAME])}: {SAME}"] if SAME in told else []
+        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
     elif told:
         yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
 
@@ -244,11 +246,17 @@ def comparison_section(results: Results) -> Iterator[Block]:
     remark = pairing_remark(compared, results.analysis.paired)
     if remark:
         yield Text(remark)
-    small = {one.effect.difference.warning for one in compared if one.effect.difference.warning}
+    same = sum(one.effect.difference.warning == SAME for one in compared)
+    small = sum(bool(one.effect.difference.warning) for one in compared) - same
     if small:
         yield Text(
-            f"Warning: {len(small)} of these intervals rest on fewer than 60 runs and may hold the "
+            f"Warning: {small} of these intervals rest on fewer than {ENOUGH} runs and may hold the "
             "truth less often than they say."
+        )
+    if same:
+        yield Text(
+            f"Warning: in {same} of these comparisons all runs of a point gave the same: without "
+            "spread the interval has no width, and p is that of a permutation test."
         )
 
 
@@ -257,9 +265,10 @@ def comparison_text(results: Results, compared: list[Compared]) -> str:
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
     return (
-        f"Differences of means, {family(results)}; comparisons in the family: {families}. An "
-        "interval without 0 is an effect; all intervals of a family hold together with "
-        f"{percent(1 - results.analysis.error, 0)}."
+        f"Differences of means, {family(results)}; comparisons in the family: {families}. Holm's p "
+        f"decides: below {results.analysis.error:g} it is an effect. Intervals say how large it is; "
+        f"those of a family hold together with {percent(1 - results.analysis.error, 0)}. They come by "
+        "another method and may hold 0 where p is below, or leave it out where p is above."
     )
 
 

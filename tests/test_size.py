@@ -87,6 +87,19 @@ def test_a_run_that_does_not_finish_fails() -> None:
         assert search.answer.kind == "not reachable"
 
 
+def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
+    """Runs so short that no task ends have no delay, which is not a delay of 0."""
+    short = ("--set", "measure={warm_up: 5}", "--set", "stop={when: never, at_most: 10}")
+    for options in ((), ("--mean", "--zone", "1")):
+        code, out, _ = size(
+            capsys, "tabletop-mini", "--target", "delay<=5", "--robots", "1..2", "--workers", "1",
+            *short, *options,
+        )  # fmt: skip
+        assert code == 1 and "not reachable up to 2 robots" in out
+        told = r"^1: \d+ runs without delay, since nothing ended; such runs miss the target$"
+        assert re.search(told, out, re.M)
+
+
 def test_means_are_judged_in_the_direction_of_the_target() -> None:
     def run(place: Place, first: int, number: int) -> list[Run]:
         rng = np.random.default_rng(place.robots)

@@ -239,7 +239,11 @@ def study_document(name: str | Path) -> Document:
         raise InputError("no such file", str(name))
     elif os.path.isdir(path):
         raise InputError("is a folder, not a study file", str(name))
-    text = read_text(path)
+    return document_of(read_text(path), path)
+
+
+def document_of(text: str, path: Path) -> Document:
+    """What the text of a study file says, unchecked. Raises InputError."""
     data, root = parse(text, str(path))
     if data is None:
         raise InputError(

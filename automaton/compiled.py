@@ -155,7 +155,7 @@ def _widened(kind: Any) -> Any:
     return kind
 
 
-class _Compilations(event.Listener):
+class _Compilations(event.Listener):  # type: ignore[misc]
     """Notes how long this process compiles, and says on stderr what, unless it is done at once.
 
     Numba lets one thread compile at a time, and tells only of what is not in the cache.

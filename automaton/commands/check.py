@@ -109,7 +109,7 @@ def described(resolved: Resolved) -> str:
     robots = count(fleet.robots, "robot")
     if fleet.types:
         pairs = zip(fleet.types, fleet.counts, strict=True)
-        robots += f" ({', '.join(f'{many} {kind.name}' for kind, many in pairs)})"
+        robots += f" ({', '.join(f'{kind.name} {many}' for kind, many in pairs)})"
     closed = [
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()

@@ -63,12 +63,21 @@ class Analysis(Part, frozen=True, kw_only=True):
     error: Annotated[
         float, Meta(gt=0, le=0.5, description="Of the whole family; 0.05: 95 % intervals.")
     ] = 0.05
+    precision: Annotated[
+        Annotated[float, Meta(ge=1e-6, le=1)] | None,
+        Meta(
+            description="How far the intervals of differences shall reach to each side, as a share of "
+            "the mean that is compared with: the report says how many runs that takes."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.comparisons == "baseline" and not self.baseline:
             raise ValueError("comparisons with the baseline need a baseline")
         if self.baseline is not None and self.comparisons != "baseline":
             raise ValueError("baseline belongs to comparisons: baseline")
+        if self.precision is not None and self.comparisons == "none":
+            raise ValueError("precision is that of comparisons, and none are declared")
 
 
 class Point(NamedTuple):
@@ -230,7 +239,11 @@ def study_document(name: str | Path) -> Document:
         raise InputError("no such file", str(name))
     elif os.path.isdir(path):
         raise InputError("is a folder, not a study file", str(name))
-    text = read_text(path)
+    return document_of(read_text(path), path)
+
+
+def document_of(text: str, path: Path) -> Document:
+    """What the text of a study file says, unchecked. Raises InputError."""
     data, root = parse(text, str(path))
     if data is None:
         raise InputError(

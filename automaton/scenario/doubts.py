@@ -9,6 +9,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.units import count
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
 from automaton.world.reach import steps_from
+from automaton.world.types import least_move
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
 
@@ -77,7 +78,7 @@ def out_of_range(resolved: Resolved) -> str:
         return ""
     chargers = np.flatnonzero(plan.kind == CHARGER).tolist()
     there, back = steps_from(plan, chargers), steps_from(plan, chargers, backwards=True)
-    move = battery.drain.move * scenario.durations.move
+    move = battery.drain.move * least_move(scenario)
     dearest, way = 0.0, pairs[0]
     for source in dict.fromkeys(source for source, _ in pairs):
         ahead = steps_from(plan, [source])

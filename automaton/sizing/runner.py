@@ -27,9 +27,11 @@ from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
 from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
+from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
+ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
@@ -115,6 +117,11 @@ class Fleets:
         return {percent: settings for percent, settings in found.items() if settings}
 
     @property
+    def tick(self) -> Unit:
+        """What a tick stands for."""
+        return unit(self.base.scenario.units.tick)
+
+    @property
     def ends_with_orders(self) -> bool:
         """Whether a run ends when all is delivered, and not at a given tick."""
         return self.base.scenario.stop.when != "never"
@@ -139,7 +146,8 @@ class Checked:
         if self.tell is not None:
             self.tell(place, self.runs, self.asked)
         if self.runs == 0:
-            check_measured(self.asked.target, self.fleets(place, 0, 1)[0])
+            measures = self.fleets.base.scenario.measure is not None
+            check_measured(self.asked.target, self.fleets(place, 0, 1)[0], measures)
         self.runs += number
         return self.fleets(place, first, number)
 
@@ -160,9 +168,17 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     return settings
 
 
-def check_measured(target: Target, run: Run) -> None:
-    """That runs have the metric of the target. Raises InputError."""
-    if target.metric not in run.figures:
+def check_measured(target: Target, run: Run, tasks: bool) -> None:
+    """That runs may have the metric of the target; `tasks` are measured. Raises InputError.
+
+    A run in which nothing ended has no times: that says nothing of the others.
+    """
+    nothing_yet = {
+        **dict.fromkeys(TASK_METRICS, tasks),
+        **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
+        "part_time": "parts" in run.figures,
+    }
+    if target.metric not in run.figures and not nothing_yet.get(target.metric):
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
         hint = "; say measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
         raise InputError(

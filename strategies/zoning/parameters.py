@@ -48,11 +48,33 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
     ] = None
 
+    priority: Annotated[
+        dict[str, tuple[int, ...]],
+        Meta(
+            description="{TYPE: [stations]}: where robots of a type come first: zones are made so, and "
+            "no exchange takes such a station from them for another type"
+        ),
+    ] = {}
+
     def located(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
         if not isinstance(self.design, str):
             return self
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
+
+    def _wrong_priority(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        names = [kind.name for kind in scenario.fleet.types]
+        most = len(plan.stations()) or self.groups
+        for name, stations in self.priority.items():
+            if name not in names:
+                known = (
+                    f"fleet.types has {', '.join(names)}" if names else "there are no fleet.types"
+                )
+                return f"priority names the type '{name}'{nearest(name, names)}, but {known}"
+            for station in stations:
+                if not 1 <= station <= most:
+                    return f"priority names station {station}, but there are stations 1 to {most}"
+        return None
 
     def stations(self, plan: FloorPlan) -> int:
         """The stations that zones are made of; without any, the groups of slots that count as such."""
@@ -79,7 +101,10 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         return None
 
     def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
-        """Each robot has a zone with a station in it; a design says how many robots there are."""
+        """Each robot has a zone with a station in it; a design says how many robots there are, and
+        priority names types and stations."""
+        if wrong := self._wrong_priority(scenario, plan):
+            return wrong
         zones = self.design.get("zones") if isinstance(self.design, dict) else None
         robots, stations = scenario.fleet.robots, self.stations(plan)
         if robots > stations:
@@ -137,10 +162,14 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     matched: Annotated[
         bool,
         Meta(
-            description="new zones go to the robots that began nearest to them; false: in the order "
-            "in which they are bred"
+            description="new zones go to the robots whose poses are nearest; false: in the order in "
+            "which they are bred"
         ),
     ] = True
+    poses: Annotated[
+        tuple[tuple[int, int], ...] | None,
+        Meta(description="cells [x, y], one for each robot; left out: where robots begin"),
+    ] = None
 
 
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -79,7 +79,6 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         warm_up = f"the first {study.warm_up:,} ticks are left out, as declared"
     seeds = "replication r has the seed hash(study seed, r)"
     common = "the same for every point" if study.common_random_numbers else "one for each point"
-    {f"1 tick = {resolved.scenario.units.tick}" for resolved in scenarios.values()}
     varied = [name for name in study.factor_names if name.startswith("durations.")]
     rows = [
         ["estimand", "mean of each metric over runs with seeds of their own, those that finish"],
@@ -123,7 +122,10 @@ def family(results: Results) -> str:
         what = "against " + ", ".join(f"{k} {v}" for k, v in analysis.baseline.items())
     pairs = "paired by replication" if analysis.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
-    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni"
+    wanted = (
+        "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
+    )
+    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
 
 
 def remarks(results: Results) -> Iterator[str]:

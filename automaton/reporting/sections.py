@@ -133,7 +133,10 @@ def family(results: Results) -> str:
         what = "against " + ", ".join(f"{k} {v}" for k, v in analysis.baseline.items())
     pairs = "paired by replication" if analysis.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
-    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni"
+    wanted = (
+        "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
+    )
+    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
 
 
 def remarks(results: Results) -> Iterator[str]:

@@ -241,7 +241,7 @@ def test_a_missing_study_names_the_nearest_and_a_folder_is_refused(
     assert main(["sweep", "nor.yaml", "--out", str(tmp_path / "x")]) == 2
     assert "no such file" in capsys.readouterr().err
     assert main(["sweep", str(shipped()["tabletop-1"]), "--out", str(tmp_path / "x")]) == 2
-    assert "unknown key 'layout'" in capsys.readouterr().err
+    assert "this is a scenario" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
 
 
@@ -305,7 +305,7 @@ def test_each_kind_of_file_is_told_from_the_others(
         (["sweep", "tabletop-1", "--dry-run"], "'tabletop-1' is a scenario; a study is a file"),
         (["run", str(study)], "this is a study; `automaton sweep STUDY"),
         (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
-        (["report", str(study)], "is a file; results are a folder"),
+        (["report", str(study)], "is a file; a report is made of the folder of a sweep"),
         (["report", str(tmp_path)], "holds no results of a sweep"),
     ):
         assert main(command) == 2, command

@@ -111,7 +111,7 @@ def test_a_robot_and_its_zone_tell_how_long_the_work_in_the_queue_takes(factory:
                 slot = orders.place if orders.state[order] == WAITING else zoning.leg
                 here, there = zoning.station_of[[slot[order], zoning.stop[order]]]
                 legs[here, there] += here != there
-        minutes = load_of(zoning.roads.read_only(), rules, legs, space)
+        minutes = load_of(zoning.roads.read_only(), rules, legs, space, robot)
         assert minutes > 1
         said = shown(Inspector(), of_robot(factory, robot), 70)
         assert f"its work {minutes:.1f} minutes of driving and handling" in said

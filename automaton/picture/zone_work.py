@@ -32,11 +32,18 @@ def minutes_of_zones(
 
 
 def work_of_each(world: World) -> Array:
-    """(Z,) minutes of work of each zone; a tick is a second where the scenario does not say."""
+    """(Z,) minutes of work of each zone, at the pace of the robot that serves it.
+
+    A tick is a second where the scenario does not say.
+    """
     tick_s = world.rules.tick_us / 1e6 if world.rules.tick_us else 1.0
-    zoning, duration = world.zoning, world.rules.duration[0]
-    zones = range(len(zoning.server))
-    return np.array([minutes_of_zones(zoning, world.orders, [z], tick_s, duration) for z in zones])
+    kinds = world.robots.type[world.robots.at_index[world.zoning.server]]
+    return np.array(
+        [
+            minutes_of_zones(world.zoning, world.orders, [z], tick_s, world.rules.duration[kind])
+            for z, kind in enumerate(kinds.tolist())
+        ]
+    )
 
 
 def unevenness(work: Array) -> float | None:

@@ -144,15 +144,20 @@ def steady_coverages(studies: int = STUDIES) -> bool:
         shown(f"M/M/1 steady, {name} ({refused[name]} refused)", float(np.mean(found)), len(found))
     for r in (0.9, 0.95, 0.98):
         for n in (1000, 3000, 10_000):
-            held_here, given = batch_coverage(autoregressive(rng, studies, n, r), 0.0)
-            shown(f"AR(1) {r:g}, {n:,}: batch means ({studies - given} refused)", held_here, given)
+            told(f"AR(1) {r:g}, {n:,}", autoregressive(rng, studies, n, r), 0.0)
     for customers in (5000, 20_000):
-        held_here, given = batch_coverage(waits(rng, studies, customers, False), truth)
-        shown(f"M/M/1, {customers:,}: batch means ({studies - given} refused)", held_here, given)
-    series = waits(rng, 10 * (studies // 10), 20_000, False).reshape(-1, 10, 20_000)
-    held_here, given = batch_coverage(series, truth)
-    shown(f"M/M/1, 10 runs of 20,000 ({len(series) - given} refused)", held_here, given)
+        told(f"M/M/1, {customers:,}", waits(rng, studies, customers, False), truth)
     return True
+
+
+def told(name: str, series: Values, truth: float) -> None:
+    """Print the coverage of batch means."""
+    found, given = batch_coverage(series, truth)
+    what = f"{name}: batch means ({len(series) - given} refused)"
+    if given:
+        shown(what, found, given)
+    else:
+        print(what, flush=True)
 
 
 def autoregressive(rng: np.random.Generator, studies: int, n: int, r: float) -> Values:

@@ -233,7 +233,7 @@ def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did", "planned"),
         *("cell", "endless", "access", "spare", "within"),
         *("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
-        *("roads", "station_of"),
+        *("roads", "station_of", "serves", "first"),
     }
     parts = {
         "robots": ROBOT_FIELDS,

@@ -10,6 +10,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from drawn_floors import pictures
 from hypothesis import given, settings
@@ -19,9 +20,12 @@ from situations import WANTED, count_illegal, count_situations
 
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
+from automaton.scenario.fleet import FleetType
+from automaton.scenario.orders import WeightRange
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import (
+    Area,
     Battery,
     ChargeRange,
     Drain,
@@ -39,6 +43,8 @@ from automaton.strategy.entry import NoParameters
 from automaton.world.cells import STATION
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import around_home
+from automaton.world.state import MOVE
+from automaton.world.types import closed_cells, types_of
 from automaton.world.zones import MODES
 
 EXAMPLES = 2000
@@ -203,7 +209,7 @@ def scenarios(draw: Any, robots: int, busy: bool, bays: bool, stations: int = 0)
 
 
 @st.composite
-def cases(draw: Any) -> Case:
+def cases(draw: Any, types: bool = False) -> Case:
     busy = draw(st.integers(0, 5)) == 5  # everybody on the move: rings would be rare otherwise
     plan = draw_floor(draw(st.sampled_from(LOOPS))) if busy else draw(plans())
     if len(plan.bays):
@@ -217,14 +223,71 @@ def cases(draw: Any) -> Case:
         picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
     stations = reachable_stations(plan, start)
     scenario = draw(scenarios(n, busy, start == "bays", stations))
+    if types:
+        scenario = draw(typed(scenario, plan, start))
     resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
+
+
+@st.composite
+def typed(draw: Any, scenario: Scenario, plan: FloorPlan, start: Any) -> Scenario:
+    """The same with two types of robots, and perhaps an area that is closed to one of them."""
+    fleet = scenario.fleet
+    few = draw(st.integers(1, max(1, fleet.robots - 1)))
+    pace, payload = draw(st.integers(1, 3)), draw(st.sampled_from([1, 2, None]))
+    kinds = [FleetType(name="slow", robots=few, pace=pace, payload=payload)]
+    kinds += [FleetType(name="other", payload=2)] if few < fleet.robots else []
+    fleet = msgspec.structs.replace(fleet, types=tuple(kinds))
+    orders = scenario.orders
+    weight = WeightRange(least=1, most=3)
+    scenario = msgspec.structs.replace(
+        scenario, fleet=fleet, orders=msgspec.structs.replace(orders, weight=weight)
+    )
+    columns = sorted(draw(st.integers(0, plan.width - 1)) for _ in range(2))
+    rows = sorted(draw(st.integers(0, plan.height - 1)) for _ in range(2))
+    area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=("slow",))
+    closed = msgspec.structs.replace(scenario, areas={"area": area})
+    shut = closed_cells(plan, types_of(closed)[0])
+    homes = plan.bays[:, 1].tolist() if start == "bays" else start
+    allowed = orders.generator == "full-shelves" and not shut[list(homes[: fleet.robots])].any()
+    return closed if allowed else scenario
 
 
 def reachable_stations(plan: FloorPlan, start: Any) -> int:
     """How many stations every robot gets to and home from, whatever its kinematics."""
     home = int(plan.bays[0, 1]) if start == "bays" else start[0]
     return int(np.count_nonzero(around_home(plan, home, True) & (plan.kind.reshape(-1) == STATION)))
+
+
+def judged(case: Case) -> Simulation:
+    """A run, found to keep all rules, however robots are stored."""
+    recorder = MemoryRecorder(case.resolved)
+    run = Simulation(case.resolved, on_record=recorder)
+    run.run()
+    report = validate_stored(recorder.recording())
+    assert [str(violation) for violation in report.violations] == []
+    again = Simulation(case.resolved, storage=np.array(case.storage, np.int32))
+    again.run()
+    assert again.digest == run.digest, "how robots are stored matters"
+    return run
+
+
+def test_no_decision_breaks_a_rule_of_types() -> None:
+    """Two types, drawn orders of weight 1 to 3, areas: what is illegal is refused by the world."""
+    reached: Counter[str] = Counter()
+
+    @settings(max_examples=EXAMPLES // 8)
+    @given(cases(types=True))
+    def check(case: Case) -> None:
+        world = judged(case).world
+        reached["area"] += bool(case.resolved.scenario.areas)
+        reached["slow"] += (
+            int(world.rules.duration[0, MOVE]) > case.resolved.scenario.durations.move
+        )
+        reached["heavy"] += bool((world.orders.weight > world.rules.payload[0]).any())
+
+    check()
+    assert min(reached.values()) > 10, reached
 
 
 def test_no_decision_breaks_a_rule() -> None:

@@ -16,18 +16,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_up_results import made_up, noise, study_of
 
 from automaton.commands import main
 from automaton.experiments import sweep
 from automaton.experiments.store import Store
 from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
-from automaton.reporting.comparing import comparisons, declared_pairs, pairing_remark
+from automaton.reporting.comparing import comparisons, declared_pairs
 from automaton.reporting.compose import compose
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.html import as_html
-from automaton.reporting.results import Results, point_name
+from automaton.reporting.results import point_name
 from automaton.reporting.sections import comparison_section, metric_section, remarks, steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
 from automaton.scenario.reading import find
@@ -176,43 +177,12 @@ def test_bad_input_is_one_sentence(
 def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
     assert report(capsys, str(tmp_path))[0] == 2
     assert report(capsys, str(tmp_path / "none"))[0] == 2
+    (tmp_path / "run.rec").touch()
+    code, _, err = report(capsys, str(tmp_path / "run.rec"))
+    assert code == 2 and "is a file" in err and "automaton replay ONE OTHER" in err
 
 
 # Results made up, without runs.
-
-
-def made_up(
-    study: Study, value: Callable[[int, int], float | None], **columns: Callable[[int, int], Any]
-) -> Results:
-    """Runs of which T_total is value(point, replication)."""
-    runs = [(p.number, r) for p in study.points for r in range(study.replications)]
-    usual: dict[str, Callable[[int, int], Any]] = {
-        "key": lambda p, r: f"{p}-{r}",
-        "point": lambda p, r: p,
-        "replication": lambda p, r: r,
-        "seed": lambda p, r: r,
-        "finished": lambda p, r: True,
-        "failed": lambda p, r: None,
-        "digest": lambda p, r: "0",
-        "T_total": value,
-    }
-    made = {name: [of(*run) for run in runs] for name, of in {**usual, **columns}.items()}
-    return Results(study=study, columns=made, version="0" * 16)
-
-
-def study_of(factors: dict[str, Any], replications: int = 60, **more: Any) -> Study:
-    analysis = Analysis(metrics=("T_total",), **more)
-    return Study(
-        name="made up",
-        scenario="tabletop-mini",
-        factors=factors,
-        replications=replications,
-        analysis=analysis,
-    )
-
-
-def noise(point: int, replication: int) -> float:
-    return float(np.random.default_rng((point, replication)).normal(100, 10))
 
 
 def tables(blocks: Any) -> list[Table]:
@@ -274,27 +244,6 @@ def test_a_family_shares_its_error() -> None:
     )
     assert found[0].effect.difference == alone.difference
     assert all(one.adjusted >= one.effect.p for one in found)
-
-
-def test_pairs_are_those_of_a_replication_that_both_finished() -> None:
-    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(
-        study,
-        lambda p, r: 100.0 + r + p,
-        finished=lambda p, r: (p, r) != (0, 5),
-    )
-    one = comparisons(results)[0]
-    assert one.runs == (59, 59)
-    assert one.effect.difference.value == pytest.approx(1)
-    assert one.effect.correlation == pytest.approx(1)
-    assert "pairing helps" in pairing_remark([one], True)
-
-
-def test_the_report_says_if_pairing_does_not_help() -> None:
-    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(study, lambda p, r: 100.0 + (r if p else -r))
-    texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
-    assert any("variance ratio of pairs 2.00: pairing does not help" in text for text in texts)
 
 
 def test_few_runs_are_warned_of() -> None:

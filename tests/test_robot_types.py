@@ -292,7 +292,7 @@ def test_reports_tell_of_types() -> None:
         ("tug", 1, 1),
         ("shuttle", 1, 1),
     ]
-    assert described(resolved).endswith("2 robots (1 tug, 1 shuttle), east closed to tug, ok")
+    assert described(resolved).endswith("2 robots (tug 1, shuttle 1), east closed to tug, ok")
 
 
 def test_the_viewer_tells_types_and_closed_cells() -> None:

@@ -33,6 +33,7 @@ from automaton.sizing.runner import (
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.sizing.strategies import strategies_named
+from automaton.units import Unit
 
 ZERO = Target("T_total", True, 0.0)
 
@@ -323,6 +324,8 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
         (["--target", "T_totl<=3"], "no metric is called 'T_totl' (did you mean 'T_total'?)"),
         (["--target", "T_total<3"], "say <= or >=, not <"),
         (["--target", "T_total"], "expected METRIC<=VALUE"),
+        (["--target", "T_total<=5h"], "units.tick of the scenario is cycle; say ticks"),
+        (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
         (["--target", "T_total<=soon"], "'soon' is not a number"),
         (["--target", "T_total<=nan"], "'nan' is not a number"),
         (["--target", "delay<=3"], "does not measure delay; say measure: {warm_up: N}"),
@@ -371,6 +374,9 @@ def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None
 def test_targets_and_fleets_as_typed() -> None:
     assert read_target("T_total <= 3,000") == Target("T_total", True, 3000.0)
     assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
+    half = Unit(0.5, "s")
+    assert read_target("T_total<=2 h", half) == Target("T_total", True, 14_400.0, "2 h")
+    assert read_target("lead_time <= 90s", half).value == 180
     assert read_robots("3..7") == (3, 7)
     assert read_robots("4") == (4, 4)
     assert strategies_named("adaptive, routing=astar") == (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from automaton.errors import InputError
 from automaton.metrics import metrics_of
 from automaton.recording.validator import validate_stored
 from automaton.recording.verification import verify_recording
-from automaton.scenario.resolve import resolve
+from automaton.scenario.resolve import document_of, resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.world.condition import RUNNING
@@ -359,7 +360,7 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
         ("{name: static, design: {zones: [{stations: [1]}]}}", "has 1 zone, .* there are 3"),
         (
             "{name: static, design: {zones: [{stations: [1]}, {stations: [3]}, {stations: [4]}]}}",
-            "no zone has station 2",
+            "static: the zone design: no zone has station 2; each of the stations 1 to 18 is in one",
         ),
         ("{name: annealing, step: 5}", "steps"),
         ("{name: decentralized, rounds: 0}", "rounds"),
@@ -368,7 +369,19 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
 )
 def test_bad_zoning_gets_one_sentence(zoning: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        Simulation(resolve("factory", (f"strategy.zoning={zoning}",)))
+        resolve("factory", (f"strategy.zoning={zoning}",))
+
+
+def test_a_design_from_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "zones: [{stations: [1]}, {stations: [2]}, {stations: [99]}]"
+    )
+    (tmp_path / "floor.yaml").write_text(document_of("factory").text)
+    setting = "strategy.zoning={name: static, design: mine.yaml}"
+    with pytest.raises(
+        InputError, match=r"static: the zone design 'mine.yaml': zone 3: stations are"
+    ):
+        resolve(tmp_path / "floor.yaml", (setting,))
 
 
 def test_a_design_needs_a_zone_for_each_robot() -> None:

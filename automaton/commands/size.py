@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
-    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'throughput>=20'")
+    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'T_total<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
     add("--share", type=positive, default=0.95, metavar="P", help="of runs that must meet it (.95)")
     add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
@@ -70,31 +70,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search and report; Ctrl-C reports what is known."""
-    from automaton.sizing.question import question, read_robots, read_target
-
     if args.plots is not None:
         from automaton.reporting.plots import figure_class
 
         figure_class()  # says what is missing before anything is computed
-    target, robots = read_target(args.target), read_robots(args.robots)
-    strategies: tuple[str, ...] = ("",)
-    if args.strategies is not None:
-        from automaton.sizing.strategies import strategies_named
-
-        strategies = strategies_named(args.strategies)
-    asked = question(
-        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
-    )
-    return answered(args, asked)
-
-
-def answered(args: argparse.Namespace, asked: Question) -> int:
-    """Run the search, and print it."""
     from automaton.rounds import Rounds
     from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
 
     with Rounds(args.workers, conducted_with_use) as rounds:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
+        asked = asked_of(args, fleets)
         tell_doubts(fleets.base)
         session = session_of(fleets, Checked(fleets, asked, tell_progress))
         interrupted = False
@@ -111,6 +96,18 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
         if interrupted:
             raise KeyboardInterrupt
     return 0 if session.settled else 1
+
+
+def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
+    """The question that the arguments put. Raises InputError."""
+    from automaton.sizing.question import question, read_robots, read_target
+    from automaton.sizing.strategies import strategies_named
+
+    target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
+    strategies = ("",) if args.strategies is None else strategies_named(args.strategies)
+    return question(
+        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
+    )
 
 
 def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:

@@ -120,9 +120,10 @@ def size(
 
     fleet = checked_robots(*(robots if isinstance(robots, tuple) else (robots, robots)))
     compared = ("",) if strategies is None else strategies_named(strategies)
-    asked = question(read_target(target), fleet, compared, share, zone, error, budget, mean)
     with Rounds(workers, conducted_with_use) as rounds:
         fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
+        wanted = read_target(target, fleets.tick)
+        asked = question(wanted, fleet, compared, share, zone, error, budget, mean)
         session = session_of(fleets, Checked(fleets, asked))
         session.go()
     return sized(session, fleets.base.scenario.name, fleets.seed)

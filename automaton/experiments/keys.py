@@ -228,7 +228,7 @@ def read_manifest(folder: Path) -> Manifest | None:
         if form != FORMAT:
             raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
         return msgspec.json.decode(content, type=Manifest)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (msgspec.DecodeError, OSError) as error:
         raise InputError(f"cannot be read: {error}", str(path)) from None

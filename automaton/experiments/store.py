@@ -58,6 +58,8 @@ class Store:
         manifest = manifest or read_manifest(self.folder)
         if manifest is None:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
+            if self.folder.is_file():
+                why = "is a file; results are a folder, the one that `sweep --out` wrote"
             raise InputError(why, str(folder))
         self.manifest: Manifest = manifest
         self.study: Study = declared_in(self.folder, manifest)

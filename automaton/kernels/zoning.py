@@ -125,7 +125,7 @@ def is_sound(world, design):
     held[:] = NIL
     for station in range(design.zone.shape[0]):
         zone = np.int64(design.zone[station])
-        if not 0 <= zone < zones:
+        if not 0 <= zone < zones or world.zoning.serves[zone, station] == 0:
             return False
         held[roads.point[station]] = zone
     if not 0 <= design.segments[0] <= design.owner.shape[0]:
@@ -139,7 +139,7 @@ def is_sound(world, design):
             if held[point] != NIL and held[point] != owner:
                 return False
             held[point] = owner
-    return transfers_are_sound(design)
+    return transfers_are_sound(design, world.zoning.serves)
 
 
 @kernel
@@ -168,8 +168,8 @@ def is_path(roads, design, segment):
 
 
 @kernel
-def transfers_are_sound(design):
-    """Whether transfer stations lie in one of their two zones, and both zones know them."""
+def transfers_are_sound(design, serves):
+    """Whether transfer stations lie in one of their two zones, and both know and serve them."""
     zones = design.transfer.shape[0]
     for a in range(zones):
         for b in range(zones):
@@ -178,6 +178,8 @@ def transfers_are_sound(design):
                     continue
                 zone = design.zone[station]
                 if a == b or (zone != a and zone != b) or design.transfer[b, a, station] == 0:
+                    return False
+                if serves[a, station] == 0:
                     return False
     return True
 
@@ -230,9 +232,10 @@ def line_up(world, given, k):
     order, queue, stop = np.int64(given.order[k]), np.int64(given.queue[k]), np.int64(given.stop[k])
     legal = 0 <= order < orders.state.shape[0] and 0 <= queue < zoning.server.shape[0]
     legal = legal and orders.state[order] == WAITING and orders.by[order] == NIL
-    legal = legal and 0 <= stop < world.slots.cell.shape[0] and stop != orders.place[order]
-    if legal and stop != orders.target[order]:  # on the way: at a station, or on a shelf
+    legal = legal and 0 <= stop < world.slots.cell.shape[0]
+    if legal and stop != orders.target[order]:  # on the way: at another station, or on a shelf
         legal = world.stations.at[stop] != NIL or world.slots.endless[stop] == 0
+        legal = legal and stop != orders.place[order]
     if not legal:
         world.tally.illegal[ZONING] += 1
         return

@@ -23,6 +23,12 @@ from automaton.reporting.sections import (
 )
 from automaton.units import count
 
+NOT_DECLARED = (
+    "Not declared by the study: told of every floor whose orders come in over time, or whose tasks are "
+    "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
+    "other."
+)
+
 
 def compose(store: Store, floors: Sequence[int] = ()) -> Document:
     """The report; `floors`: points of which one run is observed again. Raises InputError."""
@@ -44,6 +50,8 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
             document.add(*metric_section(results, scenarios, metric))
         else:
             document.add(Heading(metric, 3), Text("No run has this metric."))
+    for metric in results.quantiles:
+        document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     windows = {number: point.window for number, point in enumerate(store.manifest.points)}
     document.add(*steady_section(results, windows), *comparison_section(results))
     drawn = list(curves(results, scenarios))

@@ -22,6 +22,7 @@ from automaton.glossary import GLOSSARY
 if TYPE_CHECKING:
     from automaton.experiments.store import Store
 
+QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
 USUAL_METRICS = ("T_total", "throughput", "utilization", "blocked", "delay", "lead_time")
 
 
@@ -79,6 +80,13 @@ class Results:
         if declared is not None:
             return declared
         return Analysis(metrics=tuple(name for name in USUAL_METRICS if self.has(name)))
+
+    @property
+    def quantiles(self) -> tuple[str, ...]:
+        """The quantiles of delay that runs have and the analysis does not name."""
+        return tuple(
+            name for name in QUANTILES if self.has(name) and name not in self.analysis.metrics
+        )
 
     def has(self, metric: str) -> bool:
         """Whether any run has this metric."""

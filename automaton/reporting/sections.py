@@ -7,7 +7,12 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from automaton.experiments.study import Point
-from automaton.reporting.comparing import Compared, comparisons, pairing_remark
+from automaton.reporting.comparing import (
+    Compared,
+    comparisons,
+    pairing_remark,
+    precision_remark,
+)
 from automaton.reporting.document import Block, Heading, Listed, Table, Text
 from automaton.reporting.results import (
     Counts,
@@ -128,7 +133,10 @@ def family(results: Results) -> str:
         what = "against " + ", ".join(f"{k} {v}" for k, v in analysis.baseline.items())
     pairs = "paired by replication" if analysis.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
-    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni"
+    wanted = (
+        "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
+    )
+    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
 
 
 def remarks(results: Results) -> Iterator[str]:
@@ -246,6 +254,9 @@ def comparison_section(results: Results) -> Iterator[Block]:
     remark = pairing_remark(compared, results.analysis.paired)
     if remark:
         yield Text(remark)
+    takes = precision_remark(compared, results.analysis.precision)
+    if takes:
+        yield Text(takes)
     same = sum(one.effect.difference.warning == SAME for one in compared)
     small = sum(bool(one.effect.difference.warning) for one in compared) - same
     if small:
@@ -276,7 +287,10 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
     """One line for each comparison."""
     study = results.study
     heads = ["metric", *factor_heads(study), "against", "difference", "low", "high"]
-    heads += ["relative", "p Holm", "correlation", "var. ratio", *RUN_HEADS]
+    heads += ["relative", "p Holm", "correlation", "var. ratio"]
+    planned = results.analysis.precision is not None
+    heads += ["needs paired", "unpaired"] if planned else []
+    heads += RUN_HEADS
     rows = []
     for one in compared:
         found = one.effect
@@ -292,12 +306,20 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
                 "<0.0001" if one.adjusted < 1e-4 else f"{one.adjusted:.4f}",
                 "-" if found.correlation is None else f"{found.correlation:+.2f}",
                 "-" if found.variance_ratio is None else f"{found.variance_ratio:.2f}",
+                *needed_cells(one, planned),
                 f"{one.runs[0]}, {one.runs[1]}",
                 f"{both[0].censored}, {both[1].censored}",
                 f"{both[0].failed}, {both[1].failed}",
             ]
         )
     return Table(heads, rows, left=2 + len(factor_heads(study)))
+
+
+def needed_cells(one: Compared, planned: bool) -> list[str]:
+    """Runs that the declared precision takes, paired and not; nothing if none is declared."""
+    if not planned:
+        return []
+    return ["-"] * 2 if one.needed is None else [f"{runs:,}" for runs in one.needed]
 
 
 def relative_text(relative: Interval | None) -> str:

@@ -34,9 +34,7 @@ WHY: Final = (
     "are fixed without sharing that makes about half a second for each leg of the busiest robot. Zones "
     "that are redesigned are a random walk in which any second leads to other zones: only means over "
     "many runs can be compared, and its means are from few runs (+-: 95 % interval of the difference). "
-    "It has more redesigns by SA and GA, for which we know no cause. GA's zones go to the robots that "
-    "began nearest to them here, as in the authors' code: each robot stays in its part of the floor, "
-    "and sigma is greater. With zones to any robot it is that of the program."
+    "SA and GA drive a little less here, for which we know no cause."
 )
 
 

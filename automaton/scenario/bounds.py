@@ -9,8 +9,8 @@ chargers   energy that orders take beyond what batteries hold at the start comes
            from repairs
 
 Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
-Loads are assumed to be moved by robots alone: not by one that goes out of order and leaves its load
-to the other side.
+Every robot counts as one of the fastest type, that goes everywhere. Loads are assumed to be moved by
+robots alone: not by one that goes out of order and leaves its load to the other side.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATI
 from automaton.world.plan import TURNS
 from automaton.world.reach import backward_exits, slot_access
 from automaton.world.state import NIL, Array
+from automaton.world.types import least_move
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end
@@ -69,7 +70,7 @@ def bounds(resolved: Resolved) -> Bounds:
     durations, battery = scenario.durations, scenario.battery
     turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
     handling = durations.pick + durations.drop
-    drives, picks, drops = least_drives(resolved, Price(durations.move, turn, handling))
+    drives, picks, drops = least_drives(resolved, Price(least_move(scenario), turn, handling))
     ticks = handling + drives
     if scenario.orders.generator == "visits" or _visits(resolved):
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
@@ -79,7 +80,7 @@ def bounds(resolved: Resolved) -> Bounds:
     energy = 0.0
     if battery is not None:
         drain, loaded = battery.drain, battery.drain.loaded
-        price = Price(loaded * drain.move * durations.move, loaded * drain.turn * turn, 0.0)
+        price = Price(loaded * drain.move * least_move(scenario), loaded * drain.turn * turn, 0.0)
         energy = float(least_drives(resolved, price)[0].sum())
     return Bounds(
         orders=len(drives),

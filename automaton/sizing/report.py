@@ -57,7 +57,8 @@ def print_answer(out: Console, session: Session, name: str, ends: str, price: fl
 
 def unit_of(asked: Question) -> str:
     """The unit of the metric; shares have none."""
-    return "" if asked.target.unit == "share" else asked.target.unit
+    unit, typed = asked.target.unit, asked.target.typed
+    return "" if unit == "share" else unit + (f" ({typed})" if typed else "")
 
 
 def headline(session: Session, price: float) -> Iterator[str]:

@@ -27,6 +27,7 @@ from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
 from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
+from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
@@ -114,6 +115,11 @@ class Fleets:
         """By how many percent durations can be longer, and the settings that make them so."""
         found = {percent: longer(self.base, percent) for percent in OFF}
         return {percent: settings for percent, settings in found.items() if settings}
+
+    @property
+    def tick(self) -> Unit:
+        """What a tick stands for."""
+        return unit(self.base.scenario.units.tick)
 
     @property
     def ends_with_orders(self) -> bool:

@@ -35,7 +35,7 @@ NOT_CARRIED: Final = {
     "orders": ("source", "target", "weight"),
     "slots": ("spare", "within"),
     "stations": ("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
-    "zoning": ("roads", "design"),
+    "zoning": ("roads", "design", "serves", "first"),
     "tally": (),
 }
 

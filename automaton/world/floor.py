@@ -13,14 +13,13 @@ from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
 from automaton.world.reach import slot_access
 from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
-from automaton.world.types import RobotType, closed_cells, plan_for
+from automaton.world.types import RobotType, plan_for
 from automaton.world.zones import zones_of
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.space import zone_space
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 MAY_TURN = 16
-CLOSED = 128  # in grid.ways: the cell is closed to robots of this type
 ENDLESS = np.array([kind.swallows or kind.supplies for kind in KINDS])  # (kinds,) bool
 FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
 
@@ -68,7 +67,7 @@ def floor_for(
         headings=headings,
         kind=frozen(kind.copy()),
         rule=frozen(rule),
-        ways=frozen(np.stack([ways_of(plan, kinematics, kind) for kind in types])),
+        ways=frozen(np.stack([rules_of(plan_for(plan, kind), kinematics) for kind in types])),
         offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
         slot=frozen(slot),
         zone=zones.of,
@@ -96,14 +95,6 @@ def rules_of(plan: FloorPlan, kinematics: str) -> Array:
     capacity = np.where(DRIVABLE[kind], plan.capacity.reshape(-1), 1).astype(np.uint8)
     rule: Array = plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
     return rule
-
-
-def ways_of(plan: FloorPlan, kinematics: str, kind: RobotType) -> Array:
-    """(C,) uint8: the rules of the cells as robots of a type find them."""
-    closed = closed_cells(plan, kind)
-    rule = rules_of(plan_for(plan, kind), kinematics)
-    ways: Array = np.where(closed, rule & ~np.uint8(MAY_TURN) | np.uint8(CLOSED), rule)
-    return ways.astype(np.uint8)
 
 
 def workspace(grid: Grid, longest_route: int) -> Workspace:

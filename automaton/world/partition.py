@@ -51,6 +51,8 @@ class Partition(Struct):
     roads: Roads
     design: Design
     station_of: Array  # (s,) int32: the station of a slot, or NIL
+    serves: Array  # (Z, S) uint8: 1 = the robot with the number of the zone gets to the station
+    first: Array  # (Z, S) uint8: 1 = its type has priority there
     server: Array  # (Z,) int32: identity of the robot that serves a zone
     queue: Array  # (m,) int32: the zone in whose queue an order is; NIL: none yet; -2 - zone: none
     #   any more, since a robot of that zone set it down on its way

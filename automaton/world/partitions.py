@@ -15,6 +15,7 @@ from automaton.world.places import Slots, Stations
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import slot_access, steps_from
 from automaton.world.state import NIL, Array, Workspace, World
+from automaton.world.types import type_of_each, types_of
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.roads import roads_of
@@ -45,7 +46,12 @@ def build_partition(
         cells, groups = grouped(resolved.plan, int(getattr(pick.parameters, "groups", GROUPS)))
         station_of[: slots.spare] = groups
     roads = roads_of(resolved.plan, cells)
-    partition = partition_of(roads, robots, station_of, orders, robots)
+    serves = served_stations(resolved, slots, station_of, len(cells))
+    priority = getattr(pick.parameters, "priority", {})
+    # Room for one order at least: without any, there are zones all the same.
+    partition = partition_of(roads, robots, station_of, max(orders, 1), robots).replaced(
+        serves=serves, first=priorities(resolved, priority, len(cells))
+    )
     data = getattr(pick.parameters, "design", None)
     if data is None:
         return partition
@@ -54,7 +60,37 @@ def build_partition(
     if len(design.transfer) != robots:
         zones = count(len(design.transfer), "zone")
         raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
+    for station, zone in enumerate(design.zone.tolist()):
+        if not serves[zone, station]:
+            name = types_of(resolved.scenario)[type_of_each(resolved.scenario.fleet)[zone]].name
+            raise InputError(
+                f"station {station + 1} is in zone {zone + 1} of the zone design, "
+                f"but robot {zone} ({name}) does not get there"
+            )
     return partition.replaced(design=design)
+
+
+def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
+    """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
+    access, kinds = slots.access, len(slots.within)
+    by_type = np.ones((kinds, count), np.uint8)
+    anybody = (access != NIL).any(axis=1)
+    for kind in range(kinds):
+        there = ((access != NIL) & (slots.within[kind][access] == 1)).any(axis=1)
+        out = station_of[anybody & ~there]
+        by_type[kind, out[out != NIL]] = 0
+    found: Array = by_type[type_of_each(resolved.scenario.fleet)]
+    return found
+
+
+def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: int) -> Array:
+    """(n, S) uint8: 1 = the type of a robot has priority at a station."""
+    kinds = types_of(resolved.scenario)
+    by_type = np.zeros((len(kinds), count), np.uint8)
+    for number, kind in enumerate(kinds):
+        by_type[number, [station - 1 for station in priority.get(kind.name, ())]] = 1
+    found: Array = by_type[type_of_each(resolved.scenario.fleet)]
+    return found
 
 
 def with_zones(space: Workspace, world: World) -> Workspace:
@@ -63,7 +99,9 @@ def with_zones(space: Workspace, world: World) -> Workspace:
     if not len(zoning.queue):
         return space
     return space.replaced(
-        zoning=space_for(zoning.roads, len(zoning.server)),
+        zoning=space_for(zoning.roads, len(zoning.server)).replaced(
+            serves=zoning.serves, first=zoning.first
+        ),
         parts=parts_for(len(zoning.queue)),
     )
 
@@ -80,6 +118,8 @@ def partition_of(
         roads=roads,
         design=design_for(roads, zones),
         station_of=station_of,
+        serves=np.ones((zones, len(roads.point)), np.uint8),
+        first=np.zeros((zones, len(roads.point)), np.uint8),
         server=np.arange(zones, dtype=np.int32),
         queue=nil(orders),
         stop=nil(orders),

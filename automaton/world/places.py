@@ -1,6 +1,6 @@
-"""What stands on the floor: slots for loads, stations that work on parts, chargers.
+"""The floor, and what stands on it: slots for loads, stations that work on parts, chargers.
 
-C cells with the border, s slots, m orders. NIL (-1) means none.
+C cells with the border, s slots, m orders, K types of robots. NIL (-1) means none.
 """
 
 from __future__ import annotations
@@ -12,6 +12,22 @@ from numpy.typing import NDArray
 from automaton.struct import Struct
 
 Array = NDArray[Any]
+
+
+class Grid(Struct):
+    """The floor, static; flat index c = y * width + x, one cell of border wall all round."""
+
+    width: int  # cells in a row, border included
+    headings: int  # distinguished headings: 1 omni, 2 rail (axes), 4 differential
+    kind: Array  # (C,) uint8, automaton.world.cells
+    rule: (
+        Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
+    )
+    ways: Array  # (K, C) uint8: the rule for robots of type k, with the exits that it may take
+    offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
+    slot: Array  # (C,) int32: the slot in this cell, or NIL
+    zone: Array  # (C, 2) int32: zone of a robot that travels in direction d: [c, d >> 1], or NIL
+    zones: int  # how many there are (automaton.world.zones)
 
 
 class Slots(Struct):

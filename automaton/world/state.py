@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from automaton.struct import Struct
 from automaton.world.partition import Design, Partition
 from automaton.world.places import Chargers, Slots, Stations
+from automaton.world.places import Grid as Grid
 from automaton.world.route_space import RouteSpace
 
 if TYPE_CHECKING:
@@ -136,22 +137,6 @@ CLOCK_SIZE: Final = 28
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
 STOP_NEVER: Final = 2
-
-
-class Grid(Struct):
-    """The floor, static; flat index c = y * width + x, one cell of border wall all round."""
-
-    width: int  # cells in a row, border included
-    headings: int  # distinguished headings: 1 omni, 2 rail (axes), 4 differential
-    kind: Array  # (C,) uint8, automaton.world.cells
-    rule: (
-        Array  # (C,) uint8: bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)
-    )
-    ways: Array  # (K, C) uint8: the rule for robots of type k: exits that it may take; bit 7 closed
-    offset: Array  # (4,) int64: from a cell to its neighbour E, S, W, N
-    slot: Array  # (C,) int32: the slot in this cell, or NIL
-    zone: Array  # (C, 2) int32: zone of a robot that travels in direction d: [c, d >> 1], or NIL
-    zones: int  # how many there are (automaton.world.zones)
 
 
 class Rules(Struct):

@@ -47,6 +47,11 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
     ) or (RobotType(),)
 
 
+def least_move(scenario: Scenario) -> int:
+    """Ticks that a move takes the fastest robots."""
+    return scenario.durations.move * min(kind.pace for kind in types_of(scenario))
+
+
 def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
     """(n,) the type of each robot, by identity."""
     if not fleet.types:

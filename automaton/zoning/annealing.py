@@ -9,6 +9,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.world.state import NIL
+from automaton.zoning.abilities import may_take
 from automaton.zoning.chance import ANNEALING, below, chance
 from automaton.zoning.exchange import give
 from automaton.zoning.exponential import exponential, temperature
@@ -151,7 +152,7 @@ def busier_pair(roads, rules, design, space, seed, tick):
 
 @kernel
 def facing_tips(roads, rules, design, space, a, b):
-    """space.through[a, b]: for each tip of a the last tip of b within reach; how many have one.
+    """space.through[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
 
     Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
     """
@@ -161,7 +162,7 @@ def facing_tips(roads, rules, design, space, a, b):
         block_others(design, space, a, b)
         for s in range(stations):
             space.through[a, b, s] = NIL
-            if design.zone[s] != a or space.tip[s] == 0:
+            if design.zone[s] != a or space.tip[s] == 0 or not may_take(space, a, b, s):
                 continue
             spread(roads, space, roads.point[s], NIL, whole_cells(rules[ADJACENT]))
             for t in range(stations):

@@ -1,7 +1,8 @@
 """Zone repair by a genetic algorithm: designs are bred from whole zones.
 
 A child takes random zones of good designs that have nothing in common; stations left over join the
-zone of a random adjacent one; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
+zone of a random adjacent one; zones are matched to robots that serve them, one to one, and a child
+without a matching is dropped; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
 flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
 """
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.world.state import NIL
+from automaton.zoning.abilities import are_alike, match, may_take
 from automaton.zoning.chance import GENETIC, below, chance
 from automaton.zoning.exchange import connect, give
 from automaton.zoning.herd import fits, keep, move_row, take, take_zone
@@ -121,6 +123,8 @@ def make_child(roads, rules, mutation, population, parents, space, seed, tick):
         return 0
     if may_give(space.trial) == 0:
         return 0
+    if not are_alike(space) and match(space.trial, space) == 0:
+        return 0
     tries = np.int64(0)
     while True:
         done = np.int64(0)
@@ -216,5 +220,7 @@ def mutate(roads, rules, space, seed, tick):
     if near == 0:
         return 0
     through = np.int64(space.listed[below(space, near, seed, tick)])
+    if not may_take(space, zone, design.zone[through], tip):
+        return 0
     copy_design(design, space.now)
     return give(roads, space.now, space, tip, through, rules[ADJACENT], FEWEST)

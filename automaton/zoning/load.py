@@ -2,16 +2,21 @@
 
 f_ij   loads from i to j        tot = base + sum f_ij        W the stations of the zone
 g_ij   = (inflow of i) (outflow of j) / tot: empty trips; the paper prints the same sum twice
-L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l)
+L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l), V by robot
 SVp    = sum over pairs of zones of |L_z - L_y| / ((zones - 1) sum L)
 """
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 from automaton.zoning.space import BASE, HANDLING, SHARED, SPEED
 from automaton.zoning.tips import find_tips
+
+Array = NDArray[Any]
 
 UNDEFINED = -1.0  # balance of zones without any load
 
@@ -27,9 +32,9 @@ def find_loads(roads, rules, flow, through, design, space):
     for z in range(design.transfer.shape[0]):
         members(design, space, z, rules[SHARED])
         if through == 1:
-            space.load[z] = load_of(roads, rules, space.legs, space)
+            space.load[z] = load_of(roads, rules, space.legs, space, z)
         else:
-            space.load[z] = load_of(roads, rules, flow, space)
+            space.load[z] = load_of(roads, rules, flow, space, z)
     return balance(space.load)
 
 
@@ -45,8 +50,8 @@ def members(design, space, z, shared):
 
 
 @kernel
-def load_of(roads, rules, flow, space):
-    """Minutes of work at the stations of space.member."""
+def load_of(roads, rules, flow, space, z):
+    """Minutes of work of the robot of zone z at the stations of space.member."""
     count = np.int64(0)
     for s in range(space.member.shape[0]):
         if space.member[s] == 1:
@@ -73,7 +78,20 @@ def load_of(roads, rules, flow, space):
             if i != j:
                 empty = space.into[i] * space.out[j] / total
                 cells += (flow[i, j] + empty) * roads.between[i, j]
-    return cells / rules[SPEED] + total * rules[HANDLING]
+    return cells * space.pace[z] / rules[SPEED] + total * rules[HANDLING]
+
+
+def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:
+    """Minutes of work of a flow between any stations, as `load_of` reckons them without a base.
+
+    In NumPy: who looks at a run does not wait until a kernel is compiled. speed: cells per minute;
+    handling: minutes to load and to unload.
+    """
+    total = float(flow.sum())
+    if total == 0.0:
+        return 0.0
+    empty = np.outer(flow.sum(axis=0), flow.sum(axis=1)) / total
+    return float(((flow + empty) * between).sum()) / speed + total * handling
 
 
 @kernel

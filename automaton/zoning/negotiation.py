@@ -180,4 +180,4 @@ def loads_of_queues(roads, rules, design, space, parts, zone, stop, reach):
     for z in range(reach.shape[0]):
         if reach[z] == 1:
             members(design, space, z, rules[SHARED])
-            space.load[z] = load_of(roads, rules, space.leg_flow[z], space)
+            space.load[z] = load_of(roads, rules, space.leg_flow[z], space, z)

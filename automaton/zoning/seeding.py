@@ -10,6 +10,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.world.state import NIL
+from automaton.zoning.abilities import preference
 from automaton.zoning.chance import below
 from automaton.zoning.exchange import connect
 from automaton.zoning.paths import block_others, clear_design, hold, spread
@@ -17,18 +18,22 @@ from automaton.zoning.space import ADJACENT, FARTHEST, INF, LEAST, MOST, NEAREST
 
 WEIGHT = 0.5  # Wd and Wf at the start
 DRIFT = 0.015  # what Wd gains and Wf loses by each visit
+PREFERRED = 1000.0  # what priority adds to the relation of a station to a zone
 RESTARTS = 100  # random designs that may fail
 TRIES = 60  # random joins for each station
 
 
 @kernel
 def first_design(roads, flow, design, space):
-    """Phase 1; returns 0 if no zone can reach a station that is left over."""
+    """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
+    if zones > stations:
+        return 0
     find_extent(roads, flow, space)
-    plant(roads, flow, design, space)
+    if plant(roads, flow, design, space) == 0:
+        return 0
     left = stations - zones
     visit, idle = np.int64(0), np.int64(0)
     while left > 0 and idle < zones:
@@ -44,23 +49,29 @@ def first_design(roads, flow, design, space):
 
 @kernel
 def plant(roads, flow, design, space):
-    """One seed for each zone: the stations least related to the others."""
+    """One seed for each zone: the station least related to the others, of those that its robot serves.
+
+    Stations where only others have priority come last. Returns 0 if a zone finds none.
+    """
     stations = design.zone.shape[0]
     for z in range(design.transfer.shape[0]):
         seed = np.int64(NIL)
         lowest = 0.0
         for j in range(stations):
-            if design.zone[j] != NIL:
+            if design.zone[j] != NIL or space.serves[z, j] == 0:
                 continue
-            sum_of = 0.0
+            sum_of = PREFERRED if preference(space, z, j) < 0 else 0.0
             for i in range(stations):
                 if i != j:
                     sum_of += relation(space, flow[i, j], roads.between[i, j], WEIGHT, WEIGHT)
             if seed == NIL or sum_of < lowest:
                 seed = np.int64(j)
                 lowest = sum_of
+        if seed == NIL:
+            return 0
         design.zone[seed] = z
     hold(roads, design)
+    return 1
 
 
 @kernel
@@ -108,9 +119,10 @@ def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
         spread(roads, space, roads.point[i], NIL, INF)
         for j in range(design.zone.shape[0]):
             far = space.distance[roads.point[j]]
-            if design.zone[j] != NIL or far == INF:
+            if design.zone[j] != NIL or far == INF or space.serves[zone, j] == 0:
                 continue
             value = relation(space, flow[i, j], far, by_distance, by_flow)
+            value += PREFERRED * preference(space, zone, j)
             if free == NIL or value > best:
                 best = value
                 inside, free = np.int64(i), np.int64(j)
@@ -121,27 +133,53 @@ def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
 
 @kernel
 def random_design(roads, rules, design, space, seed, tick):
-    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds."""
+    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
+
+    Nor does any with more zones than stations: there is no seed for each. Robots serve their
+    stations. In the first half of the tries no zone takes stations where only others have priority.
+    """
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
-    for _ in range(RESTARTS):
+    if zones > stations:
+        return 0
+    for restart in range(RESTARTS):
+        strict = 2 * restart < RESTARTS
         clear_design(design)
-        for z in range(zones):
-            s = below(space, stations, seed, tick)
-            while design.zone[s] != NIL:
-                s = below(space, stations, seed, tick)
-            design.zone[s] = z
+        if random_seeds(design, space, strict, seed, tick) == 0:
+            continue
         hold(roads, design)
         left = stations - zones
         for _ in range(TRIES * stations):
             if left == 0:
                 return 1
-            left -= random_join(roads, rules, design, space, seed, tick)
+            left -= random_join(roads, rules, design, space, strict, seed, tick)
     return 0
 
 
 @kernel
-def random_join(roads, rules, design, space, seed, tick):
+def random_seeds(design, space, strict, seed, tick):
+    """A random station for each zone; 0 if one finds none."""
+    stations = design.zone.shape[0]
+    for z in range(design.transfer.shape[0]):
+        s = below(space, stations, seed, tick)
+        tries = 0
+        while design.zone[s] != NIL or not is_wanted(space, z, s, strict):
+            tries += 1
+            if tries == TRIES * stations:
+                return 0
+            s = below(space, stations, seed, tick)
+        design.zone[s] = z
+    return 1
+
+
+@kernel
+def is_wanted(space, zone, s, strict):
+    """Whether a zone may have a station; strict: without taking it from who has priority there."""
+    return space.serves[zone, s] == 1 and not (strict and preference(space, zone, s) < 0)
+
+
+@kernel
+def random_join(roads, rules, design, space, strict, seed, tick):
     """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
     zone = below(space, design.transfer.shape[0], seed, tick)
     count = np.int64(0)
@@ -152,7 +190,8 @@ def random_join(roads, rules, design, space, seed, tick):
     inside = np.int64(space.listed[below(space, count, seed, tick)])
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
-        if design.zone[s] == NIL and roads.between[inside, s] < rules[ADJACENT]:
+        near = roads.between[inside, s] < rules[ADJACENT]
+        if design.zone[s] == NIL and near and is_wanted(space, zone, s, strict):
             space.listed[count] = s
             count += 1
     if count == 0:

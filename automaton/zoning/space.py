@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.auctions.bundle_space import Assignment, assignment_for
 from automaton.struct import Struct
 from automaton.world.partition import Design, Roads
 from automaton.world.state import NIL
@@ -33,7 +34,7 @@ MOST: Final = 3
 
 
 class ZoneSpace(Struct):
-    """P points, S stations, Z zones; contents decide nothing between calls."""
+    """P points, S stations, Z zones; what is not given for a run decides nothing later."""
 
     distance: Array  # (P,) int64 cells from where a search began
     back: Array  # (P,) int32: the point before
@@ -61,6 +62,10 @@ class ZoneSpace(Struct):
     length: Array  # (S * S,) int64: of pairs of stations
     couple: Array  # (S * S, 2) int32
     drawn: Array  # (1,) int64: draws so far
+    serves: Array  # (Z, S) uint8: 1 = the robot of the zone gets to the station; given for a run
+    first: Array  # (Z, S) uint8: 1 = its type has priority there; given for a run
+    pace: Array  # (Z,) float64: how many times as long its moves take
+    matching: Assignment  # of zones to robots
     trial: Design  # what an exchange makes
     now: Design  # where a search is
     best: Design
@@ -138,6 +143,10 @@ def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
         length=np.zeros(stations * stations, np.int64),
         couple=numbers(stations * stations, 2),
         drawn=np.zeros(1, np.int64),
+        serves=np.ones((zones, stations), np.uint8),
+        first=flags(zones, stations),
+        pace=np.ones(zones),
+        matching=assignment_for(zones),
         trial=empty_design(points, stations, zones),
         now=empty_design(points, stations, zones),
         best=empty_design(points, stations, zones),

@@ -51,7 +51,12 @@ def between_two(roads, rules, design, space, a, b):
         x, y = np.int64(space.couple[k, 0]), np.int64(space.couple[k, 1])
         if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
             continue
-        station, fetcher = (x, b) if space.load[a] >= space.load[b] else (y, a)
+        of_a = space.load[a] >= space.load[b]
+        if space.serves[b, x] == 0 or space.serves[a, y] == 0:
+            of_a = space.serves[b, x] == 1
+            if space.serves[b, x] == 0 and space.serves[a, y] == 0:
+                continue  # neither can be fetched from
+        station, fetcher = (x, b) if of_a else (y, a)
         share_station(design, a, b, station)
         if rules[BLOCKS] == 1.0:
             claim(roads, space, x, y, fetcher)

@@ -38,7 +38,10 @@ from strategies.zoning.talk import (
 
 @kernel
 def fill_parts(view, parts):
-    """List the parts that wait in queues, and those that robots have or fetch: these keep their way."""
+    """List the parts that wait in queues, and those that robots have or fetch: these keep their way.
+
+    So do those that are too heavy for the robot of the zone in which they wait.
+    """
     orders, zoning = view.orders, view.zoning
     count = 0
     for order in range(orders.state.shape[0]):
@@ -60,9 +63,20 @@ def fill_parts(view, parts):
         parts.to[count] = to
         parts.zone[count] = zoning.queue[order]
         parts.stop[count] = zoning.station_of[stop]
-        parts.carried[count] = 1 if state == CARRIED or orders.by[order] != NIL else 0
+        fixed = state == CARRIED or orders.by[order] != NIL or is_handed_on(view, order, at)
+        parts.carried[count] = 1 if fixed else 0
         count += 1
     parts.count[0] = count
+
+
+@kernel
+def is_handed_on(view, order, at):
+    """Whether an order at a station is too heavy for the robot of its zone, so that another has it."""
+    zone = np.int64(view.zoning.design.zone[at])
+    if zone == NIL or view.zoning.direct[order] == 0:
+        return False
+    kind = np.int64(view.robots.type[view.robots.at_index[zone]])
+    return view.orders.weight[order] > view.rules.payload[kind]
 
 
 @kernel

@@ -20,6 +20,14 @@ from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import NEIGHBOURS
 from automaton.zoning.space import ADJACENT, RULES
 from automaton.zoning.transfer import find_transfers
+from strategies.zoning.able import (
+    enter,
+    hand_on,
+    heed_servers,
+    is_running,
+    queue_length,
+    serves_all,
+)
 from strategies.zoning.averaging import (
     average,
     look,
@@ -27,13 +35,7 @@ from strategies.zoning.averaging import (
     own_load,
 )
 from strategies.zoning.parameters import Decentralized
-from strategies.zoning.queues import (
-    enter,
-    first_for,
-    is_running,
-    queue_length,
-    queue_orders_of,
-)
+from strategies.zoning.queues import first_for, queue_orders_of
 from strategies.zoning.redesign import negotiate
 from strategies.zoning.talk import (
     AVERAGE,
@@ -63,7 +65,7 @@ from strategies.zoning.units import cells, rules_of_zones, ticks
 
 
 @kernel
-def replace_broken(view, given, i):
+def replace_broken(view, given, i, far):
     """Robot i serves its own zone, and that of one that it sees out of order and unreplaced."""
     identity = np.int64(view.robots.identity[i])
     for zone in range(view.zoning.server.shape[0]):
@@ -74,7 +76,17 @@ def replace_broken(view, given, i):
         elif server != NIL and zone != identity and not is_running(view, base):
             holder = np.int64(view.robots.at_index[server])
             if not is_running(view, holder) and is_running(view, i):
-                given.server[zone] = identity
+                if serves_all(view, identity, zone) or not others_can(view, i, zone, far):
+                    given.server[zone] = identity
+
+
+@kernel
+def others_can(view, i, zone, far):
+    """Whether a running robot in range of robot i serves all stations of a zone."""
+    for j in range(view.robots.cell.shape[0]):
+        if is_near(view, i, j, far) and serves_all(view, np.int64(view.robots.identity[j]), zone):
+            return True
+    return False
 
 
 @kernel
@@ -91,7 +103,7 @@ def share_near(view, given, space, memory, i, p, age, job):
             continue
         if not is_near(view, i, np.int64(view.robots.at_index[server]), p[RANGE]):
             continue
-        order = first_for(view, space, identity, zone, 1, near, age, job)
+        order = first_for(view, given, space, identity, zone, zone, 1, near, age, job)
         if order != NIL:
             enter(given, order, zone, np.int64(view.orders.target[order]), 1)
             own[i, SHARES] += 1
@@ -148,17 +160,19 @@ def decide(view, asked, answers, memory, space):
     for column in range(RULES):
         rules[column] = p[FIRST_RULE + column] / MILLION
     copy_design(view.zoning.design, given.design)
+    heed_servers(view, zones)
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         identity = np.int64(view.robots.identity[i])
         if own[i, LOOK] == 0:
             begin(view, given, memory, zones, rules, k, i, p)
-        replace_broken(view, given, i)
+        replace_broken(view, given, i, p[RANGE])
         if not is_running(view, i):
             given.again[k] = p[LOOK_EVERY]
             continue
         busy = negotiate(view, given, memory, zones, parts, rules, k, i, p)
         queue_orders_of(view, given.design, zones, given, NEIGHBOURS, identity, p[NEAR])
+        hand_on(view, given, identity)
         looks = now >= own[i, LOOK]
         averages = not busy and (now >= own[i, AVERAGE] or own[i, ROUND] != NIL)
         if looks or averages:

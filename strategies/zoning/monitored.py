@@ -13,7 +13,6 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
@@ -23,6 +22,7 @@ from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import CENTRAL
 from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_transfers
+from strategies.zoning.able import hand_on, heed_servers
 from strategies.zoning.charging_load import add_charging
 from strategies.zoning.parameters import Monitoring
 from strategies.zoning.queues import queue_orders, record_flow, share, take_over
@@ -43,7 +43,7 @@ NEXT_LOOK: Final = 1
 LAST_LOOK: Final = 2
 WAS_GOOD: Final = 3  # what the last look found: 1 balanced, 0 not, NIL no flow
 GOOD_SINCE: Final = 4
-BAD_SINCE: Final = 5
+BAD_SINCE: Final = 5  # the look that found them out of balance
 NEXT_SHARE: Final = 6
 NEW_ZONES_AT: Final = 7
 FLOW: Final = 8  # the flow of which they are made
@@ -80,6 +80,7 @@ class Monitored(Strategy):
         given, state = answers.zoning, memory.shared
         now = int(view.clock[TICK])
         copy_design(view.zoning.design, given.design)
+        heed_servers(view, space.zoning)
         if not state[BEGUN]:
             self._begin(view, asked, given, state, space)
         else:
@@ -87,28 +88,25 @@ class Monitored(Strategy):
         redesigned = int(given.redesigned[0])
         take_over(view, given)
         queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
+        hand_on(view, given, NIL)
         if now >= state[NEXT_LOOK]:
             self._look(view, given, memory, space)
-        due = state[BAD_SINCE] and not state[NEW_ZONES_AT] and not redesigned
+        self._consider(view, state)
+        due = state[BAD_SINCE] and not redesigned
         if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
             memory.own[view.robots.at_index[0], SHARED] += share(
                 view, space, given, self._age, self._job
             )
             state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
-        self._sleep(asked, given, state, now)
+        given.again[: int(asked.count[0])] = max(1, min(self._due(view, state)) - now)
 
-    def _sleep(self, asked: Asked, given: Any, state: Any, now: int) -> None:
-        """Ask to be woken when something is due next."""
-        times = [int(state[NEXT_LOOK])]
-        if state[NEW_ZONES_AT]:
-            times.append(int(state[NEW_ZONES_AT]))
-        elif state[BAD_SINCE] and self.parameters.sharing:
-            times.append(int(state[NEXT_SHARE]))
-        given.again[: int(asked.count[0])] = max(1, min(times) - now)
+    def _due(self, view: World, state: Any) -> list[int]:
+        """The ticks in which something is to be done next."""
+        sharing = self.parameters.sharing and state[BAD_SINCE]
+        return [int(state[NEXT_LOOK]), *([int(state[NEXT_SHARE])] if sharing else [])]
 
     def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
-        done = announce_first_compilation()
         if given.design.zone[0] == NIL:
             if not self._anneal_first(view, given.design, space):
                 raise InputError(
@@ -121,7 +119,6 @@ class Monitored(Strategy):
             find_transfers(
                 view.zoning.roads, self._rules, given.design, space.zoning, self._everywhere
             )
-        done()
         given.redesigned[0] = 1
         for k in range(int(asked.count[0])):
             given.zone[k] = view.robots.identity[asked.robot[k]]
@@ -173,10 +170,9 @@ class Monitored(Strategy):
             state[GOOD_SINCE] = 0
             if not state[BAD_SINCE]:
                 state[BAD_SINCE], state[NEXT_SHARE] = now, now
-            self._consider(view, state, now)
 
-    def _consider(self, view: World, state: Any, now: int) -> None:
-        """Out of balance: what else follows; here nothing, zones stay."""
+    def _consider(self, view: World, state: Any) -> None:
+        """Called after every look, and when `_due` says: are new zones needed? Here never."""
 
     def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -15,17 +15,19 @@ from automaton.strategy.kernels import (
     pick_stand,
     position,
 )
-from automaton.world.condition import EXHAUSTED
-from automaton.world.state import NIL, TICK, WAITING
+from automaton.world.state import NIL, TICK
 from automaton.zoning.routing import route
+from strategies.zoning.able import (
+    enter,
+    enter_able,
+    is_free,
+    is_running,
+    queue_length,
+    serves_all,
+    zone_can,
+)
 
 FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone set down on its way
-
-
-@kernel
-def is_free(view, order):
-    """Whether an order waits and nobody has it."""
-    return view.orders.state[order] == WAITING and view.orders.by[order] == NIL
 
 
 @kernel
@@ -39,18 +41,6 @@ def slot_at(view, station):
         if view.slots.content[slot] == NIL and view.slots.by[slot] == NIL:
             return np.int64(slot)
     return np.int64(NIL)
-
-
-@kernel
-def enter(given, order, queue, stop, direct):
-    """One more answer: an order comes into a queue."""
-    k = given.queued[0]
-    if k < given.order.shape[0]:
-        given.order[k] = order
-        given.queue[k] = queue
-        given.stop[k] = stop
-        given.direct[k] = direct
-        given.queued[0] = k + 1
 
 
 @kernel
@@ -73,11 +63,11 @@ def queue_order(view, design, space, given, rule, order, zone):
     target = np.int64(view.orders.target[order])
     to = np.int64(view.zoning.station_of[target])
     if at == NIL or to == NIL or design.zone[to] == NIL:
-        enter(given, order, zone, target, 0)
+        enter_able(view, given, order, zone, target, 0)
         return
     queue, station, _ = route(view.zoning.roads, design, space, rule, zone, at, to)
     stop = target if station == to else slot_at(view, station)
-    enter(given, order, queue, target if stop == NIL else stop, 0)
+    enter_able(view, given, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel
@@ -92,7 +82,7 @@ def queue_orders_of(view, design, space, given, rule, robot, near):
         zone = owner_of(view, design, order, 0)
         if zone != NIL and view.zoning.server[zone] == robot:
             if near > 0 and is_near_transfer(view, design, order, zone, near):
-                enter(given, order, zone, np.int64(view.orders.target[order]), 1)
+                enter_able(view, given, order, zone, np.int64(view.orders.target[order]), 1)
             else:
                 queue_order(view, design, space, given, rule, order, zone)
 
@@ -122,16 +112,6 @@ def queue_orders(view, design, space, given, rule, again):
 
 
 @kernel
-def queue_length(view, zone):
-    """How many orders wait in the queue of a zone."""
-    count = 0
-    for order in range(view.orders.state.shape[0]):
-        if is_free(view, order) and view.zoning.queue[order] == zone:
-            count += 1
-    return count
-
-
-@kernel
 def lies_near(view, order, zone, near):
     """Whether an order waits within so many cells of a station of a zone."""
     at = np.int64(view.zoning.station_of[view.orders.place[order]])
@@ -143,8 +123,10 @@ def lies_near(view, order, zone, near):
 
 
 @kernel
-def first_for(view, space, zone, other, direct, near, age, job):
+def first_for(view, given, space, zone, other, taker, direct, near, age, job):
     """The first order in the queue of a zone, by its score, whose next station is in the other zone.
+
+    It is one that the robot of the zone `taker` can bring to its target.
 
     Of those not direct yet, if direct = 0; of those that lie within `near` cells of a station of the
     other zone, if near > 0. NIL if there is none.
@@ -162,6 +144,8 @@ def first_for(view, space, zone, other, direct, near, age, job):
         if to == NIL or design.zone[to] != other or (direct == 0 and view.zoning.direct[order]):
             continue
         if near > 0 and not lies_near(view, order, other, near):
+            continue
+        if not zone_can(view, given, taker, order, np.int64(view.orders.target[order])):
             continue
         stop = np.int64(view.zoning.stop[order])
         if not can_bring(view, kind, order, stop):
@@ -192,11 +176,11 @@ def share(view, space, given, age, job):
             if here == there:
                 continue
             busy, idle = (a, b) if here > there else (b, a)
-            moved = first_for(view, space, busy, idle, 1, 0, age, job)
+            moved = first_for(view, given, space, busy, idle, idle, 1, 0, age, job)
             if moved != NIL:
                 enter(given, moved, idle, np.int64(view.orders.target[moved]), 1)
                 shared += 1
-            skipped = first_for(view, space, idle, busy, 0, 0, age, job)
+            skipped = first_for(view, given, space, idle, busy, idle, 0, 0, age, job)
             if skipped != NIL:
                 enter(given, skipped, idle, np.int64(view.orders.target[skipped]), 1)
                 shared += 1
@@ -204,20 +188,18 @@ def share(view, space, given, age, job):
 
 
 @kernel
-def is_running(view, i):
-    """Whether robot i is in order, or still does what it began."""
-    return view.robots.status[i] <= EXHAUSTED
-
-
-@kernel
 def take_over(view, given):
-    """Who is out of order is replaced by the running robot with the shortest queue, until it is back."""
+    """Who is out of order is replaced by a running robot until it is back.
+
+    By one that serves all its stations if there is any, then by that with the shortest queue.
+    """
     zones = view.zoning.server.shape[0]
     for zone in range(zones):
         best, least = zone, 1 << 60
         if not is_running(view, np.int64(view.robots.at_index[zone])):
             for other in range(zones):
                 waiting = queue_length(view, other)
+                waiting += 0 if serves_all(view, other, zone) else 1 << 40
                 if is_running(view, np.int64(view.robots.at_index[other])) and waiting < least:
                     best, least = other, waiting
         if view.zoning.server[zone] != best:

@@ -5,8 +5,9 @@ import numpy as np
 from automaton.strategy.kernels import draw_between, kernel
 from automaton.world.state import NIL, TICK
 from automaton.zoning.negotiation import lead
+from strategies.zoning.able import enter_able
 from strategies.zoning.averaging import fill_parts, next_multiple, wants_redesign
-from strategies.zoning.queues import enter, slot_at
+from strategies.zoning.queues import slot_at
 from strategies.zoning.talk import (
     AVERAGE,
     AVERAGE_EVERY,
@@ -129,7 +130,7 @@ def enter_parts(view, given, parts, reach):
             continue
         target = np.int64(view.orders.target[order])
         stop = target if station == parts.to[n] else slot_at(view, station)
-        enter(given, order, queue, target if stop == NIL else stop, 0)
+        enter_able(view, given, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel

@@ -5,7 +5,7 @@ import numpy as np
 from automaton.strategy.kernels import kernel, position
 from automaton.world.partition import SAID
 from automaton.world.state import NIL
-from strategies.zoning.queues import is_running
+from strategies.zoning.able import is_running
 
 NANO = 1_000_000_000  # loads are told in this part of a minute
 DEGREES = 1 << 12  # more robots than anybody has in range

@@ -97,7 +97,9 @@ def _pace(view: View, zone: int) -> Parts:
     move = int(view.run.resolved.scenario.durations.move)
     many = max(1, len(robots_in(view, zone)))
     ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
-    return [f"from here takes {ticks}"]
+    types = view.run.resolved.scenario.fleet.types
+    slower = ", times the pace of its type" if any(kind.pace > 1 for kind in types) else ""
+    return [f"from here takes {ticks}{slower}"]
 
 
 def _cost(view: View, zone: int) -> Parts:

@@ -85,7 +85,7 @@ class Writer:
         with _told(self.folder):
             reserve = self.folder / RESERVE
             if not reserve.exists():
-                reserve.write_bytes(bytes(RESERVE_BYTES))
+                write_whole(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
 
     def hold(self, rows: list[Row]) -> None:
         """Take rows; `tick` writes them when it is time, `flush` at once."""

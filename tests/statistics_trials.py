@@ -7,6 +7,7 @@ Each prints what it measured and exits with 1 if a promise is broken. The tests 
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import tempfile
 import time
@@ -141,7 +142,40 @@ def steady_coverages(studies: int = STUDIES) -> bool:
                 refused[name] += 1
     for name, found in held.items():
         shown(f"M/M/1 steady, {name} ({refused[name]} refused)", float(np.mean(found)), len(found))
+    for r in (0.9, 0.95, 0.98):
+        for n in (1000, 3000, 10_000):
+            told(f"AR(1) {r:g}, {n:,}", autoregressive(rng, studies, n, r), 0.0)
+    for customers in (5000, 20_000):
+        told(f"M/M/1, {customers:,}", waits(rng, studies, customers, False), truth)
     return True
+
+
+def told(name: str, series: Values, truth: float) -> None:
+    """Print the coverage of batch means."""
+    found, given = batch_coverage(series, truth)
+    what = f"{name}: batch means ({len(series) - given} refused)"
+    if given:
+        shown(what, found, given)
+    else:
+        print(what, flush=True)
+
+
+def autoregressive(rng: np.random.Generator, studies: int, n: int, r: float) -> Values:
+    """(studies, n) series of y' = r y + normal noise, from their steady state with mean 0."""
+    y = rng.normal(size=(n, studies))
+    y[0] /= np.sqrt(1 - r * r)
+    for t in range(1, n):
+        y[t] += r * y[t - 1]
+    return y.T
+
+
+def batch_coverage(series: Values, truth: float) -> tuple[float, int]:
+    """The share of intervals by batch means that hold the truth, and how many were given."""
+    held = []
+    for one in series:
+        with contextlib.suppress(Refused):
+            held.append(batch_means(one).holds(truth))
+    return float(np.mean(held)) if held else float("nan"), len(held)
 
 
 def deleted(series: Values) -> Any:

@@ -272,6 +272,19 @@ def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
     assert "not stationary or too short" in listed.items[0]
 
 
+def test_a_steady_state_of_a_few_runs_rests_on_all_of_them() -> None:
+    def series(point: int, replication: int) -> list[int]:
+        rng = np.random.default_rng((point, replication))
+        return rng.poisson(5, 350).tolist()  # type: ignore[no-any-return]
+
+    results = made_up(replace_study(replications=7, warm_up=0), noise, series=series)
+    (table,) = tables(steady_section(results, {0: 10, 1: 10}))
+    for row, point in zip(table.rows, (0, 1), strict=True):
+        assert row[5] == "14 batch means of 7 runs"
+        mean = np.mean([series(point, r) for r in range(7)]) * 1000 / 10
+        assert float(row[1]) == pytest.approx(mean, rel=1e-3)
+
+
 @pytest.fixture
 def steady(tmp_path: Path) -> Path:
     """A folder of a steady state, of which the scenario lies beside the study, not in the folder."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 from statistics_trials import synthetic
 
 from automaton import experiments
@@ -18,7 +20,9 @@ from automaton.rounds import Rounds
 from automaton.scenario.resolve import resolve
 from automaton.sizing.candidates import Candidate, Place, Run
 from automaton.sizing.charts import picture
+from automaton.sizing.follow_up import Purse
 from automaton.sizing.question import Target, question, read_robots, read_target
+from automaton.sizing.report import print_answer
 from automaton.sizing.runner import (
     Checked,
     Fleets,
@@ -147,6 +151,54 @@ def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> No
     assert session.place == Place(3, "sure")
     assert not session.settled
     assert session.searches[0].answer == ("undecided", 3, 2)
+
+
+def texts(session: Session) -> str:
+    out = Console(file=io.StringIO(), width=120)
+    print_answer(out, session, "made up", "", 0.0)
+    assert isinstance(out.file, io.StringIO)
+    return out.file.getvalue()
+
+
+def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> None:
+    run = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1))
+    session = Session(question(ZERO, (1, 2), budget=1000), run, {1: "too much work"})
+    session.go()
+    assert len(session.searches[0].candidates[0].runs) == 60  # for what the second robot gains
+    told = texts(session)
+    assert re.search(r"^ +1 +60 +0 +0 .*fails \(bound\)$", told, re.M)
+    assert "1: fails without a run, too much work" in told
+    assert "A verdict falls after so many runs of a fleet; the others end its round" in told
+
+
+def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
+    run = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1))
+    session = Session(question(ZERO, (1, 3), budget=450), run, {}, {10: ["durations.turn=2"]})
+    session.go()
+    assert session.moved == [] and session.place == Place(2)
+    left = 450 - session.spent
+    assert 0 < left < 300
+    assert f"longer: not examined, which takes 300 runs: {left} of the budget are left" in texts(
+        session
+    )
+
+
+def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
+    """Runs that are shown for the largest fleet may decide it."""
+
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        return [
+            Run(True, {"T_total": float(r in (10, 11, 12))}) for r in range(first, first + number)
+        ]
+
+    asked = question(ZERO, (1, 1), ("slow",), budget=900, share=0.9, zone=0.05)
+    session = Session(asked, run, {}, {10: ["durations.turn=2"]})
+    search = Search(asked, "slow", run, 30)
+    search.go()
+    session.searches.append(search)
+    assert session.place is None
+    session._follow_up(Purse(run, 800))
+    assert session.place == Place(1, "slow") and len(session.moved) == 1
 
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:

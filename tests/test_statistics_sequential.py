@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from statistics_trials import LOAD, waits, wrong_answers, wrong_means
+from statistics_trials import (
+    LOAD,
+    autoregressive,
+    batch_coverage,
+    waits,
+    wrong_answers,
+    wrong_means,
+)
 
 from automaton.statistics.selection import batches, feasible, region, select_least
 from automaton.statistics.shares import confidence_sequence, share_test
@@ -176,11 +183,22 @@ def test_von_neumanns_ratio_by_hand() -> None:
 
 def test_batch_means_of_a_queue_hold_its_delay() -> None:
     rng = np.random.default_rng(8)
-    series = waits(rng, 20, 20_000, from_empty=False)
-    found = [batch_means(one) for one in series]
-    assert all(10 <= one.n <= 30 for one in found)
-    assert sum(one.holds(LOAD / (1 - LOAD)) for one in found) >= 16
+    series = waits(rng, 40, 20_000, from_empty=False)
+    held, given = batch_coverage(series, LOAD / (1 - LOAD))
+    assert given >= 30 and held * given >= 0.95 * given - 3
+    several = rng.normal(size=(7, 1000))
+    few = batch_means(several)  # of a few runs all count
+    assert (few.n, few.method) == (14, "14 batch means of 7 runs")
+    assert few.value == pytest.approx(several.mean())
     with pytest.raises(Refused, match="observations"):
         batch_means(series[0, :100])
     with pytest.raises(Refused, match="depend"):
         batch_means(np.linspace(0, 1, 1000))
+
+
+def test_batch_means_hold_the_truth_or_are_refused() -> None:
+    rng = np.random.default_rng(9)
+    for r, n, least in ((0.9, 3000, 150), (0.95, 1000, 0), (0.98, 3000, 0)):
+        held, given = batch_coverage(autoregressive(rng, 200, n, r), 0.0)
+        assert given >= least
+        assert given == 0 or (1 - held) * given <= 0.05 * 200 + 3

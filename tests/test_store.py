@@ -7,6 +7,7 @@ import os
 import random
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,8 @@ def filled(folder: Path, batch: int = 20) -> tuple[Plan, Store]:
     plan, store = declared(folder)
     writer = Writer(store)
     for number, run in enumerate(plan.manifest.runs(), 1):
-        writer.add([made_up(run)])
+        writer.hold([made_up(run)])
+        writer.tick()
         if number % batch == 0:
             writer.flush()
     return plan, store
@@ -111,7 +113,8 @@ def test_rows_are_written_when_they_are_many_or_old(
     monkeypatch.setattr(writing, "BATCH_S", 1e9)
     writer = Writer(store)
     for run in plan.manifest.runs():
-        writer.add([made_up(run)])
+        writer.hold([made_up(run)])
+        writer.tick()
     assert [pq.read_metadata(path).num_rows for path in row_files(store.folder)] == [500]
     monkeypatch.setattr(writing, "BATCH_S", 0.0)
     writer.tick()
@@ -182,6 +185,21 @@ def test_a_full_disk_is_told_and_loses_nothing(
     assert not list(out.rglob("*.writing")) and not (out / "rows" / ".reserve").exists()
     full.clear()
     assert plain(swept_here(study, out)) == expected
+
+
+def test_the_room_that_is_kept_is_really_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file system that compresses keeps no room for zeros, and none for what is not synced."""
+    synced, real = [], os.fsync
+    monkeypatch.setattr(
+        os, "fsync", lambda file: (synced.append(os.fstat(file).st_size), real(file))
+    )
+    _, store = declared(tmp_path)
+    Writer(store)
+    content = (store.folder / "rows" / ".reserve").read_bytes()
+    assert len(content) == writing.RESERVE_BYTES in synced
+    assert len(zlib.compress(content, 1)) > 0.99 * len(content)
 
 
 def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:

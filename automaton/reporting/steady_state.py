@@ -42,7 +42,7 @@ def steady_throughput(results: Results, point: Point, window: int) -> Steady | N
         if len(y) >= ENOUGH_REPLICATIONS:
             interval = replication_deletion(y, cut, 1 - results.analysis.error)
         else:
-            interval = batch_means(y[0, cut:], 1 - results.analysis.error)
+            interval = batch_means(y[:, cut:], 1 - results.analysis.error)
     except Refused as why:
         return Steady(None, rule, None, str(why))
     except ValueError as why:

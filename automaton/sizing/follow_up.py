@@ -145,16 +145,19 @@ def best_of(
         candidates, until = rivals, runs + SELECTION_ROUND
 
 
+def around(answer: Place, asked: Question) -> list[int]:
+    """The fleets from one robot less to one more, up to the largest that was asked for."""
+    return [n for n in range(answer.robots - 1, answer.robots + 2) if 1 <= n <= asked.last]
+
+
 def sensitivity(
     answer: Place, purse: Purse, asked: Question, percents: Sequence[int]
 ) -> list[Moved]:
     """The fleets from one robot less to one more, with durations so many percent longer."""
     found: list[Moved] = []
-    around = range(answer.robots - 1, answer.robots + 2)
-    robots = [n for n in around if 1 <= n <= asked.last]
     for percent in percents:
         moved = Moved(percent)
-        for number in robots:
+        for number in around(answer, asked):
             candidate = Candidate(answer._replace(robots=number, percent=percent))
             if not purse.grown(candidate, TRIAL, asked):
                 return found

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
-from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
+from automaton.sizing.candidates import Candidate, Place, lost_by_cause, mean_of
 from automaton.sizing.charts import picture
-from automaton.sizing.follow_up import MOVES_LATE, OFF, Best, Gain, Moved
+from automaton.sizing.follow_up import MOVES_LATE, OFF, TRIAL, Best, Gain, Moved, around
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
@@ -25,6 +25,10 @@ USES = {
     "charger_use": "chargers",
     "utilization": "robots",
 }
+ROUNDS = (
+    "A verdict falls after so many runs of a fleet; the others end its round, or are made for what "
+    "follows."
+)
 MOST_CAUSES = 4
 LEAST_SHOWN = 0.0005  # of the robots' time
 WIDTH = 100  # a table of figures is no text to be folded
@@ -85,7 +89,9 @@ def sentence(search: Search, session: Session) -> str:
     if answer.kind == "not reachable":
         return f"not reachable up to {count(last, 'robot')}"
     upper = f"{answer.robots}" if answer.robots else f"{last}, or more"
-    why = "the budget is spent" if session.complete else "interrupted"
+    share = f"its {search.budget:,} runs of the budget are spent"
+    spent = share if len(session.asked.strategies) > 1 else "the budget is spent"
+    why = spent if session.complete else "interrupted"
     return f"undecided between {answer.least} and {upper} ({why})"
 
 
@@ -102,6 +108,8 @@ def print_search(out: Console, search: Search, session: Session, several: bool) 
     if several:
         out.print(label(search.strategy))
     print_table(out, candidates_table(search, asked))
+    if any(len(one.runs) > one.after for one in search.candidates if one.after):
+        out.print(ROUNDS, soft_wrap=True)
     for one in search.candidates:
         lacking = one.unmeasured(asked.target.metric)
         if lacking:
@@ -111,7 +119,7 @@ def print_search(out: Console, search: Search, session: Session, several: bool) 
         out.print(line, soft_wrap=True, highlight=False)
     for one in search.candidates:
         if one.excluded:
-            out.print(f"{one.place.robots}: no run needed, {one.excluded}", soft_wrap=True)
+            out.print(f"{one.place.robots}: fails without a run, {one.excluded}", soft_wrap=True)
     shown_one = search.find(search.answer.robots or 0) or last_run(search)
     if shown_one is not None and shown_one.runs:
         for line in spent_time(shown_one):
@@ -135,18 +143,16 @@ def candidates_table(search: Search, asked: Question) -> Table:
     )
     table.add_column("verdict", no_wrap=True)
     for one in search.candidates:
-        if one.excluded:
-            table.add_row(str(one.place.robots), "0", "-", "-", "-", "-", "fails (bound)")
-            continue
         mean = one.mean(asked.target.metric)
+        verdict = "fails (bound)" if one.excluded else one.verdict
         table.add_row(
             str(one.place.robots),
             f"{len(one.runs):,}",
-            f"{one.met(asked):,}",
-            f"{one.censored:,}",
+            f"{one.met(asked):,}" if one.runs else "-",
+            f"{one.censored:,}" if one.runs else "-",
             between(one.share(asked)) if one.runs else "-",
             "-" if mean is None else with_half(mean),
-            one.verdict + (f" after {one.after:,}" if one.verdict != "undecided" else ""),
+            verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
         )
     return table
 
@@ -231,8 +237,17 @@ def moved_lines(session: Session, asked: Question) -> list[str]:
         elif percent_off not in session.changes:
             lines.append(how + "not examined, they are too short for that in whole ticks")
         else:
-            lines.append(how + "not examined, the budget is spent")
+            lines.append(how + f"not examined, {too_little(session, place)}")
     return lines
+
+
+def too_little(session: Session, place: Place) -> str:
+    """Why durations were not varied."""
+    if not session.complete:
+        return "interrupted"
+    needed = TRIAL * len(around(place, session.asked))
+    left = session.asked.budget - session.spent
+    return f"which takes {count(needed, 'run')}: {left:,} of the budget are left"
 
 
 def changed(settings: Sequence[str]) -> str:

@@ -42,7 +42,7 @@ class Session:
         self.complete = True
 
     def _follow_up(self, purse: Purse) -> None:
-        asked, place = self.asked, self.place
+        asked = self.asked
         for search in self.searches:
             last = search.answer.robots or self._largest(search)
             if search.answer.robots is None:
@@ -50,6 +50,7 @@ class Session:
             if last is not None:
                 self.gains[search.strategy] = gain_of(search.candidates, last, purse, asked)
             self.after = purse.spent
+        place = self.place  # these runs may have decided a fleet that the search had left undecided
         if place is None:
             return
         if len(asked.strategies) > 1:

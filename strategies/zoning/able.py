@@ -30,6 +30,16 @@ def queue_length(view, zone):
 
 
 @kernel
+def length_then(view, given, zone):
+    """The same after the answers of this batch so far."""
+    count = queue_length(view, zone)
+    for k in range(given.queued[0]):
+        count += given.queue[k] == zone
+        count -= view.zoning.queue[given.order[k]] == zone
+    return count
+
+
+@kernel
 def enter(given, order, queue, stop, direct):
     """One more answer: an order comes into a queue."""
     k = given.queued[0]
@@ -96,9 +106,7 @@ def able_zone(view, given, order):
             continue
         if not is_running(view, server_of(view, given, zone)):
             continue
-        waiting = np.int64(queue_length(view, zone))
-        for k in range(given.queued[0]):
-            waiting += given.queue[k] == zone
+        waiting = np.int64(length_then(view, given, zone))
         if at == NIL or view.zoning.first[zone, at] == 0:
             waiting += 1 << 40
         if waiting < least:

@@ -22,6 +22,7 @@ from strategies.zoning.able import (
     enter_able,
     is_free,
     is_running,
+    length_then,
     queue_length,
     serves_all,
     zone_can,
@@ -172,7 +173,7 @@ def share(view, space, given, age, job):
     shared = 0
     for a in range(zones):
         for b in range(a + 1, zones):
-            here, there = queue_length(view, a), queue_length(view, b)
+            here, there = length_then(view, given, a), length_then(view, given, b)
             if here == there:
                 continue
             busy, idle = (a, b) if here > there else (b, a)

@@ -14,7 +14,7 @@ def circles(world: World, still: Array) -> list[tuple[int, ...]]:
     for one robot waits for who stands there or enters it. No robot waits for two, so every walk
     along those who keep each other ends, or comes to one circle.
     """
-    keeper = _keepers(world, still)
+    keeper = keepers(world, still)
     found: list[tuple[int, ...]] = []
     seen: set[int] = set()
     for first in still.tolist():
@@ -29,7 +29,7 @@ def circles(world: World, still: Array) -> list[tuple[int, ...]]:
     return sorted(found)
 
 
-def _keepers(world: World, still: Array) -> dict[int, int]:
+def keepers(world: World, still: Array) -> dict[int, int]:
     """Who keeps each of these robots from its next cell, by storage indices."""
     robots, grid = world.robots, world.grid
     holder: dict[int, int] = {}

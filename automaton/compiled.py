@@ -12,14 +12,17 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba import njit, types
-from numba.core import config
+from numba.core import config, event
 
 import automaton.struct_types  # noqa: F401  teaches Numba what a Struct is
 
@@ -48,6 +51,7 @@ KERNEL_SOURCES = {
     "strategies": (".",),
 }
 CACHES_KEPT = 4
+PATIENCE_S = 1.0  # before it is said that something is being compiled
 
 
 def jit_is_on() -> bool:
@@ -149,15 +153,72 @@ def _widened(kind: Any) -> Any:
     return kind
 
 
-def announce_first_compilation(what: str = "the world", seconds: int = 20) -> Callable[[], None]:
-    """Say on stderr why the first run waits; returns what to call when everything is compiled."""
-    marker = cache_folder() / ("complete" if what == "the world" else f"{what} complete")
+class _Compilations(event.Listener):  # type: ignore[misc]
+    """Notes how long this process compiles, and says on stderr what, unless it is done at once.
+
+    Numba lets one thread compile at a time, and tells only of what is not in the cache.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self.announced = False  # somebody has said why it takes long
+        self._depth = 0
+        self._begun = 0.0
+        self._told: set[str] = set()
+        self._timer = threading.Timer(0.0, print)
+
+    def on_start(self, event: Any) -> None:
+        self._depth += 1
+        if self._depth > 1:
+            return  # a kernel that another one calls
+        self._begun = time.perf_counter()
+        subject = subject_of(event.data["dispatcher"].py_func.__module__)
+        if not self.announced and subject not in self._told:
+            self._timer = threading.Timer(PATIENCE_S, self._tell, [subject])
+            self._timer.daemon = True
+            self._timer.start()
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._timer.cancel()
+            self.seconds += time.perf_counter() - self._begun
+
+    def _tell(self, subject: str) -> None:
+        self._told.add(subject)
+        _say(f"first use on this machine: compiling {subject}, once")
+
+
+def subject_of(module: str) -> str:
+    """What a kernel is about: the folder of ours that it lies in, or a plug-in's module."""
+    first, _, rest = module.partition(".")
+    return rest.split(".")[0].replace("_", " ") if first in KERNEL_SOURCES and rest else module
+
+
+COMPILATIONS = _Compilations()
+event.register("numba:compile", COMPILATIONS)
+
+
+def seconds_compiled() -> float:
+    """Seconds that this process has spent on compiling: no time of a run."""
+    return COMPILATIONS.seconds
+
+
+@contextmanager
+def first_compilation_announced() -> Iterator[None]:
+    """Say on stderr why the first run of all waits while the world is compiled in here."""
+    marker = cache_folder() / "complete"
     if not jit_is_on() or marker.exists():
-        return lambda: None
-    print(
-        f"automaton: first run of this version on this machine: "
-        f"compiling {what}, once (about {seconds} s) ...",
-        file=sys.stderr,
-        flush=True,
-    )
-    return marker.touch
+        yield
+        return
+    _say("first run of this version on this machine: compiling the world, once (about 20 s)")
+    COMPILATIONS.announced = True
+    try:
+        yield
+    finally:
+        COMPILATIONS.announced = False
+    marker.touch()
+
+
+def _say(what: str) -> None:
+    print(f"automaton: {what} ...", file=sys.stderr, flush=True)

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.circles import circles
+from automaton.compiled import seconds_compiled
 from automaton.errors import InputError
 from automaton.metrics import (
     OPERATIONS,
-    illegal_by_layer,
     metrics_by_robot,
     metrics_by_type,
     metrics_of,
@@ -22,10 +22,9 @@ from automaton.picture import picture_of
 from automaton.picture.partition import partition_picture
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
+from automaton.standstill import stuck, trouble
 from automaton.strategy.failure import strategy_failure
-from automaton.units import count, listed
 from automaton.world.state import DELIVERED, NIL, WAIT, WAITING, Array
-from automaton.world.waiting import DEADLOCK_TICKS
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -68,14 +67,14 @@ def run_to_end(
     still: Array | None = None,
     until: int | None = None,
 ) -> float:
-    """Run until finished, at tick `until` or at the limit; the seconds that took.
+    """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
 
     `on_window` is called every WINDOW ticks. `still`: (n,) int64 output, the last window's end at
     which each stored robot had worked since the one before.
     """
     limit = simulation.resolved.scenario.stop.at_most
     limit = limit if until is None else min(limit, until)
-    begun = time.perf_counter()
+    begun = time.perf_counter() - seconds_compiled()
     worked = operations(simulation)
     while not simulation.finished and simulation.tick < limit:
         simulation.run(min(simulation.tick + WINDOW, limit))
@@ -85,7 +84,7 @@ def run_to_end(
             worked = now
         if on_window is not None:
             on_window(simulation)
-    return time.perf_counter() - begun
+    return time.perf_counter() - begun - seconds_compiled()
 
 
 def operations(simulation: Simulation) -> Array:
@@ -138,7 +137,7 @@ def run_once(
         stopped=not finished and simulation.tick == until,
         circles=circles(simulation.world, stuck(simulation, still)),
         ran_out=ran_out(simulation),
-        picture=picture_of(simulation) if draw else "",
+        picture=picture_of(simulation, brief=True) if draw else "",
         types=metrics_by_type(simulation),
         zones=partition_picture(simulation.world, resolved.plan) if draw else "",
     )
@@ -159,41 +158,3 @@ def ran_out(simulation: Simulation) -> RanOut | None:
         return None
     done = bool((orders.state == DELIVERED).all())
     return RanOut(taken, int(orders.delivered.max()) if done else None)
-
-
-def stuck(simulation: Simulation, still: Array) -> Array:
-    """Storage indices of the robots on the floor that have not worked for long; see `run_to_end`."""
-    abroad = np.flatnonzero(simulation.world.robots.parked == 0)
-    found: Array = abroad[still[abroad] <= simulation.tick - DEADLOCK_TICKS]
-    return found
-
-
-def deadlocks(found: list[tuple[int, ...]]) -> list[str]:
-    """A phrase about circles of robots, or none."""
-    if not found:
-        return []
-    others = f", and so do those of {count(len(found) - 1, 'more circle')}" if found[1:] else ""
-    return [f"deadlock: robots {listed(list(found[0]))} wait for each other in a circle{others}"]
-
-
-def trouble(simulation: Simulation, still: Array) -> str:
-    """Why a run is not finished: what is undelivered, who is not parked, who stands still."""
-    world = simulation.world
-    illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
-    abroad = int((world.robots.parked == 0).sum())
-    undelivered = int((world.orders.state != DELIVERED).sum())
-    phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
-    if not undelivered:
-        phrases = [f"all orders delivered, but {count(abroad, 'robot')} not parked"]
-    phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
-    waiting = stuck(simulation, still)
-    if len(waiting):
-        since = int(still[waiting].max())
-        names = sorted(int(i) for i in world.robots.identity[waiting])
-        who = f"robot {names[0]} has" if len(names) == 1 else f"robots {listed(names)} have"
-        phrases.append(f"{who} done nothing but wait since tick {since:,} or before")
-        phrases += deadlocks(circles(world, waiting))
-    elif undelivered:
-        last = int(world.orders.delivered.max(initial=0))
-        phrases.append(f"last delivery at tick {last:,}" if last > 0 else "nothing was delivered")
-    return ", ".join(phrases)

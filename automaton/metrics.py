@@ -60,7 +60,8 @@ def executed_ticks(world: World) -> Array:
 def metrics_of(run: Measured) -> dict[str, float | int]:
     """All metrics of the fleet, by the names of GLOSSARY.
 
-    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer. What
+    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer; times
+    of tasks, orders and parts are there once one has ended: what was not measured is not 0. What
     strategies count themselves comes under the names that they give it, those unknown here last.
     """
     world = run.world
@@ -77,16 +78,17 @@ def metrics_of(run: Measured) -> dict[str, float | int]:
         "T_R": figures["T_Rtotal"] / n,
         "delivered": delivered,
         "throughput": _ratio(1000 * delivered, elapsed),
-        "legs_per_order": _ratio(int(world.orders.legs[done].sum()), delivered),
         "utilization": _ratio(active, n * elapsed),
         "withdrawals": int(world.tally.times[:, WITHDRAW].sum()),
         "illegal_answers": int(world.tally.illegal.sum()),
     }
     if may_slow(world):
         figures["slowed"] = int(world.tally.slowed.sum())
-    if world.orders.released.any():
+    if delivered:
+        figures["legs_per_order"] = int(world.orders.legs[done].sum()) / delivered
+    if delivered and world.orders.released.any():
         times = (world.orders.delivered - world.orders.released)[done]
-        figures["lead_time"] = float(times.mean()) if delivered else 0.0
+        figures["lead_time"] = float(times.mean())
         figures["lead_time_p95"] = quantile_95(times)
     figures |= energy_figures(world, elapsed)
     figures |= task_figures(run)

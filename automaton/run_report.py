@@ -8,10 +8,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from automaton.headless import Outcome, deadlocks
+from automaton.headless import Outcome
 from automaton.metrics import GLOSSARY
 from automaton.picture.partition import coloured
 from automaton.scenario.resolve import Resolved
+from automaton.standstill import deadlocks
 from automaton.strategy.lookup import NONE
 from automaton.translation import units_of
 from automaton.units import Unit, count, duration, number, percent
@@ -37,9 +38,17 @@ ROBOTS_SHOWN = 50
 NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 
+class Reports(Console):
+    """A console that lets it be known that nobody reads any more; rich would exit with code 1."""
+
+    def on_broken_pipe(self) -> None:
+        """The command line knows what to do."""
+        raise BrokenPipeError
+
+
 def console(stream: Any = None) -> Console:
     """Where reports go: no markup, no guessing at what to colour; 80 columns in a pipe."""
-    return Console(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
+    return Reports(file=stream or sys.stdout, highlight=False, markup=False, emoji=False)
 
 
 def plain_table(*headers: str, gap: int = 2) -> Table:

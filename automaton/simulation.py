@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.compiled import announce_first_compilation
+from automaton.compiled import first_compilation_announced
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
 from automaton.scenario.resolve import Resolved
@@ -262,8 +262,7 @@ _LOOPS: dict[str, Any] = {}
 def _compiled_loop(arguments: tuple[Any, ...], memory: Memory) -> tuple[Any, Any]:
     """The loop, compiled or loaded once per process: all worlds have the same types."""
     if "loop" not in _LOOPS:
-        done = announce_first_compilation()
-        _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
-        done()
+        with first_compilation_announced():
+            _LOOPS["loop"] = loop_kernels.compile_loop(arguments, memory)  # type: ignore[no-untyped-call]
     found: tuple[Any, Any] = _LOOPS["loop"]
     return found

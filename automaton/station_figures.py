@@ -11,7 +11,10 @@ from automaton.world.state import NIL, TICK, Array, World
 
 
 def station_figures(world: World) -> dict[str, float | int]:
-    """The figures of stations, by the names of the glossary; none without parts."""
+    """The figures of stations, by the names of the glossary; none without parts.
+
+    `part_time` is there once a part is finished.
+    """
     stations = world.stations
     if not len(stations.part):
         return {}
@@ -21,9 +24,10 @@ def station_figures(world: World) -> dict[str, float | int]:
     took = stations.done[ended] - begun[stations.part[ended]]
     busy = busy_ticks(world)
     most = int(np.argmax(busy))
+    time = {"part_time": float(took.mean())} if len(ended) else {}
     return {
         "parts": len(ended),
-        "part_time": float(took.mean()) if len(ended) else 0.0,
+        **time,
         "busiest_station": most + 1,
         "busiest": float(busy[most]) / max(1, int(world.clock[TICK])),
     }
@@ -46,5 +50,6 @@ def balance_figures(counted: dict[str, int]) -> dict[str, float | int]:
     figures: dict[str, float | int] = dict(counted)
     if "ticks_watched" in figures and "ticks_in_balance" in figures:
         watched, good = figures.pop("ticks_watched"), figures.pop("ticks_in_balance")
-        figures["in_balance"] = good / watched if watched else 0.0
+        if watched:
+            figures["in_balance"] = good / watched
     return figures

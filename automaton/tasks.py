@@ -38,7 +38,10 @@ class Measured(Protocol):
 
 
 def task_figures(run: Measured) -> dict[str, float]:
-    """The metrics of TASK_METRICS, or none if the scenario does not measure tasks."""
+    """The metrics of TASK_METRICS, or none if the scenario does not measure tasks.
+
+    Where no task has ended nothing is known of the time that tasks take: `completions` stands alone.
+    """
     measure = run.resolved.scenario.measure
     if measure is None:
         return {}
@@ -46,25 +49,26 @@ def task_figures(run: Measured) -> dict[str, float]:
     orders, robots = world.orders, len(world.robots.cell)
     done = orders.state == DELIVERED
     tasks = np.flatnonzero(done & (orders.dispatched > warm_up) & (orders.legs == 1))
-    times = task_times(world, tasks)
     after = max(0, int(world.clock[TICK]) - warm_up)
     completed = int(np.count_nonzero(done & (orders.delivered > warm_up)))
+    found = {"completions": 1000 * completed / (robots * after) if after else 0.0}
+    if not len(tasks):
+        return found
+    times = task_times(world, tasks)
     delays = times - least_times(run, tasks)
     return {
-        "task_time": float(times.mean()) if len(tasks) else 0.0,
-        "delay": float(delays.mean()) if len(tasks) else 0.0,
+        **found,
+        "task_time": float(times.mean()),
+        "delay": float(delays.mean()),
         "delay_p95": quantile_95(delays),
-        "completions": 1000 * completed / (robots * after) if after else 0.0,
     }
 
 
 def quantile_95(values: Array) -> float:
-    """The least of some values that 95 % of them do not exceed; 0 of none.
+    """The least of some values, one at least, that 95 % of them do not exceed.
 
     Within one run: orders of several runs, or of one, are not independent of each other.
     """
-    if not len(values):
-        return 0.0
     return float(np.sort(values)[-(-95 * len(values) // 100) - 1])
 
 

@@ -109,6 +109,20 @@ def test_each_way_to_leave_restores_the_terminal_and_keeps_the_recording(tmp_pat
         assert read_recording(recording).ticks > 100
 
 
+def test_messages_may_go_to_a_file_while_the_viewer_is_on_the_terminal(tmp_path: Path) -> None:
+    said = tmp_path / "said.txt"
+    program = f"exec {sys.executable} -m automaton watch tabletop-mini --paused 2> {said}"
+    kept = {name: os.environ[name] for name in KEPT if name in os.environ}
+    variables = {**kept, **TRUECOLOR, "XDG_STATE_HOME": str(tmp_path)}
+    with TerminalHost(["sh", "-c", program], rows=24, columns=80, environ=variables) as host:
+        session = Session(host)
+        session.wait_for_text("tick")
+        session.press("q")
+        assert host.wait_for_end() == 0
+        assert all(sequence in host.output() for sequence in RESTORED.values())
+    assert "recorded in " in said.read_text()
+
+
 def test_a_lost_connection_leaves_a_recording_that_replays(tmp_path: Path) -> None:
     with watching(tmp_path, "--speed", "64") as session:
         session.wait_for_tick(200)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from automaton.bench import PARTS, zoning
+from automaton.bench.measurement import EXPONENT, slope
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -54,6 +55,20 @@ def test_fleets_of_any_size_run_in_zones() -> None:
         run.run(until=1500)
         assert (run.world.orders.delivered >= 0).sum() > 0
         assert run.world.tally.illegal.sum() == 0
+
+
+def test_growth_is_the_slope_of_log_time_over_log_size() -> None:
+    assert slope((18, 50, 200), [7 * n**1.5 for n in (18, 50, 200)]) == pytest.approx(1.5)
+    times = {size: iter([size**2.0] * 9) for size in (3, 10, 30)}
+    takes = {size: lambda size=size: lambda: next(times[size]) for size in times}  # type: ignore[misc]
+    assert zoning.prepare_growth(takes, 3)() == pytest.approx(2.0)
+    rows = [one for one in zoning.measurements() if one.unit == EXPONENT]
+    assert [one.name for one in rows] == [
+        "growth of a repair with the stations, 3 zones",
+        "growth of a repair with the zones, 200 stations",
+        "growth of 5,000 ticks with the robots, annealing",
+        "growth of 5,000 ticks with the robots, decentralized",
+    ]
 
 
 def test_names_are_unique() -> None:

@@ -70,6 +70,47 @@ def test_a_floor_without_traffic_to_avoid_is_warned_of(
         assert "warning" not in out
 
 
+STATIONS = """name: yard
+layout:
+  picture: |
+    b.t..t
+    b...c.
+fleet: {robots: 2, kinematics: omni}
+orders: {parts: [{route: [1, 2], count: 3}]}
+strategy: {allocation: shortest-job, right_of_way: wait}
+stop: {when: delivered}
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "warned"),
+    [
+        (["fleet.start=bays"], ""),
+        (["fleet.start=random"], "robots begin anywhere (fleet.start: random), and so park"),
+        (["fleet.start=[[0, 0], [5, 0]]"], "robot 1 begins on a station, and so parks there"),
+        (["fleet.start=[[0, 0], [1, 0]]"], ""),
+        (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they set down"),
+        (["fleet.start=random", "fleet.robots=1"], ""),
+        (["fleet.start=random", "fleet.when_done=leave"], ""),
+        (["fleet.start=random", "strategy.right_of_way=withdraw"], "give_way: true"),
+        (["fleet.start=random", "strategy.right_of_way={name: withdraw, give_way: true}"], ""),
+        (
+            ["battery={drain: {move: 1}, charge: 1}"],
+            "the floor has 1 charger, but strategy.charging",
+        ),
+        (["battery={drain: {move: 1}, charge: 1}", "strategy.charging=threshold"], ""),
+    ],
+)
+def test_robots_that_stay_on_stations_and_batteries_for_nothing_are_warned_of(
+    settings: list[str], warned: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "yard.yaml"
+    path.write_text(STATIONS)
+    assert main(["check", str(path), *(part for one in settings for part in ("--set", one))]) == 0
+    said = capsys.readouterr().err
+    assert warned in said and bool(warned) == ("warning" in said)
+
+
 @pytest.mark.parametrize("key", ["precision", "recall"])
 def test_a_share_out_of_range_is_told_the_whole_range(
     key: str, capsys: pytest.CaptureFixture[str]

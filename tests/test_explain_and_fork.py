@@ -147,6 +147,11 @@ def test_a_branch_is_marked_verifies_and_is_compared(
     assert "branched off after tick 300: durations.move=9" in text
     assert "the runs differ first at tick" in text and "x goes" not in text
     assert "metric" in text and "original" in text and "lost_refused" in text
+    # The viewer shows both with one clock; in a pipe, figures of both.
+    assert main(["replay", str(recorded), str(out)]) == 0
+    text = capsys.readouterr().out
+    assert f"the runs differ first at tick {found['difference']}" in text
+    assert "branched off from tick 300 durations.move=9" in text
 
 
 def test_a_branch_that_does_not_finish_says_so_by_its_code(recorded: Path, tmp_path: Path) -> None:

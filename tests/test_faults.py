@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 from powered import MOVES, Powered, recorded_run, scene
 
+from automaton.headless import run_once
 from automaton.picture import picture_of, world_from
 from automaton.recording.validator import validate_stored
+from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Durations, Fault, Faults
 from automaton.simulation import Simulation
 from automaton.world.condition import BROKEN, FULL, GONE, RUNNING, TOWED
@@ -175,3 +177,20 @@ def test_a_load_is_carried_on_if_its_robot_was_alone_in_a_corner() -> None:
     run.run()
     assert run.finished and run.world.orders.state[0] == DELIVERED
     assert CARRIED not in run.world.orders.state
+
+
+def test_who_is_out_of_order_does_not_wait_but_others_wait_for_it(tmp_path: Any) -> None:
+    """Said where a run does not finish."""
+    (tmp_path / "line.yaml").write_text(
+        "name: line\nlayout:\n  picture: |\n    t...t\n"
+        "fleet: {robots: 2, kinematics: omni, start: [[0, 0], [2, 0]]}\n"
+        "orders: {list: [{from: [0, 0], to: [4, 0]}]}\n"
+        "strategy: {allocation: shortest-job, right_of_way: wait}\n"
+        "faults: {list: [{robot: 1, at: 1}], tow_after: null}\n"
+        "stop: {when: delivered, at_most: 5000}\n"
+    )
+    told = run_once(resolve(tmp_path / "line.yaml")).trouble
+    assert "robot 1 has broken down, robot 0 has done nothing but wait since" in told
+    assert "robot 0 waits for robot 1, which holds (2, 0) and is out of order" in told
+    told = run_once(resolve(tmp_path / "line.yaml", ["faults.list=[]"])).trouble
+    assert told.endswith("robot 0 waits for robot 1, which holds (2, 0) and has nothing to do")

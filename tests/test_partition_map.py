@@ -9,16 +9,19 @@ from staged_scenes import camera_at, composed, ink, paper, stage, text
 from zoning_scenes import drawn
 
 from automaton.picture.ways import ways_of
+from automaton.scenario.pictures import draw_floor
 from automaton.world.partitions import partition_of
 from automaton.world.state import NIL
 from automaton.zoning.designs import read_design
+from automaton.zoning.roads import roads_of
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.describe import describe
-from tui.render.designs import TRANSFER_INK
+from tui.render.designs import SHARED, TRANSFER_INK, design_key
 from tui.render.glyphs import ASCII
 from tui.render.legend import legend
 from tui.render.scene import Scene
+from tui.render.served_tints import served_tints, sparest_first
 from tui.render.zone_tints import TINTS
 
 FLOOR = """
@@ -58,6 +61,16 @@ def test_where_there_is_room_stations_bear_their_numbers() -> None:
     assert rows(two_zones(), "3x1")[0] == "t1 d  d  d  T2 .  .  .  t3"
 
 
+def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() -> None:
+    plan = draw_floor("t" * 11)
+    roads = roads_of(plan, plan.stations())
+    design = read_design(plan, roads, {"zones": [{"stations": list(range(1, 12))}]})
+    station_of = np.arange(11, dtype=np.int32)
+    zoning = partition_of(roads, 1, station_of, 0, 1).replaced(design=design)
+    robot = {"cell": plan.cell(10, 0), "heading": 1}
+    assert rows(stage(plan, robot, zoning=zoning, layer="served"), "3x1")[0].endswith("t10v0")
+
+
 def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> None:
     scene = two_zones()
     codes, camera = composed(scene, "1x1")
@@ -94,6 +107,57 @@ def test_the_legend_says_who_serves_which_zone() -> None:
         "zone 2: robot 1, 2 stations",
         "transfer station: parts change robots",
     ]
+
+
+def lattice_zones(columns: int, lines: int) -> Scene:
+    """A lattice with a station at every crossing, and a zone for each, numbered line by line."""
+    line, between = ".".join("t" * columns), "#".join("." * columns)
+    plan = draw_floor(f"\n{between}\n".join([line] * lines))
+    cells = [plan.cell(2 * x, 2 * y) for y in range(lines) for x in range(columns)]
+    roads = roads_of(plan, cells)
+    data = {"zones": [{"stations": [k + 1]} for k in range(len(cells))]}
+    station_of = np.arange(len(cells), dtype=np.int32)
+    zoning = partition_of(roads, len(cells), station_of, 0, len(cells))
+    return stage(
+        plan, zoning=zoning.replaced(design=read_design(plan, roads, data)), layer="served"
+    )
+
+
+def test_of_more_zones_than_tints_those_that_touch_differ() -> None:
+    """By its number each would have the tint of the one below it."""
+    columns, lines = len(TINTS), 4
+    scene = lattice_zones(columns, lines)
+    assert scene.partition is not None
+    tint = served_tints(scene.partition).reshape(lines, columns)
+    assert (tint[:-1] != tint[1:]).all() and (tint[:, :-1] != tint[:, 1:]).all()
+    assert set(tint.reshape(-1).tolist()) == set(range(len(TINTS)))
+    entries = legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)
+    assert [entry.meaning for entry in entries[:2]] == [SHARED, "zone 1: robot 0, 1 station"]
+    assert (
+        entries[7].signs
+        == entries[1 + int(np.flatnonzero(tint.reshape(-1) == tint[1, 0])[0])].signs
+    )
+    assert SHARED in " ".join(design_key(columns * lines, ASCII))
+
+
+def test_as_many_zones_as_tints_have_one_each() -> None:
+    scene = lattice_zones(len(TINTS), 1)
+    assert scene.partition is not None
+    assert served_tints(scene.partition).tolist() == list(range(len(TINTS)))
+    assert SHARED not in " ".join(design_key(len(TINTS), ASCII))
+
+
+def test_six_tints_are_enough_wherever_ways_do_not_cross() -> None:
+    """A wheel in a wheel: the hub touches all, each ring zone its two neighbours and the outside."""
+    spokes = 9
+    ring = [{0, 1 + (k + 1) % spokes, 1 + (k - 1) % spokes, spokes + 1} for k in range(spokes)]
+    near = [set(range(1, spokes + 1)), *ring, set(range(1, spokes + 1))]
+    order = sparest_first(near)
+    assert sorted(order) == list(range(spokes + 2))
+    left = set(order)
+    for zone in order:
+        left.remove(zone)
+        assert len(near[zone] & left) < len(TINTS)
 
 
 def test_a_station_and_a_way_are_described() -> None:

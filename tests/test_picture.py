@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -29,7 +30,7 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 from automaton.world.carry import OF_THE_BUFFERS
 from automaton.world.plan import floor_plan
-from automaton.world.state import CLOCK_SIZE, GOAL_CHARGE
+from automaton.world.state import CLOCK_SIZE, DELIVERED, GOAL_CHARGE
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
@@ -171,18 +172,31 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 
 
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
-    told = {*NUMBERS, "cell", "claim", "stand", "slot", "need", "length", "at", "route", "plan"}
+    told = {
+        *NUMBERS,
+        "zone",
+        "cell",
+        "claim",
+        "stand",
+        "slot",
+        "need",
+        "length",
+        "at",
+        "route",
+        "plan",
+    }
     assert set(ROBOT_FIELDS) <= told
 
 
 @pytest.mark.parametrize(
     ("state", "words"),
     [
-        ({"priority": -3, "zone": 2}, "priority -3, zone 2"),
+        ({"priority": -3, "zone": 2}, "priority -3, zone 3"),
         ({"withdrawing": 1, "need": 4, "length": 0, "at": 0}, "withdraws 1 more step, asks for"),
         ({"blocked": 2, "hold": 2, "need": 4}, "failed 2 times, is stuck, asks for the right"),
         ({"action": 10, "busy": 0}, "was kept in its bay"),
-        ({"action": 7, "charge": 250_000}, "charged, charge 250000"),
+        ({"action": 7, "charge": 250_000}, "charged, charge 25 %"),
+        ({"charge": 836_701}, "charge 83.6701 %"),
         ({"yields": 1, "charging_reason": 10}, "may have an order while it charges, charging"),
         ({"status": 3, "until": 40}, "empty battery, until tick 40"),
         ({"status": 6, "until": -1}, "gone, for good"),
@@ -210,8 +224,28 @@ def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
     robots, plan = running.world.robots, running.resolved.plan
     robots.goal[3], robots.level[3], robots.stand[3] = GOAL_CHARGE, 800_000, plan.cell(9, 5)
     picture = picture_of(running)
-    assert "D (2, 4) facing west, goes to (9, 5) to charge up to 800000" in picture
+    assert "D (2, 4) facing west, goes to (9, 5) to charge up to 80 %" in picture
     assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
+
+
+# For people
+
+
+def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
+    settings = (
+        "strategy.charging=none",
+        "battery.drain.move=0.01",
+        "strategy.allocation=first-come",
+    )
+    running = Simulation(resolve("depots", settings))
+    running.run(until=900)
+    whole, brief = picture_of(running), picture_of(running, brief=True)
+    delivered = int((running.world.orders.state == DELIVERED).sum())
+    assert delivered > 1 and whole.count(" delivered to ") == delivered
+    assert " delivered to " not in brief and brief.endswith(f"{delivered} orders delivered")
+    assert "asks for charging" in whole and "asks for charging" not in brief
+    assert "bound, " in whole and "bound, " not in brief, "depots has robots that never turn"
+    assert re.search(r"charge \d+(\.\d+)? %", brief)
 
 
 # Contradictions

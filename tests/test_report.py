@@ -8,6 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,17 +16,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_up_results import made_up, noise, study_of
 
 from automaton.commands import main
+from automaton.experiments import sweep
+from automaton.experiments.store import Store
 from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
-from automaton.reporting.comparing import comparisons, declared_pairs, pairing_remark
+from automaton.reporting.comparing import comparisons, declared_pairs
+from automaton.reporting.compose import compose
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.html import as_html
-from automaton.reporting.results import Results, point_name
+from automaton.reporting.results import point_name
 from automaton.reporting.sections import comparison_section, metric_section, remarks, steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
+from automaton.scenario.reading import find
 from automaton.statistics.effects import effect
 
 pytest.importorskip("pyarrow")
@@ -171,43 +177,12 @@ def test_bad_input_is_one_sentence(
 def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
     assert report(capsys, str(tmp_path))[0] == 2
     assert report(capsys, str(tmp_path / "none"))[0] == 2
+    (tmp_path / "run.rec").touch()
+    code, _, err = report(capsys, str(tmp_path / "run.rec"))
+    assert code == 2 and "is a file" in err and "automaton replay ONE OTHER" in err
 
 
 # Results made up, without runs.
-
-
-def made_up(
-    study: Study, value: Callable[[int, int], float | None], **columns: Callable[[int, int], Any]
-) -> Results:
-    """Runs of which T_total is value(point, replication)."""
-    runs = [(p.number, r) for p in study.points for r in range(study.replications)]
-    usual: dict[str, Callable[[int, int], Any]] = {
-        "key": lambda p, r: f"{p}-{r}",
-        "point": lambda p, r: p,
-        "replication": lambda p, r: r,
-        "seed": lambda p, r: r,
-        "finished": lambda p, r: True,
-        "failed": lambda p, r: None,
-        "digest": lambda p, r: "0",
-        "T_total": value,
-    }
-    made = {name: [of(*run) for run in runs] for name, of in {**usual, **columns}.items()}
-    return Results(study=study, columns=made, version="0" * 16)
-
-
-def study_of(factors: dict[str, Any], replications: int = 60, **more: Any) -> Study:
-    analysis = Analysis(metrics=("T_total",), **more)
-    return Study(
-        name="made up",
-        scenario="tabletop-mini",
-        factors=factors,
-        replications=replications,
-        analysis=analysis,
-    )
-
-
-def noise(point: int, replication: int) -> float:
-    return float(np.random.default_rng((point, replication)).normal(100, 10))
 
 
 def tables(blocks: Any) -> list[Table]:
@@ -231,13 +206,22 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
     assert "2 runs did not finish" in notes and "2 runs failed" in notes and "it broke" in notes
 
 
+def test_what_was_not_measured_is_in_no_mean() -> None:
+    study = study_of({"fleet.robots": (1, 2)})
+    results = made_up(study, lambda p, r: 100.0 if r % 3 else None)
+    (table,) = tables(blocks := list(metric_section(results, {}, "T_total")))
+    assert [row[1] for row in table.rows] == ["100", "100"]
+    (listed, *_) = (block for block in blocks if isinstance(block, Listed))
+    assert listed.items[0].startswith("robots 1: 20 of 60 runs without T_total")
+
+
 def test_runs_that_lack_are_told() -> None:
     study = study_of({"fleet.robots": (1, 2)}, replications=10)
     whole = made_up(study, noise)
     some = replace(whole, columns={k: v[:15] for k, v in whole.columns.items()}, earlier=1)
     notes = " ".join(remarks(some))
     assert "5 runs of 20 not done yet" in notes
-    assert "the analysis was changed 1 time after runs had been made" in notes
+    assert "the analysis or warm-up was changed 1 time after runs had been made" in notes
 
 
 def test_the_baseline_is_compared_at_equal_other_levels() -> None:
@@ -260,27 +244,6 @@ def test_a_family_shares_its_error() -> None:
     )
     assert found[0].effect.difference == alone.difference
     assert all(one.adjusted >= one.effect.p for one in found)
-
-
-def test_pairs_are_those_of_a_replication_that_both_finished() -> None:
-    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(
-        study,
-        lambda p, r: 100.0 + r + p,
-        finished=lambda p, r: (p, r) != (0, 5),
-    )
-    one = comparisons(results)[0]
-    assert one.runs == (59, 59)
-    assert one.effect.difference.value == pytest.approx(1)
-    assert one.effect.correlation == pytest.approx(1)
-    assert "pairing helps" in pairing_remark([one], True)
-
-
-def test_the_report_says_if_pairing_does_not_help() -> None:
-    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(study, lambda p, r: 100.0 + (r if p else -r))
-    texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
-    assert any("variance ratio of pairs 2.00: pairing does not help" in text for text in texts)
 
 
 def test_few_runs_are_warned_of() -> None:
@@ -307,6 +270,45 @@ def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
     assert refused[1] == "-"
     (listed,) = [block for block in blocks if isinstance(block, Listed)]
     assert "not stationary or too short" in listed.items[0]
+
+
+@pytest.fixture
+def steady(tmp_path: Path) -> Path:
+    """A folder of a steady state, of which the scenario lies beside the study, not in the folder."""
+    shipped = find("warehouse-100").read_text()
+    (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 1200"))
+    (tmp_path / "steady.yaml").write_text(
+        "name: steady\nscenario: own.yaml\nreplications: 20\ndesign: steady-state\nwindow: 20\n"
+        "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput]}\n"
+    )
+    with ThreadPoolExecutor(1) as executor:
+        sweep(tmp_path / "steady.yaml", tmp_path / "deep" / "results", executor)
+    return tmp_path / "deep" / "results"
+
+
+def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
+    store = Store(steady)
+    document = compose(store)
+    told = [item for block in document.blocks if isinstance(block, Listed) for item in block.items]
+    assert any("without lower bounds and maps" in item for item in told)
+    table = next(one for one in tables(document.blocks) if "orders/1000 ticks" in one.head)
+    series = np.array(store.rows().column("series").to_pylist())[:, 400 // 20 :]
+    assert float(table.rows[0][1]) == pytest.approx(series.mean() * 1000 / 20, rel=1e-3)
+
+
+def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsys: Any) -> None:
+    """Beside the folder's own study, where the report looks first, lies a scenario of that name."""
+    own = steady.parent.parent / "own.yaml"
+    (steady / "own.yaml").write_text(own.read_text())
+    code, out, _ = report(capsys, str(steady), "--floor", "0")
+    assert code == 0 and "most: no strategy can do better" in out and "Visits, point 0" in out
+    (steady / "own.yaml").write_text(own.read_text().replace("count: 2000", "count: 1999"))
+    code, out, _ = report(capsys, str(steady))
+    assert code == 0 and "no strategy can do better" not in out
+    told = "without lower bounds and maps of 1 of 1 point, since another scenario is found now"
+    assert told in " ".join(out.split())
+    code, _, err = report(capsys, str(steady), "--floor", "0")
+    assert code == 2 and "has changed" in err
 
 
 def replace_study(**more: Any) -> Study:

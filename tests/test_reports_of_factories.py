@@ -70,7 +70,7 @@ def test_work_under_way_counts_as_far_as_it_has_come() -> None:
     assert np.flatnonzero(busy).tolist() == [3, 4]
     assert np.abs(busy[[3, 4]] - 100).max() <= 1
     figures = metrics_of(run)
-    assert (figures["parts"], figures["part_time"]) == (0, 0)
+    assert figures["parts"] == 0 and "part_time" not in figures
     assert (run.world.stations.done == NIL).all()
 
 
@@ -82,7 +82,7 @@ def test_travel_is_what_robots_drove(ran: Simulation) -> None:
 def test_balance_is_a_share_of_the_time_that_was_watched() -> None:
     counted = {"redesigns": 2, "ticks_in_balance": 30, "ticks_watched": 120}
     assert balance_figures(counted) == {"redesigns": 2, "in_balance": 0.25}
-    assert balance_figures({"ticks_in_balance": 0, "ticks_watched": 0}) == {"in_balance": 0.0}
+    assert balance_figures({"ticks_in_balance": 0, "ticks_watched": 0}) == {}
     assert balance_figures({"bids": 3}) == {"bids": 3}
 
 

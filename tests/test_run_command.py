@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -177,6 +178,18 @@ def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[s
     assert shown == ticks and all(len(line) <= 80 for line in robots.splitlines())
     assert main(["run", "tabletop-mini"]) == 0
     assert "slowed" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["list"], ["check", "tabletop-mini"]])
+def test_a_reader_that_goes_away_is_no_failure(command: list[str]) -> None:
+    """As a shell says of programs that end by SIGPIPE: 141."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    done = subprocess.run(
+        [sys.executable, "-m", "automaton", *command], stdout=writes, stderr=subprocess.PIPE
+    )
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (141, b"")
 
 
 def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from statistics_trials import synthetic
 
+from automaton import experiments
 from automaton.commands import main
-from automaton.commands.size import Telling
 from automaton.errors import InputError
 from automaton.rounds import Rounds
 from automaton.scenario.resolve import resolve
-from automaton.sizing.candidates import Place, Run
+from automaton.sizing.candidates import Candidate, Place, Run
+from automaton.sizing.charts import picture
 from automaton.sizing.question import Target, question, read_robots, read_target
-from automaton.sizing.runner import Fleets, conducted_with_use, longer, replication_seeds
+from automaton.sizing.runner import (
+    Checked,
+    Fleets,
+    conducted_with_use,
+    longer,
+    replication_seeds,
+)
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.sizing.strategies import strategies_named
+from automaton.units import Unit
 
 ZERO = Target("T_total", True, 0.0)
 
@@ -76,6 +85,19 @@ def test_a_run_that_does_not_finish_fails() -> None:
         search = Search(asked, "", censored, asked.budget)
         search.go()
         assert search.answer.kind == "not reachable"
+
+
+def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
+    """Runs so short that no task ends have no delay, which is not a delay of 0."""
+    short = ("--set", "measure={warm_up: 5}", "--set", "stop={when: never, at_most: 10}")
+    for options in ((), ("--mean", "--zone", "1")):
+        code, out, _ = size(
+            capsys, "tabletop-mini", "--target", "delay<=5", "--robots", "1..2", "--workers", "1",
+            *short, *options,
+        )  # fmt: skip
+        assert code == 1 and "not reachable up to 2 robots" in out
+        told = r"^1: \d+ runs without delay, since nothing ended; such runs miss the target$"
+        assert re.search(told, out, re.M)
 
 
 def test_means_are_judged_in_the_direction_of_the_target() -> None:
@@ -161,6 +183,45 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
         assert told in out
 
 
+def test_the_candidates_are_drawn_one_below_the_other() -> None:
+    search = searched([0.0, 0.5, 1.0])
+    head, *lines, ends = picture(search, search.asked)
+    assert head == "robots  share with its 95 % interval; | ends of the zone"
+    assert re.fullmatch(r" {5}1  o-+ +\| \|", lines[0])  # far from the zone, which begins at 93 %
+    assert re.fullmatch(r" {5}2  +-+o-+ +\| \|", lines[1])
+    assert re.fullmatch(r" {5}3  +\|-\|-o", lines[2])
+    assert [line.index("o") - 8 for line in lines] == [0, pytest.approx(30, abs=8), 60]
+    assert ends.split() == ["0", "%", "100", "%"]
+
+
+def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    code, out, err = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "3", "--budget", "300",
+        "--workers", "1", "--plots", str(tmp_path),
+    )  # fmt: skip
+    assert code == 0 and "ends of the zone" in out
+    names = ["mean-t-total-by-robots", "share-of-runs-with-t-total-1-700"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        f"{name}.{form}" for name in names for form in ("png", "svg")
+    ]
+    assert err.count("automaton: wrote ") == 4
+
+
+def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
+    asked = question(ZERO._replace(value=100.0), (1, 2), mean=True, zone=5.0)
+    search = Search(asked, "", lambda *_: [], asked.budget)
+    for robots, ticks in ((1, [128.0, 132.0]), (2, [80.0, 80.0])):
+        search.candidates.append(Candidate(Place(robots)))
+        search.candidates[-1].runs = [Run(True, {"T_total": one}) for one in ticks]
+    head, one, two, ends = picture(search, asked)
+    assert head == "robots  mean T_total with its 95 % interval; | ends of the zone"
+    low, high = (int(text) for text in ends.split())
+    at = {value: 8 + round((value - low) / (high - low) * 60) for value in (80, 95, 105, 130)}
+    assert low <= 80 and one[at[95]] == one[at[105]] == "|" and one[at[130]] == "o"
+    assert two[at[80]] == "o" and two[at[95]] == two[at[105]] == "|"
+
+
 def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any) -> None:
     code, out, _ = size(
         capsys, "tabletop-mini", "--target", "T_total<=100", "--robots", "1..2", "--json",
@@ -173,6 +234,26 @@ def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any)
     candidates = found["answers"][0]["candidates"]
     assert candidates[0]["excluded"].startswith("T_total is at least")
     assert candidates[1]["lost"]["lost_waiting"] > 0  # the largest fleet is shown all the same
+
+
+def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
+    found = experiments.size(
+        "tabletop-mini", "T_total<=1700", (1, 4), budget=700, workers=1, durations__turn=20
+    )
+    code, out, _ = size(
+        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--json",
+        "--budget", "700", "--workers", "1", "--set", "durations.turn=20",
+    )  # fmt: skip
+    assert code == 0 and json.loads(out) == found.record
+    assert (found.robots, found.strategy, found.settled) == (2, "", True)
+    rows = found.candidates.to_pylist()
+    assert [row["verdict"] for row in rows] == ["fails", "meets"]
+    last = rows[-1]
+    assert last["robots"] == 2 and last["met"] / last["runs"] == last["share"]
+    assert last["share_low"] < last["share"] <= last["share_high"]
+    assert last["mean_low"] < last["mean"] < last["mean_high"] < 1700
+    with pytest.raises(InputError, match="1 <= FIRST <= LAST"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=0)
 
 
 def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
@@ -191,6 +272,8 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
         (["--target", "T_totl<=3"], "no metric is called 'T_totl' (did you mean 'T_total'?)"),
         (["--target", "T_total<3"], "say <= or >=, not <"),
         (["--target", "T_total"], "expected METRIC<=VALUE"),
+        (["--target", "T_total<=5h"], "units.tick of the scenario is cycle; say ticks"),
+        (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
         (["--target", "T_total<=soon"], "'soon' is not a number"),
         (["--target", "T_total<=nan"], "'nan' is not a number"),
         (["--target", "delay<=3"], "does not measure delay; say measure: {warm_up: N}"),
@@ -219,23 +302,29 @@ def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str)
 
 
 def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None:
-    question = ("--target", "T_total<=18000", "--robots", "1..2")
+    options = ("--target", "T_total<=18000", "--robots", "1..5")
     any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
-    code, _, err = size(capsys, "factory", *question)
+    code, _, err = size(capsys, "factory", *options)
     settings = " ".join(f"--set {setting}" for setting in any_fleet)
     assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
-    code, _, err = size(capsys, "factory", *question, "--set", any_fleet[0])
+    code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
     assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
-    code, out, err = size(
-        capsys, "factory", *question, *(text for one in any_fleet for text in ("--set", one))
-    )
-    assert (code, err) == (1, "") and "not reachable up to 2 robots" in out
-    assert "2: no run needed, T_total is at least 18,880 ticks: the busiest station" in out
+    with Rounds(1, conducted_with_use) as rounds:
+        fleets = Fleets("factory", any_fleet, None, rounds)
+        asked = question(Target("T_total", True, 18_000.0), (1, 5))
+        fleets.check(asked)
+        excluded = fleets.excluded(asked)
+    assert list(excluded) == [1, 2, 3, 4, 5]
+    assert excluded[1] == "T_total is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"
+    assert excluded[5].startswith("T_total is at least 18,880 ticks: the busiest station works on")
 
 
 def test_targets_and_fleets_as_typed() -> None:
     assert read_target("T_total <= 3,000") == Target("T_total", True, 3000.0)
     assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
+    half = Unit(0.5, "s")
+    assert read_target("T_total<=2 h", half) == Target("T_total", True, 14_400.0, "2 h")
+    assert read_target("lead_time <= 90s", half).value == 180
     assert read_robots("3..7") == (3, 7)
     assert read_robots("4") == (4, 4)
     assert strategies_named("adaptive, routing=astar") == (
@@ -284,6 +373,6 @@ def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
 def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
     asked = question(Target("energy", True, 1.0), (1, 1))
     with Rounds(1, conducted_with_use) as rounds:
-        runner = Telling(Fleets("tabletop-mini", (), None, rounds), asked)
+        runner = Checked(Fleets("tabletop-mini", (), None, rounds), asked)
         with pytest.raises(InputError, match="does not measure energy"):
             runner(Place(1), 0, 5)

@@ -72,7 +72,22 @@ def test_one_run_and_equal_runs() -> None:
     assert mean_interval([7.0]).low is None
     assert mean_interval([7.0]).warning == "one run gives no interval"
     assert mean_interval([7.0, 7.0])[:3] == (7.0, 7.0, 7.0)
+    assert "all runs gave the same" in mean_interval([7.0] * 100).warning
     assert skewness([7.0, 7.0, 7.0]) == 0
+
+
+def test_runs_without_spread_have_the_p_of_a_permutation_and_a_warning() -> None:
+    for paired, p in ((False, 2 / 6), (True, 2 / 4)):
+        found = effect([1.0, 1.0], [2.0, 2.0], paired)
+        assert found.p == pytest.approx(p) and "gave the same" in found.difference.warning
+    assert effect([1.0] * 60, [2.0] * 60).p < 1e-12
+    assert effect([1.0] * 9, [1.0] * 9).p == 1
+
+
+def test_the_warning_names_the_larger_skew() -> None:
+    even, skewed = [1.0, 2.0, 3.0] * 4, [1.0] * 11 + [9.0]
+    for a, b in ((even, skewed), (skewed, even)):
+        assert "only 12 runs, skew 3.0" in effect(a, b).difference.warning
 
 
 @pytest.mark.parametrize("values", [[], [math.nan, 1.0], [math.inf, 1.0]])

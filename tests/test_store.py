@@ -69,6 +69,16 @@ def test_rows_come_in_the_order_of_points_and_replications(tmp_path: Path) -> No
     assert store.study == plan.study
 
 
+def test_a_reader_between_two_writes_has_the_study_that_its_manifest_has(tmp_path: Path) -> None:
+    plan, store = filled(tmp_path)
+    (store.folder / "study.yaml").write_text("name: the next one")
+    read = Store(store.folder)
+    assert read.study == plan.study and read.rows().num_rows == 200
+    (store.folder / "sweep.json").write_text('{"format": 1}')
+    with pytest.raises(InputError, match="is of format 1, not 2: take another folder"):
+        Store(store.folder)
+
+
 def test_files_are_merged_and_no_row_is_there_twice(tmp_path: Path) -> None:
     _, store = filled(tmp_path)
     before, files = store.rows(), row_files(store.folder)

@@ -23,7 +23,7 @@ from automaton.experiments.study import (
     shipped_studies,
     study_document,
 )
-from automaton.scenario.reading import shipped
+from automaton.scenario.reading import SHIPPED_FOLDER, shipped
 
 GOOD = """name: good
 scenario: tabletop-mini
@@ -161,6 +161,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),
     ("seed: 7", "points: [{fleet.robots: 1}]", 1, ["either factors or points"]),
     ("[T_total, E_U_moves]", "[T_totall]", 12, ["no metric is called", "mean 'T_total'?"]),
+    ("[T_total, E_U_moves]", "[T_total]\n  precision: 0", 13, ["analysis.precision"]),
     ("[T_total, E_U_moves]", "[]", 12, ["analysis.metrics"]),
     ("  metrics: [T_total, E_U_moves]\n", "", 11, ["'metrics' is missing in analysis"]),
     ("paired: true", "paired: yes", 13, ["true or false"]),
@@ -285,3 +286,27 @@ def test_what_is_known_of_studies_needs_nothing_heavy(arguments: list[str]) -> N
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
+
+
+# A scenario in the place of a study, and the other way round
+
+
+def test_each_kind_of_file_is_told_from_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text("name: s\nscenario: tabletop-mini\nfactors: {seed: [1]}\nreplications: 2\n")
+    scenario = str(SHIPPED_FOLDER / "tabletop-mini.yaml")
+    for command, said in (
+        (
+            ["sweep", scenario, "--out", str(tmp_path / "r")],
+            "this is a scenario; a study is a file",
+        ),
+        (["sweep", "tabletop-1", "--dry-run"], "'tabletop-1' is a scenario; a study is a file"),
+        (["run", str(study)], "this is a study; `automaton sweep STUDY"),
+        (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
+        (["report", str(study)], "is a file; results are a folder"),
+        (["report", str(tmp_path)], "holds no results of a sweep"),
+    ):
+        assert main(command) == 2, command
+        assert said in capsys.readouterr().err, command

@@ -28,6 +28,9 @@ from automaton.experiments.names import COLUMNS
 from automaton.experiments.plan import plan_of
 from automaton.experiments.store import Store, read_rows
 from automaton.glossary import GLOSSARY
+from automaton.reporting.compose import compose
+from automaton.reporting.document import Table
+from automaton.reporting.results import read_results
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
@@ -134,7 +137,7 @@ def test_other_code_is_refused_and_recomputed_on_demand(
     monkeypatch.setattr(keys, "sources_of", lambda plugins: before)
     plan = plan_of(study)
     out.joinpath("rows").mkdir(parents=True)
-    session.declare(out, plan.text, plan.manifest)
+    session.declare(out, plan.manifest)
     monkeypatch.undo()
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 2
     said = capsys.readouterr().err
@@ -146,6 +149,22 @@ def test_other_code_is_refused_and_recomputed_on_demand(
     assert swept_here(study, out, recompute=True).num_rows == 4
 
 
+def test_after_another_order_of_points_each_row_is_of_its_own_point(tmp_path: Path) -> None:
+    """Keys hold no point: rows that are there belong to the points of the study as it is now."""
+    study, out = small_study(tmp_path, 3), tmp_path / "out"
+    swept_here(study, out)
+    text = study.read_text()
+    for before, after in [
+        ("[1, 2]", "[2, 1]"),
+        ("  fleet.robots: [1, 2]\n", "  durations.turn: [22, 5]\n  fleet.robots: [2, 1, 3]\n"),
+        ("name: small", "name: other"),
+    ]:
+        study.write_text(text.replace(before, after))
+        fresh = plain(swept_here(study, tmp_path / after.replace(" ", "").strip()))
+        assert plain(swept_here(study, out, recompute=True)) == fresh
+        assert plain(Store(out).rows()) == fresh
+
+
 def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     study = small_study(tmp_path)
@@ -153,10 +172,10 @@ def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Pat
     for path in row_files(swept):
         (out / "rows" / path.name).write_bytes(path.read_bytes())
     plan = plan_of(study)
-    session.declare(out, plan.text, plan.manifest)
+    session.declare(out, plan.manifest)
     assert Store(out).rows().num_rows == 24
     other = plan.manifest.__class__(**{**manifest_fields(plan.manifest), "sources": {"a": "b"}})
-    session.declare(out, plan.text, other)
+    session.declare(out, other)
     assert Store(out).rows().num_rows == 0 and Store(out).keys() == set()
 
 
@@ -219,9 +238,33 @@ def test_a_changed_analysis_is_told_and_kept(
     study.write_text(study.read_text() + "analysis: {metrics: [T_total]}\n")
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert "another one than that with which 4 runs were made" in capsys.readouterr().err
-    assert Store(out).manifest.earlier == (None,)
+    assert [one.analysis for one in Store(out).manifest.earlier] == [None]
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert capsys.readouterr().err == ""
+
+
+def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path) -> None:
+    study, out = tmp_path / "steady.yaml", tmp_path / "out"
+    text = (
+        "name: steady\nscenario: tabletop-mini\nreplications: {}\ndesign: steady-state\n{}"
+        "window: 50\npoints: [{{stop.when: never, stop.at_most: 999}}]\n"
+    )
+    told = []
+    for replications, warm_up in ((1, "warm_up: mser-5\n"), (3, "warm_up: mser-5\n"), (3, "")):
+        study.write_text(text.format(replications, warm_up))
+        swept_here(study, out)
+        found = read_results(Store(out))
+        told.append((found.earlier, list(found.raised)))
+    assert told == [(0, []), (0, [1]), (1, [1])]
+    (row,) = (row for table in design_tables(out) for row in table.rows if row[0] == "runs")
+    assert "raised from 1 after runs had been made" in row[1]
+    # Begun anew, but the same runs count: what was declared before is not forgotten.
+    swept_here(study, out, recompute=True)
+    assert len(Store(out).manifest.earlier) == 2
+
+
+def design_tables(out: Path) -> list[Table]:
+    return [block for block in compose(Store(out)).blocks if isinstance(block, Table)]
 
 
 def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:

@@ -106,6 +106,9 @@ def test_all_files_of_a_package_of_plug_ins_count(
     (tmp_path / "beside.py").touch()
     for file in ("own.py", "deep/more.py", *([begun] if begun else [])):
         (tmp_path / name / file).touch()
+    for file in ("deep/data.json", "__pycache__/own.pyc", ".git/HEAD", "results/sweep.json"):
+        (tmp_path / name / file).parent.mkdir(exist_ok=True)
+        (tmp_path / name / file).touch()
     counted = {file for file in sources_of((f"{name}.own",)) if file.startswith(name)}
-    names = {"own.py", "deep/more.py", *([begun] if begun else [])}
+    names = {"own.py", "deep/more.py", "deep/data.json", *([begun] if begun else [])}
     assert counted == {f"{name}: {file}" for file in names}

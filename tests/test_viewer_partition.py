@@ -20,8 +20,10 @@ from automaton.history.snapshot import take_snapshot
 from automaton.picture.partition import coloured, partition_picture
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import NIL, WAITING
+from automaton.world.state import CARRIED, NIL, WAITING
 from automaton.world.waiting import PART_FINISHED, REDESIGN, REDESIGNED, WORK_DONE
+from automaton.zoning.load import load_of
+from automaton.zoning.space import space_for, zone_rules
 from tui.cast.making import make_picture
 from tui.cast.request import Request
 from tui.search import find
@@ -93,6 +95,28 @@ def test_a_robot_tells_its_zone_and_its_queue(factory: View) -> None:
         mine = (zoning.queue == robot) & (orders.state == WAITING) & (orders.by == NIL)
         assert f"serves zone {robot + 1}" in said
         assert f"queue {np.count_nonzero(mine)} order" in said and "halted" not in said
+
+
+def test_a_robot_and_its_zone_tell_how_long_the_work_in_the_queue_takes(factory: View) -> None:
+    """As the zones' own kernel reckons it, of all stations and without a base."""
+    orders, zoning = factory.snapshot.orders, factory.snapshot.zoning
+    space = space_for(zoning.roads, 3)
+    space.member[:] = 1
+    speed, handling = 60 / 0.635055, 8 * 0.635055 / 60
+    rules = zone_rules(speed, adjacent=1, base=0, handling=handling)
+    for robot in range(3):
+        legs = np.zeros((18, 18))
+        for order in np.flatnonzero((zoning.queue == robot) & (zoning.stop != NIL)):
+            if orders.state[order] in (WAITING, CARRIED):
+                slot = orders.place if orders.state[order] == WAITING else zoning.leg
+                here, there = zoning.station_of[[slot[order], zoning.stop[order]]]
+                legs[here, there] += here != there
+        minutes = load_of(zoning.roads.read_only(), rules, legs, space)
+        assert minutes > 1
+        said = shown(Inspector(), of_robot(factory, robot), 70)
+        assert f"its work {minutes:.1f} minutes of driving and handling" in said
+        said = shown(Inspector(), replace(factory, zone=robot), 70)
+        assert f"work {minutes:.1f} minutes of driving and handling" in said
 
 
 def test_an_order_tells_its_queue_and_its_next_stop(factory: View) -> None:
@@ -241,8 +265,8 @@ def test_zones_and_stations_as_text(factory: View) -> None:
     world = factory.run.shown.world
     lines = partition_picture(world, factory.plan).split("\n")
     assert len(lines[0]) == factory.plan.width and lines[factory.plan.height] == ""
-    zones = lines[factory.plan.height + 1 : factory.plan.height + 4]
-    assert [line[:10] for line in zones] == ["zone 1 (a)", "zone 2 (b)", "zone 3 (c)"]
+    zones = lines[factory.plan.height + 2 : factory.plan.height + 5]
+    assert [line[:10] for line in zones] == ["zone 1 (d)", "zone 2 (e)", "zone 3 (f)"]
     assert sum(line.startswith("station ") for line in lines) == 18
     at = station_with(factory, world.stations.first != NIL)
     (told,) = (line for line in lines if line.startswith(f"station {at + 1},"))
@@ -259,10 +283,10 @@ def test_without_zones_and_stations_there_is_nothing_to_draw() -> None:
 def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "factory", "--until", "40", "--picture"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in lines
+    assert "zone 1 (d): 3* 6* 7 9* 10 15*" in lines
     assert any(line.startswith("station 14, zone 3: ") for line in lines)
     assert main(["run", "factory", "--until", "40", "--picture", "--json"]) == 0
-    assert "zone 1 (a): 3* 6* 7 9* 10 15*" in json.loads(capsys.readouterr().out)["zones"]
+    assert "zone 1 (d): 3* 6* 7 9* 10 15*" in json.loads(capsys.readouterr().out)["zones"]
 
 
 def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Path) -> None:

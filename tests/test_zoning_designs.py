@@ -76,14 +76,17 @@ def path(*cells: Any) -> list[list[int]]:
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        ([], "a zone design has a list `zones`"),
-        (zones({}), "zone 1 has no list `stations`"),
+        ([], "a zone design has a list `zones`, such as zones: [{stations: [1, 4]}, …]"),
+        (zones({}), "zone 1 has no list `stations`, such as stations: [1, 4]"),
         (zones({"stations": []}), "zone 1 has no station"),
         (zones({"stations": [1], "path": []}), "zone 1 has stations and segments, found 'path'"),
         (zones({"stations": [1], "segments": "ab"}), "the segments of zone 1 are no list"),
         (zones(ONE, {"stations": [4, 6]}), "zone 2: stations are 1 to 5, found 6"),
         (zones(ONE, {"stations": [3, 4, 5]}), "station 3 is in zone 1 and in zone 2"),
-        (zones(ONE, {"stations": [4]}), "no zone has station 5"),
+        (
+            zones(ONE, {"stations": [4]}),
+            "no zone has station 5; each of the stations 1 to 5 is in one zone",
+        ),
         (
             zones({"stations": [1, 2]}, {"stations": [3, 4, 5]}),
             "zone 2 cannot be joined without points of other zones",
@@ -114,11 +117,20 @@ def path(*cells: Any) -> list[list[int]]:
         ),
         (
             zones({**ONE, "segments": [path((0, 0), (4, 0))]}, TWO),
-            "the segments of zone 1 do not join all of its stations",
+            "the segments of zone 1 do not join its stations 1 and 3; without `segments` shortest "
+            "paths join all of them",
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (8, 3)), path((8, 3), (0, 3))]}),
             "zone 2 has 2 segments for 2 stations: 1 join them without a ring",
+        ),
+        (
+            {**zones(ONE, TWO), "transfer": []},
+            "a zone design has zones and transfers, found 'transfer'",
+        ),
+        (
+            {**zones(ONE, TWO), "transfers": 5},
+            "transfers are a list of {zones: [1, 2], stations: [...]}, found 5",
         ),
     ],
 )
@@ -153,11 +165,12 @@ def test_the_picture_of_a_design() -> None:
     design = read_design(plan, roads, zones(ONE, TWO))
     design.transfer[0, 1, 1] = design.transfer[1, 0, 1] = 1
     assert design_picture(plan, roads, design).split("\n") == [
-        "Aaaa*aaaA",
+        "Dddd*dddD",
         ".###.####",
         ".###.....",
-        "BbbbbbbbB",
-        "zone 1 (a): 1 2* 3",
-        "zone 2 (b): 4 5",
+        "EeeeeeeeE",
+        "small letters: ways of zones; capitals: their stations; *: transfer stations",
+        "zone 1 (d): 1 2* 3",
+        "zone 2 (e): 4 5",
         "",
     ]

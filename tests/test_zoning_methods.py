@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from zoning_scenes import (
+    FEET_PER_MINUTE,
     check_partition,
     ddz_rules,
     drawn,
@@ -27,11 +28,13 @@ from zoning_scenes import (
 
 from automaton.world.partition import Design
 from automaton.zoning import annealing, genetic, negotiation
+from automaton.zoning.chance import GENETIC
 from automaton.zoning.designs import design_arrays, read_design
 from automaton.zoning.exponential import exponential, logarithm, temperature
 from automaton.zoning.herd import population_for
 from automaton.zoning.load import find_loads
 from automaton.zoning.negotiation import Parts, lead, parts_for
+from automaton.zoning.roads import typical_distance
 from automaton.zoning.seeding import first_design, random_design
 from automaton.zoning.space import zone_rules
 from automaton.zoning.transfer import connected, find_transfers
@@ -115,12 +118,56 @@ def test_repairs_of_any_flow_are_partitions(seed: int, zones: int) -> None:
         assert connected(design, scratch(roads, zones))
 
 
+COMB = """
+    1.#3.#5.#7.
+    .##.##.##.#
+    ...........
+    .##.##.##.#
+    2.#4.#6.#8.
+"""
+
+
+def test_zones_too_far_apart_to_be_adjacent_are_joined() -> None:
+    """By the rule for other floors, stations of two teeth are not adjacent."""
+    _, roads = drawn(COMB)
+    rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
+    design, space, reach = design_arrays(roads, 4), scratch(roads, 4), everyone(4)
+    flow = 1.0 - np.eye(8)
+    for seed in range(6):
+        assert annealing.repair(
+            roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, space, reach, seed, 0
+        )
+        check_partition(roads, design)
+        assert connected(design, space)
+
+
+def test_first_zones_of_a_station_each() -> None:
+    _, roads = drawn(COMB)
+    rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
+    design, space, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
+    how = (annealing.HOT, annealing.COLD, annealing.STEPS)
+    assert annealing.first_zones(roads, rules, *how, design, space, reach, 1, 0)
+    check_partition(roads, design)
+    assert sorted(design.zone) == list(range(8)) and connected(design, space)
+
+
 def test_annealing_ends_when_nothing_can_be_given() -> None:
     plan, roads = drawn("1...2")
     design = read_design(plan, roads, {"zones": [{"stations": [1]}, {"stations": [2]}]})
     rules, space = zone_rules(4, adjacent=9), scratch(roads, 2)
     svp = annealing.improve(roads, rules, np.zeros((2, 2)), *ANNEALED, design, space, 1, 0)
     assert svp == 0 and design.zone.tolist() == [0, 1]
+
+
+def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
+    """Each has one; mutation has nothing to try, and no child is born."""
+    _, roads = drawn(COMB)
+    rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
+    design, space, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
+    limits = (20, genetic.SELECTED, genetic.MUTATION)
+    flow = 1.0 - np.eye(8)
+    genetic.evolve(roads, rules, flow, *limits, herd, design, space, everyone(8), 1, 0)
+    assert space.drawn[0] - GENETIC < 4_000_000, "500 tries to mutate each child are 36 million"
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,13 @@ from automaton.errors import InputError
 from automaton.metrics import metrics_of
 from automaton.recording.validator import validate_stored
 from automaton.recording.verification import verify_recording
-from automaton.scenario.resolve import resolve
+from automaton.scenario.resolve import document_of, resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.world.condition import RUNNING
 from automaton.world.state import CARRIED, DELIVERED, LAYERS, NIL, WAIT, WAITING, ZONING
 from automaton.world.waiting import REDESIGN as HALTED
+from strategies.zoning.repairing import AnnealedZones
 from strategies.zoning.talk import DEGREES, MEAN, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
@@ -131,6 +133,34 @@ def test_robots_serve_the_queues_of_their_own_zones_alone() -> None:
             order = int(world.robots.order[world.robots.at_index[identity]])
             if order != NIL:
                 assert world.zoning.server[world.zoning.queue[order]] == identity
+
+
+def test_one_robot_is_never_out_of_balance() -> None:
+    run = factory(
+        "strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.at_most=20000"
+    )
+    assert run.counted["redesigns"] == run.counted["ticks_in_balance"] == 0
+    assert (run.world.orders.delivered >= 0).sum() > 50
+
+
+def test_a_redesign_that_finds_no_zones_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a search that failed has written to the design must not decide who serves what."""
+
+    def fail(self: AnnealedZones, view: Any, design: Any, space: Any) -> bool:
+        design.zone[:] = 0
+        return False
+
+    monkeypatch.setattr(AnnealedZones, "_design", fail)
+    settings = (ANNEALED, "strategy.zoning.sharing=false")
+    run = Simulation(resolve("factory", settings))
+    run.run(until=12_000)
+    assert run.counted["redesigns"] == 0
+    still = Simulation(resolve("factory", (ALONE,)))
+    still.run(until=12_000)
+    for name in ("delivered", "legs", "released"):
+        assert (
+            getattr(run.world.orders, name).tolist() == getattr(still.world.orders, name).tolist()
+        )
 
 
 def test_fixed_zones_with_and_without_sharing() -> None:
@@ -330,7 +360,7 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
         ("{name: static, design: {zones: [{stations: [1]}]}}", "has 1 zone, .* there are 3"),
         (
             "{name: static, design: {zones: [{stations: [1]}, {stations: [3]}, {stations: [4]}]}}",
-            "no zone has station 2",
+            "static: the zone design: no zone has station 2; each of the stations 1 to 18 is in one",
         ),
         ("{name: annealing, step: 5}", "steps"),
         ("{name: decentralized, rounds: 0}", "rounds"),
@@ -339,7 +369,19 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
 )
 def test_bad_zoning_gets_one_sentence(zoning: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        Simulation(resolve("factory", (f"strategy.zoning={zoning}",)))
+        resolve("factory", (f"strategy.zoning={zoning}",))
+
+
+def test_a_design_from_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "zones: [{stations: [1]}, {stations: [2]}, {stations: [99]}]"
+    )
+    (tmp_path / "floor.yaml").write_text(document_of("factory").text)
+    setting = "strategy.zoning={name: static, design: mine.yaml}"
+    with pytest.raises(
+        InputError, match=r"static: the zone design 'mine.yaml': zone 3: stations are"
+    ):
+        resolve(tmp_path / "floor.yaml", (setting,))
 
 
 def test_a_design_needs_a_zone_for_each_robot() -> None:

@@ -101,7 +101,7 @@ def drawn(picture: str) -> tuple[FloorPlan, Roads]:
 
 def scratch(roads: Roads, zones: int) -> ZoneSpace:
     """Scratch for so many zones, with a robot each."""
-    return space_for(roads, zones, zones)
+    return space_for(roads, zones)
 
 
 def everyone(zones: int) -> Any:

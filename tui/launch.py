@@ -22,6 +22,7 @@ def show(opening: Opening, options: Options) -> int:
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)
+        draw_on_terminal()
     from tui.app import Viewer
     from tui.signals import handled
 
@@ -68,5 +69,10 @@ def _in_browser() -> bool:
 
 
 def _has_terminal() -> bool:
-    streams = (sys.stdin, sys.stdout, sys.stderr)  # Textual draws on stderr
-    return all(stream.isatty() for stream in streams)
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def draw_on_terminal() -> None:
+    """Textual draws on the process's stderr; where that goes to a file, on stdout."""
+    if not sys.stderr.isatty():
+        vars(sys)["__stderr__"] = sys.__stdout__

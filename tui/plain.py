@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 
 from automaton.circles import circles
-from automaton.headless import Outcome, operations, ran_out, stuck, trouble
+from automaton.headless import Outcome, operations, ran_out
 from automaton.history.divergence import first_difference
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_by_type, metrics_of
 from automaton.recording.header import changed, resolved_of
 from automaton.run_report import print_report
 from automaton.scenario.resolve import Resolved
+from automaton.standstill import stuck, trouble
 from automaton.world.state import DELIVERED
 from tui.opening import Opening
 from tui.tally import tally_of

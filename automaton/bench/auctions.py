@@ -6,7 +6,6 @@ bids need a charging plan. Exponents are slopes of log time between two sizes.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 from typing import Final, NamedTuple
@@ -31,10 +30,8 @@ from automaton.auctions.market import (
 )
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
 from automaton.auctions.winners import DIFFERENCE, LOWEST
-from automaton.bench.measurement import US, Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
 
-MS: Final = "ms"
-EXPONENT: Final = "exponent"
 SIDE: Final = 100  # ticks
 CHARGERS: Final = 4
 DRAIN: Final = 4_000  # units per tick: 250 ticks on a full battery
@@ -146,8 +143,7 @@ def prepare_growth(sizes: tuple[tuple[int, int], tuple[int, int]], auction: Auct
     few, many = (market(*size) for size in sizes)
 
     def sample() -> float:
-        ratio = seconds_of(many, auction, 3) / seconds_of(few, auction, 12)
-        return math.log(ratio) / math.log(4)
+        return slope((1, 4), (seconds_of(few, auction, 12), seconds_of(many, auction, 3)))
 
     return sample
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 Sample = Callable[[], float]  # takes one sample, in the unit of the measurement
 
@@ -18,7 +20,9 @@ NS_PER_ROBOT_AND_TICK = "ns per robot and tick"
 US = "us"
 US_PER_TICK = "us per tick"
 MS_PER_RUN = "ms CPU per run"
+MS = "ms"
 SECONDS = "s"
+EXPONENT = "exponent"  # of a size in the time that it takes
 
 
 class Measurement(NamedTuple):
@@ -56,6 +60,12 @@ def take(measurement: Measurement, repeat: int) -> Figure:
 def rounded(value: float) -> float:
     """To four digits: the noise begins before."""
     return float(f"{value:.4g}")
+
+
+def slope(sizes: Sequence[float], values: Sequence[float]) -> float:
+    """The exponent of growth: the slope of log value over log size, by least squares."""
+    x, y = np.log(sizes), np.log(values)
+    return float(np.polyfit(x, y, 1)[0])
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:

@@ -2,12 +2,14 @@
 
 A run is 8 hours of the factory with half as many parts again, so that there is work to the end;
 building the world is part of it. Growth is told on lattices of aisles: a crossing every six cells, a
-station halfway along aisles drawn at random, flow between stations drawn at random.
+station halfway along aisles drawn at random, flow between stations drawn at random. Exponents are slopes
+of log time over log size.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -15,7 +17,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.bench.measurement import SECONDS, Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import (
+    EXPONENT,
+    MS,
+    SECONDS,
+    Measurement,
+    Sample,
+    cpu_seconds,
+    slope,
+)
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Scenario
@@ -30,7 +40,6 @@ from automaton.zoning.space import ZoneSpace, empty_design, space_for, zone_rule
 
 Array = NDArray[Any]
 
-MS: Final = "ms"
 HOURS: Final = 8
 PARTS: Final = tuple(f"orders.parts.{k}.count={n}" for k, n in enumerate((45, 45, 30, 30)))
 NEGOTIATED: Final = "strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"
@@ -46,6 +55,9 @@ SIZES: Final = ((18, 3), (50, 3), (200, 3), (200, 10), (200, 30))  # stations, z
 FLEETS: Final = (3, 10, 30)
 FLEET_STATIONS: Final = 200
 FLEET_TICKS: Final = 5000
+KINDS: Final = ("annealing", "decentralized")
+FEWEST_ZONES: Final = 3
+GROWTH_REPAIRS: Final = 5  # of each size: they differ by their draws
 BLOCK: Final = 6  # cells between two crossings of a lattice
 SPEED: Final = 94.48  # cells a minute
 LOADS: Final = 10  # most loads between two stations
@@ -63,12 +75,47 @@ def measurements() -> list[Measurement]:
     for stations, zones in SIZES:
         name = f"zone repair by annealing, {stations} stations, {zones} zones"
         found.append(Measurement(name, MS, partial(prepare_lattice, stations, zones), at_most=5))
-    for kind in ("annealing", "decentralized"):
+    for kind in KINDS:
         for robots in FLEETS:
             name = f"{FLEET_TICKS:,} ticks, {FLEET_STATIONS} stations, {robots} robots, {kind}"
             prepare = partial(prepare_fleet, kind, robots)
             found.append(Measurement(name, SECONDS, prepare, at_most=3))
-    return found
+    return found + growth()
+
+
+def growth() -> list[Measurement]:
+    """Exponents: a repair in the stations and in the zones, a run in the robots."""
+    most = max(stations for stations, _ in SIZES)
+    ways: list[tuple[str, Mapping[int, Callable[[], Sample]], int]] = [
+        (
+            f"a repair with the stations, {FEWEST_ZONES} zones",
+            {s: partial(prepare_lattice, s, z) for s, z in SIZES if z == FEWEST_ZONES},
+            GROWTH_REPAIRS,
+        ),
+        (
+            f"a repair with the zones, {most} stations",
+            {z: partial(prepare_lattice, s, z) for s, z in SIZES if s == most},
+            GROWTH_REPAIRS,
+        ),
+    ]
+    for kind in KINDS:
+        runs = {robots: partial(prepare_fleet, kind, robots) for robots in FLEETS}
+        ways.append((f"{FLEET_TICKS:,} ticks with the robots, {kind}", runs, 1))
+    return [
+        Measurement(f"growth of {name}", EXPONENT, partial(prepare_growth, sizes, each), at_most=3)
+        for name, sizes, each in ways
+    ]
+
+
+def prepare_growth(sizes: Mapping[int, Callable[[], Sample]], each: int) -> Sample:
+    """A sampler of the slope over all sizes, each measured so many times."""
+    samplers = {size: prepare() for size, prepare in sizes.items()}
+
+    def sample() -> float:
+        times = [sum(take() for _ in range(each)) for take in samplers.values()]
+        return slope(tuple(samplers), times)
+
+    return sample
 
 
 def prepare_run(scenario: str, settings: tuple[str, ...], hours: float = HOURS) -> Sample:

@@ -12,10 +12,10 @@ import numpy as np
 from automaton.commands.arguments import add_settings_argument, tell_doubts
 from automaton.errors import InputError
 from automaton.experiments.plan import check_study
-from automaton.experiments.study import is_study, shipped_studies
+from automaton.experiments.study import shipped_studies
 from automaton.scenario.document import Document
 from automaton.scenario.matrices import write_matrix
-from automaton.scenario.reading import read, shipped
+from automaton.scenario.reading import is_study, read, shipped
 from automaton.scenario.resolve import Resolved, document_of, resolve
 from automaton.strategy.entry import files_of
 from automaton.units import count
@@ -68,7 +68,7 @@ def names_study(file: str) -> bool:
     """Whether a file, or a shipped name, is a study. Raises InputError for a file that is none."""
     if not os.path.exists(file) and file not in shipped():
         return file in shipped_studies()
-    return is_study(read(file))
+    return is_study(read(file).data)
 
 
 def described_study(file: str, args: argparse.Namespace) -> str:

@@ -46,6 +46,12 @@ def run(args: argparse.Namespace) -> int:
     from automaton.reporting.export import write_csv, write_parquet
     from automaton.reporting.plots import figure_class, write_plots
 
+    if args.folder.is_file():
+        raise InputError(
+            "is a file; a report is made of the folder of a sweep, two recordings are compared by "
+            "automaton replay ONE OTHER",
+            str(args.folder),
+        )
     if args.plots is not None:
         figure_class()  # says what is missing before anything is computed
     store = Store(args.folder)

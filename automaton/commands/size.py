@@ -9,13 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
 
 if TYPE_CHECKING:
-    from automaton.sizing.candidates import Place, Run
+    from automaton.sizing.candidates import Place
     from automaton.sizing.question import Question
     from automaton.sizing.runner import Fleets
     from automaton.sizing.session import Session
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
-    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'throughput>=20'")
+    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'T_total<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
     add("--share", type=positive, default=0.95, metavar="P", help="of runs that must meet it (.95)")
     add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
@@ -64,37 +64,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="processes, default one for each core",
     )
+    add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
     add("--json", action="store_true", help="one JSON object instead of text")
 
 
 def run(args: argparse.Namespace) -> int:
     """Search and report; Ctrl-C reports what is known."""
-    from automaton.sizing.question import question, read_robots, read_target
+    if args.plots is not None:
+        from automaton.reporting.plots import figure_class
 
-    target, robots = read_target(args.target), read_robots(args.robots)
-    strategies: tuple[str, ...] = ("",)
-    if args.strategies is not None:
-        from automaton.sizing.strategies import strategies_named
-
-        strategies = strategies_named(args.strategies)
-    asked = question(
-        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
-    )
-    return answered(args, asked)
-
-
-def answered(args: argparse.Namespace, asked: Question) -> int:
-    """Run the search, and print it."""
+        figure_class()  # says what is missing before anything is computed
     from automaton.rounds import Rounds
-    from automaton.sizing.runner import Fleets, conducted_with_use
-    from automaton.sizing.session import Session
+    from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
 
     with Rounds(args.workers, conducted_with_use) as rounds:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
+        asked = asked_of(args, fleets)
         tell_doubts(fleets.base)
-        fleets.check(asked)
-        runner, excluded = Telling(fleets, asked), fleets.excluded(asked)
-        session = Session(asked, runner, excluded, fleets.changes)
+        session = session_of(fleets, Checked(fleets, asked, tell_progress))
         interrupted = False
         try:
             session.go()
@@ -104,9 +91,23 @@ def answered(args: argparse.Namespace, asked: Question) -> int:
             if sys.stderr.isatty():
                 print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         show(args, session, fleets)
+        if args.plots is not None:
+            draw(args.plots, session)
         if interrupted:
             raise KeyboardInterrupt
     return 0 if session.settled else 1
+
+
+def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
+    """The question that the arguments put. Raises InputError."""
+    from automaton.sizing.question import question, read_robots, read_target
+    from automaton.sizing.strategies import strategies_named
+
+    target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
+    strategies = ("",) if args.strategies is None else strategies_named(args.strategies)
+    return question(
+        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
+    )
 
 
 def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
@@ -130,19 +131,18 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     print_answer(console(), session, scenario.name, ends, args.price)
 
 
-class Telling:
-    """A runner that checks the first run's metrics, and says on a terminal how far it is."""
+def draw(folder: Path, session: Session) -> None:
+    """Write the plots, and say where they are."""
+    from automaton.reporting.plots import write_plots
+    from automaton.sizing.charts import curves
 
-    def __init__(self, fleets: Fleets, asked: Question) -> None:
-        self._fleets, self._asked, self._runs = fleets, asked, 0
+    sys.stdout.flush()
+    for path in write_plots(curves(session), folder):
+        print(f"automaton: wrote {path}", file=sys.stderr)
 
-    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
-        from automaton.sizing.runner import check_measured
 
-        if sys.stderr.isatty():
-            text = f"{place.robots} robots, {self._runs:,} runs of at most {self._asked.budget:,}"
-            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
-        if self._runs == 0:
-            check_measured(self._asked.target, self._fleets(place, 0, 1)[0])
-        self._runs += number
-        return self._fleets(place, first, number)
+def tell_progress(place: Place, runs: int, asked: Question) -> None:
+    """Say on a terminal how far the search is."""
+    if sys.stderr.isatty():
+        text = f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}"
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)

@@ -46,7 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recompute",
         action="store_true",
-        help="begin anew where the folder holds results of other code or another study",
+        help="where the folder holds results of other code or another study: do what of this one it "
+        "lacks, and count no others",
     )
     parser.add_argument(
         "--retry-failed", action="store_true", help="try again also the runs that gave no figures"
@@ -153,7 +154,7 @@ class Listener:
             note(f"{path} is damaged; its runs are done again")
         if begun.reanalysed:
             note(
-                "the analysis declared in the study is another one than that with which "
+                "the analysis or warm-up declared in the study is another one than that with which "
                 f"{count(begun.done, 'run')} were made; the earlier one stays in sweep.json"
             )
 

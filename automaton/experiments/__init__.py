@@ -1,11 +1,12 @@
-"""Experiments: single runs and studies of many, from Python.
+"""Experiments: single runs, studies of many, and sizes of fleets, from Python.
 
-    from automaton.experiments import simulate, sweep
+    from automaton.experiments import simulate, size, sweep
 
     simulate("tabletop-1", **{"fleet.robots": 3}).metrics["T_total"]
     sweep("tabletop-fleet", out="results").to_pandas()
+    size("tabletop-1", "T_total<=2400", robots=(1, 6)).robots
 
-Importing this needs no Numba; `sweep` needs pyarrow (extra `experiments`).
+Importing this needs no Numba; `sweep` and the table of `size` need pyarrow (extra `experiments`).
 """
 
 from __future__ import annotations
@@ -15,15 +16,18 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from automaton.errors import InputError
 from automaton.experiments.study import Analysis, Point, Study, read_study
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from automaton.headless import Outcome
+    from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
+    from automaton.sizing.record import Sized
 
-__all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "sweep"]
+__all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "size", "sweep"]
 
 
 def simulate(scenario: str | Path | Scenario, seed: int | None = None, **overrides: Any) -> Outcome:
@@ -33,15 +37,18 @@ def simulate(scenario: str | Path | Scenario, seed: int | None = None, **overrid
     InputError for bad input and for a strategy that raises.
     """
     from automaton.headless import run_once
-    from automaton.scenario.document import Override
-    from automaton.scenario.overrides import keys_of
     from automaton.scenario.resolve import resolve
 
-    settings = []
-    for name, value in overrides.items():
-        key = name.replace("__", ".")
-        settings.append(Override(f"{key}={value!r}", keys_of(key), value))
-    return run_once(resolve(scenario, settings, seed))
+    return run_once(resolve(scenario, settings_of(overrides), seed))
+
+
+def settings_of(overrides: dict[str, Any]) -> list[Override]:
+    """Keyword arguments as settings of a scenario: `fleet__robots` is fleet.robots."""
+    from automaton.scenario.document import Override
+    from automaton.scenario.overrides import keys_of
+
+    keys = ((name.replace("__", "."), value) for name, value in overrides.items())
+    return [Override(f"{key}={value!r}", keys_of(key), value) for key, value in keys]
 
 
 def sweep(
@@ -50,13 +57,15 @@ def sweep(
     executor: Executor | None = None,
     *,
     workers: int | None = None,
+    scheduler: str | Path | None = None,
     recompute: bool = False,
     retry_failed: bool = False,
 ) -> pa.Table:
     """Do the runs of a study that the folder `out` lacks; all its rows as an Arrow table.
 
     Without `out` nothing is kept. `executor`: any of concurrent.futures, which is left open;
-    default are `workers` spawned processes, one for each core (a script needs the usual
+    `scheduler`: a Dask cluster, by its address or the file that its scheduler wrote; default are
+    `workers` spawned processes, one for each core (a script needs the usual
     `if __name__ == "__main__":`). Raises InputError as `automaton sweep` does; what is done when
     something is raised is kept in `out`.
     """
@@ -64,7 +73,14 @@ def sweep(
     from automaton.experiments.pools import Crew, GivenExecutor, LocalPool
     from automaton.experiments.session import sweep_into
 
+    if sum(given is not None for given in (executor, workers, scheduler)) > 1:
+        raise InputError("sweep() takes one of executor, workers and scheduler")
+
     def crew() -> Crew:
+        if scheduler is not None:
+            from automaton.experiments.cluster import DaskCluster
+
+            return DaskCluster(str(scheduler))
         return LocalPool(workers) if executor is None else GivenExecutor(executor)
 
     plan = plan_of(study)
@@ -73,3 +89,41 @@ def sweep(
         return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
         return sweep_into(Path(folder), plan, crew).store.rows()
+
+
+def size(
+    scenario: str | Path | Scenario,
+    target: str,
+    robots: tuple[int, int] | int,
+    *,
+    strategies: str | None = None,
+    share: float = 0.95,
+    mean: bool = False,
+    zone: float | None = None,
+    error: float = 0.05,
+    budget: int = 20_000,
+    seed: int | None = None,
+    workers: int | None = None,
+    **overrides: Any,
+) -> Sized:
+    """The smallest fleet that meets a target such as "T_total<=2400", as `automaton size` finds it.
+
+    `robots`: the smallest and the largest fleet that may be an answer, or one alone; the others are
+    the options of the command. `workers`: spawned processes, default one for each core; 1: none.
+    Overrides as of `simulate`. Raises InputError.
+    """
+    from automaton.rounds import Rounds
+    from automaton.sizing.question import checked_robots, question, read_target
+    from automaton.sizing.record import sized
+    from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
+    from automaton.sizing.strategies import strategies_named
+
+    fleet = checked_robots(*(robots if isinstance(robots, tuple) else (robots, robots)))
+    compared = ("",) if strategies is None else strategies_named(strategies)
+    with Rounds(workers, conducted_with_use) as rounds:
+        fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
+        wanted = read_target(target, fleets.tick)
+        asked = question(wanted, fleet, compared, share, zone, error, budget, mean)
+        session = session_of(fleets, Checked(fleets, asked))
+        session.go()
+    return sized(session, fleets.base.scenario.name, fleets.seed)

@@ -88,7 +88,7 @@ def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
             if time.perf_counter() - begun > budget:
                 break
     seconds = time.perf_counter() - begun
-    row = figures_of(simulation, plan.windows[point])
+    row = figures_of(simulation, plan.manifest.points[point].window)
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.stop.when == "never":
         return seconds * limit / simulation.tick, False, row_bytes(plan, row)

@@ -22,8 +22,9 @@ from automaton.recording.header import DECIDING, PACKAGES, file_hashes
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 
+DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 1
+FORMAT: Final = 2
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -43,12 +44,32 @@ class PlannedPoint(msgspec.Struct, frozen=True):
     scenario: str
     levels: Levels
     fingerprint: str  # of the resolved scenario, floor included
+    window: int  # ticks of a window of its rows' series; 0: they keep none
+
+
+class Declared(msgspec.Struct, frozen=True):
+    """What a study says of its analysis, and no key of a run follows from."""
+
+    replications: int
+    warm_up: int | str | None
+    analysis: Any  # as plain data; None: nothing was declared
+
+    def analysed_as(self, other: Declared) -> bool:
+        """Whether the runs are asked the same."""
+        return (self.warm_up, self.analysis) == (other.warm_up, other.analysis)
+
+
+class Form(msgspec.Struct, frozen=True):
+    """What every manifest says, whatever wrote it."""
+
+    format: int
 
 
 class Manifest(msgspec.Struct, frozen=True):
     """What the results in a folder follow from."""
 
     study: str
+    text: str  # of the study's file
     replications: int
     seed: int
     common_random_numbers: bool
@@ -56,7 +77,7 @@ class Manifest(msgspec.Struct, frozen=True):
     sources: Sources
     versions: dict[str, str]  # of libraries; for the record
     counted: tuple[str, ...]  # metrics that the strategies count themselves
-    earlier: tuple[Any, ...] = ()  # analyses that were declared before, when runs had been made
+    earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
     format: int = FORMAT
 
     @property
@@ -144,19 +165,31 @@ def plugins_of(resolved: Resolved) -> set[str]:
 def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
     """The files from which runs follow: automaton's packages, and the modules of plug-ins.
 
-    Of a plug-in that is a package all its files count, of a single module those beside it.
+    Of a plug-in that is a package all its files count but caches, of a single module the Python
+    files beside it.
     """
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
-        files = (path for path in root.rglob("*") if path.suffix in DECIDING)
-        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in files}
+        deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA)
+        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in deciding}
     for plugin in plugins:
         top = plugin.partition(".")[0]
         root, whole = _home(top)
-        files = root.rglob("*.py") if whole else root.glob("*.py")
+        files = _own_files(root) if whole else root.glob("*.py")
         found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
     return dict(sorted(found.items()))
+
+
+def _own_files(root: Path) -> Iterator[Path]:
+    """The files of a package: not caches, nothing hidden, and no results that a sweep keeps there."""
+    for path in sorted(root.iterdir()):
+        if path.name.startswith(".") or path.name == "__pycache__" or path.suffix == ".pyc":
+            continue
+        if path.is_file():
+            yield path
+        elif path.is_dir() and not path.is_symlink() and not (path / MANIFEST).exists():
+            yield from _own_files(path)
 
 
 def _home(name: str) -> tuple[Path, bool]:
@@ -190,21 +223,31 @@ def read_manifest(folder: Path) -> Manifest | None:
     """What the results in a folder follow from; None if it holds none yet. Raises InputError."""
     path = folder / MANIFEST
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Manifest)
-    except FileNotFoundError:
+        content = path.read_bytes()
+        form = msgspec.json.decode(content, type=Form).format
+        if form != FORMAT:
+            raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
+        return msgspec.json.decode(content, type=Manifest)
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (msgspec.DecodeError, OSError) as error:
         raise InputError(f"cannot be read: {error}", str(path)) from None
 
 
+def declared_by(study: Study) -> Declared:
+    """What must be told of a study if it is another one after runs have been made."""
+    return Declared(study.replications, study.warm_up, msgspec.to_builtins(study.analysis))
+
+
 def manifest_of(
     study: Study,
+    text: str,
     scenarios: tuple[Resolved, ...],
     windows: tuple[int, ...],
     versions: dict[str, str],
     counted: tuple[str, ...],
 ) -> tuple[Manifest, tuple[str, ...]]:
-    """The manifest of a study, of which the points were resolved to these scenarios.
+    """The manifest of a study with this text, of which the points were resolved to these scenarios.
 
     And the modules of plug-ins that they use.
     """
@@ -212,11 +255,12 @@ def manifest_of(
     each = zip(study.points, scenarios, windows, strict=True)
     manifest = Manifest(
         study=study.name,
+        text=text,
         replications=study.replications,
         seed=study.seed,
         common_random_numbers=study.common_random_numbers,
         points=tuple(
-            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window))
+            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window), window)
             for point, resolved, window in each
         ),
         sources=sources_of(plugins),

@@ -35,10 +35,8 @@ class Plan(NamedTuple):
     """All that the runs of a study follow from."""
 
     study: Study
-    text: str  # of its file
     points: tuple[Point, ...]
     scenarios: tuple[Resolved, ...]  # by point
-    windows: tuple[int, ...]  # by point: ticks of a window of its series; 0: none is kept
     plugins: tuple[str, ...]  # modules of foreign strategies
     manifest: Manifest
 
@@ -52,17 +50,19 @@ def plan_of(study: str | Path | Study) -> Plan:
     names = counted_by(scenarios)
     check_metrics(document, declared, names)
     windows = tuple(window_of(declared, resolved) for resolved in scenarios)
-    manifest, plugins = manifest_of(declared, scenarios, windows, versions(), names)
     text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
-    return Plan(declared, text, declared.points, scenarios, windows, plugins, manifest)
+    manifest, plugins = manifest_of(declared, text, scenarios, windows, versions(), names)
+    return Plan(declared, declared.points, scenarios, plugins, manifest)
 
 
-def resolved_study(study: str | Path | Study) -> tuple[Study, Document, tuple[Resolved, ...]]:
+def resolved_study(
+    study: str | Path | Study | Document,
+) -> tuple[Study, Document, tuple[Resolved, ...]]:
     """The study, what it was read from, and the scenario of each point. Raises InputError.
 
     Needs no Numba, but for metrics that only strategies know.
     """
-    document = Document(data=_plain(study)) if isinstance(study, Study) else study_document(study)
+    document = study if isinstance(study, Document) else _document(study)
     declared = checked_study(document)
     scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
     seen: dict[str, Point] = {}
@@ -72,6 +72,10 @@ def resolved_study(study: str | Path | Study) -> tuple[Study, Document, tuple[Re
             text = f"points {first.number} and {point.number} are the same runs: {told(point)}"
             raise document.error(_where(declared, point), text)
     return declared, document, scenarios
+
+
+def _document(study: str | Path | Study) -> Document:
+    return Document(data=_plain(study)) if isinstance(study, Study) else study_document(study)
 
 
 def _plain(study: Study) -> dict[str, Any]:

@@ -7,17 +7,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
+
 from automaton.errors import InputError
-from automaton.experiments.keys import Manifest, changed_sources, read_manifest
+from automaton.experiments.keys import Manifest, changed_sources, declared_by, read_manifest
 from automaton.experiments.plan import Plan, told
 from automaton.experiments.pools import Crew
-from automaton.experiments.store import STUDY_FILE, Store, arrow
-from automaton.experiments.study import Point, read_study
+from automaton.experiments.store import Store, arrow, declared_in
+from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
 from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
 
-ADVICE = "take another folder, or --recompute: older rows then count no more"
+ADVICE = (
+    "take another folder, or --recompute: rows of other code, scenarios or seeds then count no more"
+)
 
 
 class Begun(NamedTuple):
@@ -74,29 +78,22 @@ def sweep_into(
 def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:
     """The folder's results, if they are of this plan; whether its analysis was another one.
 
-    Raises InputError if they follow from anything else, unless they are to be computed anew.
+    What was declared before stays in the manifest where any of its runs count. Raises InputError if
+    the results follow from anything else, unless they are to be computed anew.
     """
     manifest = plan.manifest
     before = read_manifest(folder)
     if before is None:
-        return declare(folder, plan.text, manifest), False
+        return declare(folder, manifest), False
     objection = "" if recompute else difference(before, manifest)
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
-    earlier = read_study(folder / STUDY_FILE).analysis
-    reanalysed = not recompute and earlier != plan.study.analysis
-    history = () if recompute else before.earlier
-    if reanalysed:
-        history = (*history, earlier)
-    manifest = manifest_with(manifest, history)
-    return declare(folder, plan.text, manifest), reanalysed
-
-
-def manifest_with(manifest: Manifest, earlier: tuple[object, ...]) -> Manifest:
-    """The manifest with the analyses that were declared before."""
-    import msgspec
-
-    return msgspec.structs.replace(manifest, earlier=tuple(map(msgspec.to_builtins, earlier)))
+    if not Store(folder, manifest).keys():
+        return declare(folder, manifest), False
+    earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
+    history = before.earlier if earlier == now else (*before.earlier, earlier)
+    manifest = msgspec.structs.replace(manifest, earlier=history)
+    return declare(folder, manifest), not earlier.analysed_as(now)
 
 
 def difference(before: Manifest, now: Manifest) -> str:

@@ -1,7 +1,7 @@
 """A folder of results: rows in Parquet files that are whole, checked, and read as one table.
 
-    DIR/study.yaml      the study as declared
-    DIR/sweep.json      what the rows follow from: points, seeds, hashes of the code
+    DIR/sweep.json      what the rows follow from: the study, points, seeds, hashes of the code
+    DIR/study.yaml      the study as declared, for you and for another sweep
     DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
     DIR/rows/*.bad      files that were damaged; their runs are done again
 
@@ -11,14 +11,15 @@ Readers need no lock: files appear whole under their names, and never change.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, read_manifest
-from automaton.experiments.names import COLUMNS, SERIES, metric_names
-from automaton.experiments.study import Study, read_study
+from automaton.experiments.names import COLUMNS, SERIES, column_value, metric_names
+from automaton.experiments.study import Study, checked_study, document_of
+from automaton.scenario.document import Document
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -47,16 +48,21 @@ def arrow() -> Any:
 
 
 class Store:
-    """The results in a folder; reading alone. Raises InputError where there are none."""
+    """The results in a folder; reading alone. Raises InputError where there are none.
 
-    def __init__(self, folder: str | Path) -> None:
+    `manifest`: what they must follow from, if that is not what the folder says.
+    """
+
+    def __init__(self, folder: str | Path, manifest: Manifest | None = None) -> None:
         self.folder = Path(folder)
-        manifest = read_manifest(self.folder)
+        manifest = manifest or read_manifest(self.folder)
         if manifest is None:
             why = "holds no results of a sweep" if self.folder.is_dir() else "no such folder"
+            if self.folder.is_file():
+                why = "is a file; results are a folder, the one that `sweep --out` wrote"
             raise InputError(why, str(folder))
         self.manifest: Manifest = manifest
-        self.study: Study = read_study(self.folder / STUDY_FILE)
+        self.study: Study = declared_in(self.folder, manifest)
         self.damaged: list[Path] = []  # files that the last reading left out
 
     @property
@@ -68,13 +74,14 @@ class Store:
         """All valid rows, each run once, by point and replication.
 
         Rows of other code or of another floor are left out, as are files that are damaged. Of a run
-        that failed and was tried again with success, the row with figures is taken.
+        that failed and was tried again with success, the row with figures is taken. A row belongs to
+        the point that its key follows from, whatever point the study had when it was written.
         """
         pa = arrow()
         schema = self.schema
         tables = [fitted(table, schema) for _, table in self._tables(None)]
         table = pa.concat_tables(tables) if tables else schema.empty_table()
-        expected = self.manifest.keys()
+        expected = {run.key: run.point for run in self.manifest.runs()}
         failed = table.column("failed").to_pylist()
         taken: dict[str, int] = {}
         for index, key in enumerate(table.column("key").to_pylist()):
@@ -82,6 +89,11 @@ class Store:
             if key in expected and better:
                 taken[key] = index
         chosen = table.take(pa.array(list(taken.values()), pa.int64()))
+        columns = point_columns(self.study, self.manifest, [expected[key] for key in taken])
+        for name, values in columns.items():
+            field = schema.field(name)
+            at = schema.get_field_index(name)
+            chosen = chosen.set_column(at, field, pa.array(values, field.type))
         return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
 
     def keys(self, with_failed: bool = True) -> set[str]:
@@ -127,6 +139,16 @@ class Store:
                 return
 
 
+def study_document_in(folder: Path, manifest: Manifest) -> Document:
+    """The study as the manifest has it: a reader never finds one of them without the other."""
+    return document_of(manifest.text, folder / STUDY_FILE)
+
+
+def declared_in(folder: Path, manifest: Manifest) -> Study:
+    """The study that the rows of a folder belong to. Raises InputError."""
+    return checked_study(study_document_in(folder, manifest))
+
+
 def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     """Columns of a study's rows: of every run, factors, metrics; metrics are null where absent."""
     pa = arrow()
@@ -138,6 +160,21 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     if study.design == "steady-state":
         fields.append(pa.field(SERIES, pa.list_(pa.int32())))
     return pa.schema(fields)
+
+
+def point_columns(study: Study, manifest: Manifest, points: Sequence[int]) -> dict[str, list[Any]]:
+    """The columns that follow from the design points of rows, given by their numbers."""
+    planned = [manifest.points[point] for point in points]
+    factors = {
+        name: [column_value(one.levels.get(name), kind) for one in planned]
+        for name, kind in study.column_types().items()
+    }
+    return {
+        "study": [study.name] * len(points),
+        "scenario": [one.scenario for one in planned],
+        "point": list(points),
+        **factors,
+    }
 
 
 def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:

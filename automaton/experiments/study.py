@@ -18,10 +18,14 @@ from msgspec import Meta
 from automaton.errors import InputError, nearest
 from automaton.experiments.names import check_factor, column_type
 from automaton.scenario.document import Document, parse
-from automaton.scenario.reading import SHIPPED_FOLDER, read_text
+from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
 from automaton.scenario.schema import Line, Part, Text
 from automaton.scenario.validation import shown, validated
 
+STUDY_WANTED: Final = (
+    "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
+    "factors: {fleet.robots: [2, 3]}, replications: 60}"
+)
 SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
 MAX_POINTS: Final = 10_000
 MAX_RUNS: Final = 10_000_000
@@ -59,12 +63,21 @@ class Analysis(Part, frozen=True, kw_only=True):
     error: Annotated[
         float, Meta(gt=0, le=0.5, description="Of the whole family; 0.05: 95 % intervals.")
     ] = 0.05
+    precision: Annotated[
+        Annotated[float, Meta(ge=1e-6, le=1)] | None,
+        Meta(
+            description="How far the intervals of differences shall reach to each side, as a share of "
+            "the mean that is compared with: the report says how many runs that takes."
+        ),
+    ] = None
 
     def __post_init__(self) -> None:
         if self.comparisons == "baseline" and not self.baseline:
             raise ValueError("comparisons with the baseline need a baseline")
         if self.baseline is not None and self.comparisons != "baseline":
             raise ValueError("baseline belongs to comparisons: baseline")
+        if self.precision is not None and self.comparisons == "none":
+            raise ValueError("precision is that of comparisons, and none are declared")
 
 
 class Point(NamedTuple):
@@ -203,12 +216,6 @@ def shipped_studies() -> dict[str, Path]:
     return {path.stem: path for path in sorted(SHIPPED_STUDIES.glob("*.yaml"))}
 
 
-def is_study(document: Document) -> bool:
-    """Whether a file means to be a study and not a scenario."""
-    own = {"scenario", "factors", "points", "replications", "analysis", "common_random_numbers"}
-    return "layout" not in document.data and not own.isdisjoint(document.data)
-
-
 def read_study(name: str | Path) -> Study:
     """A study by path or shipped name; what it says of its scenarios is not checked yet.
 
@@ -224,13 +231,19 @@ def study_document(name: str | Path) -> Document:
     if not os.path.exists(path) and str(name) in known:
         path = known[str(name)]
     elif not os.path.exists(path) and path.suffix not in (".yaml", ".yml") and len(path.parts) == 1:
+        if str(name) in shipped():
+            raise InputError(f"'{name}' is a scenario; {STUDY_WANTED}")
         hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
         raise InputError(f"no file and no shipped study is called '{name}'{hint}")
     elif not os.path.exists(path):
         raise InputError("no such file", str(name))
     elif os.path.isdir(path):
         raise InputError("is a folder, not a study file", str(name))
-    text = read_text(path)
+    return document_of(read_text(path), path)
+
+
+def document_of(text: str, path: Path) -> Document:
+    """What the text of a study file says, unchecked. Raises InputError."""
     data, root = parse(text, str(path))
     if data is None:
         raise InputError(
@@ -243,6 +256,8 @@ def study_document(name: str | Path) -> Document:
 
 def checked_study(document: Document) -> Study:
     """The study that a document holds. Raises InputError with its place."""
+    if "layout" in document.data and STUDY_KEYS.isdisjoint(document.data):
+        raise InputError(f"this is a scenario; {STUDY_WANTED}", document.file)
     study = validated(document, document.data, Study)
     for where, levels in _declared(study):
         for key, value in levels.items():

@@ -21,7 +21,7 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.experiments.keys import MANIFEST, Manifest
-from automaton.experiments.names import COLUMNS, SERIES, column_value
+from automaton.experiments.names import COLUMNS, SERIES
 from automaton.experiments.runs import Row
 from automaton.experiments.store import (
     KEY_COLUMNS,
@@ -33,6 +33,7 @@ from automaton.experiments.store import (
     content_name,
     done_and_failed,
     file_digest,
+    point_columns,
     read_rows,
 )
 from automaton.units import count
@@ -76,7 +77,6 @@ class Writer:
         self.store = store
         self.folder = store.folder / ROWS
         self.schema = store.schema
-        self.types = store.study.column_types()
         self.held: list[Row] = []
         self.since = 0.0
         numbers = (NAME.match(path.name) for path in self.folder.iterdir())
@@ -113,7 +113,7 @@ class Writer:
 
     def _write(self) -> None:
         pa = arrow()
-        table = table_of(self.held, self.store, self.schema, self.types)
+        table = table_of(self.held, self.store, self.schema)
         sink = pa.BufferOutputStream()
         pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
         content = sink.getvalue().to_pybytes()
@@ -222,31 +222,28 @@ def set_damaged_aside(store: Store) -> list[Path]:
     return aside
 
 
-def declare(folder: Path, text: str, manifest: Manifest) -> Store:
+def declare(folder: Path, manifest: Manifest) -> Store:
     """Write what a folder's results follow from. Raises InputError."""
     with _told(folder):
-        write_whole(folder / STUDY_FILE, text.encode())
+        write_whole(folder / STUDY_FILE, manifest.text.encode())
         pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
         write_whole(folder / MANIFEST, pretty + b"\n")
     return Store(folder)
 
 
-def table_of(rows: list[Row], store: Store, schema: Any, types: dict[str, str]) -> Any:
+def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     """Rows as an Arrow table of the schema's columns."""
     pa = arrow()
-    points, study = store.manifest.points, store.study
-    columns: dict[str, list[Any]] = {name: [] for name in schema.names}
-    for row in rows:
-        planned, metrics = points[row["point"]], row["metrics"]
-        own = {**row, "study": study.name, "scenario": planned.scenario}
-        for name, column in columns.items():
-            if name in types:
-                column.append(column_value(planned.levels.get(name), types[name]))
-            elif name in COLUMNS or name == SERIES:
-                column.append(own.get(name))
-            else:
-                column.append(metrics.get(name))
-    arrays = [pa.array(columns[field.name], field.type) for field in schema]
+    known = point_columns(store.study, store.manifest, [row["point"] for row in rows])
+    arrays = []
+    for field in schema:
+        if field.name in known:
+            values = known[field.name]
+        elif field.name in COLUMNS or field.name == SERIES:
+            values = [row.get(field.name) for row in rows]
+        else:
+            values = [row["metrics"].get(field.name) for row in rows]
+        arrays.append(pa.array(values, field.type))
     return pa.table(arrays, schema=schema)
 
 

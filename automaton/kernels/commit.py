@@ -283,7 +283,7 @@ def commit_right_of_way(world, record, asked, answers):
             if robots.hold[i] == HOLD_ASK:
                 robots.hold[i] = HOLD_NONE
                 no_way_needed(world, i)
-        elif robots.parked[i]:
+        elif robots.parked[i] and (verb != STEP or robots.cell[i] == NIL):
             refuse(world, RIGHT_OF_WAY, i)
         elif verb == STEP:
             step(world, i, value)
@@ -297,7 +297,10 @@ def commit_right_of_way(world, record, asked, answers):
 
 @kernel
 def step(world, i, direction):
-    """One move, or the turn before it, now; outside a withdrawal the route is planned anew after it."""
+    """One move, or the turn before it, now; outside a withdrawal the route is planned anew after it.
+
+    A robot that is parked on the floor leaves its place.
+    """
     grid, robots = world.grid, world.robots
     rule = np.int64(grid.ways[robots.type[i], robots.cell[i]])
     legal = 0 <= direction < 4 and (rule >> direction) & 1 == 1
@@ -308,6 +311,9 @@ def step(world, i, direction):
         drop_route(robots, i)
         robots.hold[i] = HOLD_NONE
         no_way_needed(world, i)
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock[UNPARKED] += 1
     robots.step[i] = direction
 
 

@@ -22,6 +22,7 @@ from automaton.world.state import (
     WAKING,
     ZONING,
 )
+from automaton.zoning.paths import copy_segment
 
 LONGEST_HALT = 60_000  # ticks
 
@@ -114,16 +115,6 @@ def fill_in_hidden(world, i, design):
                 for station in range(design.zone.shape[0]):
                     lies = design.zone[station] == a or design.zone[station] == b
                     design.transfer[a, b, station] = now.transfer[a, b, station] if lies else 0
-
-
-@kernel
-def copy_segment(source, segment, design, to):
-    design.owner[to] = source.owner[segment]
-    design.points[to] = source.points[segment]
-    for end in range(2):
-        design.ends[to, end] = source.ends[segment, end]
-    for k in range(source.points[segment]):
-        design.path[to, k] = source.path[segment, k]
 
 
 @kernel
@@ -241,9 +232,10 @@ def line_up(world, given, k):
     order, queue, stop = np.int64(given.order[k]), np.int64(given.queue[k]), np.int64(given.stop[k])
     legal = 0 <= order < orders.state.shape[0] and 0 <= queue < zoning.server.shape[0]
     legal = legal and orders.state[order] == WAITING and orders.by[order] == NIL
-    legal = legal and 0 <= stop < world.slots.cell.shape[0] and stop != orders.place[order]
-    if legal and stop != orders.target[order]:  # on the way: at a station, or on a shelf
+    legal = legal and 0 <= stop < world.slots.cell.shape[0]
+    if legal and stop != orders.target[order]:  # on the way: at another station, or on a shelf
         legal = world.stations.at[stop] != NIL or world.slots.endless[stop] == 0
+        legal = legal and stop != orders.place[order]
     if not legal:
         world.tally.illegal[ZONING] += 1
         return

@@ -1,6 +1,6 @@
 """The zones that robots serve and the work at stations, as text below the picture of a world.
 
-zone 1 (a): 3* 6 7 9* 10 15*                        * a transfer station
+zone 1 (d): 3* 6 7 9* 10 15*                        * a transfer station
 station 9, zone 1, to zone 3: part 12, 45 ticks left; in line 14, 17; 8 done
 """
 

@@ -11,12 +11,14 @@ import re
 from collections.abc import Iterable
 
 from automaton.errors import InputError
+from automaton.world.condition import PERCENT
 
 Pair = tuple[int, int]
 Value = int | Pair | None  # a number, or a cell (x, y), or no cell
 Facts = dict[str, Value]
 
 CELLS = {"claim", "stand", "slot", "place", "target"}  # the named values that are cells
+SHARES = {"charge", "level"}  # the named values that are shares of a full battery, in percent
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 BETWEEN_FACTS = re.compile(r", (?![^(]*\))")  # a comma, but not the one inside of (x, y)
 
@@ -41,7 +43,7 @@ class Phrase:
         text = self.template
         for name in self.named:
             value = facts[name]
-            text = text.replace(f"{{{name}}}", str(value))
+            text = text.replace(f"{{{name}}}", percents(value) if name in SHARES else str(value))
             text = text.replace("(s)", "" if value == 1 else "s") if name not in CELLS else text
         return text
 
@@ -52,14 +54,24 @@ class Phrase:
             return None
         said: Facts = dict(self.fixed)
         for name, value in match.groupdict().items():
-            said[name] = pair(value) if name in CELLS else int(value)
+            if name in SHARES:
+                said[name] = round(float(value) * PERCENT)
+            else:
+                said[name] = pair(value) if name in CELLS else int(value)
         return said
+
+
+def percents(value: Value) -> str:
+    """A share of a full battery, in percent, with all its digits."""
+    assert isinstance(value, int)
+    return f"{value / PERCENT:.4f}".rstrip("0").rstrip(".")
 
 
 def _pattern(template: str) -> str:
     pattern = re.escape(template).replace(r"\(s\)", "s?")
     for name in PLACEHOLDER.findall(template):
         value = r"\(-?\d+, -?\d+\)" if name in CELLS else r"-?\d+"
+        value = r"\d+(?:\.\d+)?" if name in SHARES else value
         pattern = pattern.replace(rf"\{{{name}\}}", f"(?P<{name}>{value})")
     return pattern
 

@@ -137,6 +137,7 @@ def set_robot(world: World, plan: FloorPlan, i: int, line: RobotLine) -> None:
     robots, facts = world.robots, line.facts
     for name in NUMBERS:
         getattr(robots, name)[i] = facts[name]
+    robots.zone[i] = _number(facts["zone"]) - 1
     for name in ("cell", "claim", "stand"):
         getattr(robots, name)[i] = _cell(plan, facts[name])
     if facts["left"] is not None:

@@ -28,6 +28,7 @@ from automaton.world.plan import FloorPlan
 from automaton.world.state import (
     ACTION_NAMES,
     AROUND,
+    CHARGING,
     FREE,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -58,7 +59,7 @@ ZERO = (
 )
 NUMBERS = (
     *ZERO,
-    *("heading", "travel", "load", "order", "parked", "zone"),
+    *("heading", "travel", "load", "order", "parked"),
     *("reason", "route_reason", "asked_at", "step", "charge"),
 )
 NEEDS = {
@@ -90,7 +91,7 @@ TASK = (
     Phrase("carries {load}", goal=GOAL_NONE),
     Phrase("fetches {order} from {place} via {stand}", goal=GOAL_PICK),
     Phrase("goes home", goal=GOAL_PARK),
-    Phrase("goes to {stand} to charge up to {level}", goal=GOAL_CHARGE),
+    Phrase("goes to {stand} to charge up to {level} %", goal=GOAL_CHARGE),
 )
 ACTION = tuple(
     Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
@@ -129,7 +130,7 @@ GROUPS = (
     (Phrase("priority {priority}"),),
     (Phrase("zone {zone}"),),
     (Phrase("may have an order while it charges", yields=1),),
-    (Phrase("charge {charge}"),),
+    (Phrase("charge {charge} %"),),
     tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
     (Phrase("for good", until=NIL), Phrase("until tick {until}")),
     (Phrase("has ticket {ticket}"),),
@@ -164,11 +165,13 @@ def identity_of(name: str) -> int:
     return ord(name) - ord("A") if name.isupper() else int(name)
 
 
-def robot_line(world: World, plan: FloorPlan, i: int) -> str:
-    """The line of the robot at storage index i."""
+def robot_line(world: World, plan: FloorPlan, i: int, brief: bool = False) -> str:
+    """The line of the robot at storage index i; brief: without what tells a person nothing."""
     robots = world.robots
     facts = robot_facts(world, plan, i)
     default = default_facts(facts, int(world.clock[0]))
+    if brief:
+        facts |= {name: default[name] for name in idle_facts(world)}
     said = write_facts(GROUPS, facts, default)
     heading = HEADINGS[world.grid.headings][int(robots.heading[i])]
     start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
@@ -181,6 +184,14 @@ def robot_line(world: World, plan: FloorPlan, i: int) -> str:
     if planned:
         line += f"; plan {' '.join(str(order) for order in robots.plan[i, :planned])}"
     return line
+
+
+def idle_facts(world: World) -> list[str]:
+    """What nothing follows from here: the way of robots that never turn, wishes to charge in vain."""
+    names = ["travel"] if world.grid.headings == 1 else []
+    if world.tally.asked[CHARGING] == 0:  # there is no strategy for it
+        names += ["need_charging", "charging_reason"]
+    return names
 
 
 def _place(facts: Facts) -> str:
@@ -198,6 +209,7 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
         return None if cell == NIL else plan.xy(cell)
 
     facts: Facts = {name: int(getattr(robots, name)[i]) for name in NUMBERS}
+    facts["zone"] = int(robots.zone[i]) + 1  # counted from 1, as stations
     for name in ("cell", "claim", "stand"):
         facts[name] = xy(int(getattr(robots, name)[i]))
     off = facts["cell"] is None and robots.bay[i] == NIL
@@ -213,8 +225,8 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
 
 def default_facts(facts: Facts, tick: int) -> Facts:
     """The values that a line leaves out, given what else it says."""
-    default: Facts = dict.fromkeys([*ZERO, *NEEDS], 0)
-    default.update(dict.fromkeys(("load", "order", "zone", "asked_at"), NIL))
+    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "zone"], 0)
+    default.update(dict.fromkeys(("load", "order", "asked_at"), NIL))
     default.update(dict.fromkeys(("claim", "stand", "slot", "place", "left")))
     default["step"] = NO_STEP
     default["charge"] = FULL

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from automaton.picture.floor import Drawing, floor_drawing, legend_entry
 from automaton.picture.orders import order_line
 from automaton.picture.robots import name_of, robot_line
+from automaton.units import count
 from automaton.world.plan import FloorPlan
-from automaton.world.state import CHANGES, NIL, SEEN_CHANGES, TICK, TICKETS, World
+from automaton.world.state import CHANGES, DELIVERED, NIL, SEEN_CHANGES, TICK, TICKETS, World
 
 if TYPE_CHECKING:
     from automaton.simulation import Simulation
@@ -35,17 +36,25 @@ CLAIMED = "*"
 EMPTY_SHELF, FULL_SHELF = "s", "$"
 
 
-def picture_of(subject: Simulation | World, plan: FloorPlan | None = None) -> str:
-    """The picture of a simulation, or of a world on the floor `plan`; no newline at its end."""
+def picture_of(
+    subject: Simulation | World, plan: FloorPlan | None = None, brief: bool = False
+) -> str:
+    """The picture of a simulation, or of a world on the floor `plan`; no newline at its end.
+
+    brief: for people; delivered orders are counted. It cannot be read back.
+    """
     world, plan = (subject, plan) if isinstance(subject, World) else _of_simulation(subject)
     if plan is None:
         raise TypeError("the picture of a world needs its plan: picture_of(world, plan)")
     lines = [head_line(world), "", *map_rows(world, plan), "", *legend_lines(plan)]
-    lines += [robot_line(world, plan, int(i)) for i in world.robots.at_index]
-    for order in range(len(world.orders.state)):
-        line = order_line(world, plan, order)
+    lines += [robot_line(world, plan, int(i), brief) for i in world.robots.at_index]
+    delivered = world.orders.state == DELIVERED
+    for order in np.flatnonzero(~delivered) if brief else range(len(delivered)):
+        line = order_line(world, plan, int(order))
         if line is not None:
             lines.append(line)
+    if brief and delivered.any():
+        lines.append(f"{count(int(np.count_nonzero(delivered)), 'order')} delivered")
     return "\n".join(lines)
 
 

@@ -9,13 +9,25 @@ The p values of a family are Holm's, the intervals Bonferroni's: all of them hol
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from automaton.experiments.study import SCENARIO, Levels, Point
 from automaton.reporting.results import Results
 from automaton.statistics.effects import Effect, effect
 from automaton.statistics.families import bonferroni, holm
+from automaton.statistics.precision import paired_runs, unpaired_runs
+from automaton.units import percent
+
+HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
+
+
+class Needed(NamedTuple):
+    """Runs of each point that the declared precision takes, by the variances of the runs made."""
+
+    paired: int
+    unpaired: int
 
 
 class Compared(NamedTuple):
@@ -28,6 +40,7 @@ class Compared(NamedTuple):
     adjusted: float  # Holm's p value
     family: int  # comparisons in it
     runs: tuple[int, int]  # that count, of a and b
+    needed: Needed | None  # None: no precision is declared, or it is one of nothing
 
 
 def comparisons(results: Results) -> list[Compared]:
@@ -93,7 +106,22 @@ def _family(
     effects = [_effect(x, y, analysis.paired, level) for _, _, _, x, y in usable]
     adjusted = holm([one.p for one in effects])
     for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
-        yield Compared(metric, a, b, found, p, len(usable), (len(x), len(y)))
+        needed = runs_needed(x, y, analysis.precision, level)
+        yield Compared(metric, a, b, found, p, len(usable), (len(x), len(y)), needed)
+
+
+def runs_needed(
+    x: dict[int, float], y: dict[int, float], precision: float | None, level: float
+) -> Needed | None:
+    """Runs until the interval of the difference reaches so far to each side, as a share of mean y."""
+    both = sorted(set(x) & set(y))
+    half = (precision or 0.0) * abs(math.fsum(y.values()) / len(y))
+    if len(both) < 2 or half <= 0:
+        return None
+    return Needed(
+        paired_runs([x[r] for r in both], [y[r] for r in both], half, level),
+        unpaired_runs(list(x.values()), list(y.values()), half, level),
+    )
 
 
 def _effect(x: dict[int, float], y: dict[int, float], paired: bool, level: float) -> Effect:
@@ -116,7 +144,7 @@ def pairing_remark(compared: list[Compared], paired: bool) -> str:
     low, high = min(ratios), max(ratios)
     spread = f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"
     declared = "paired" if paired else "not paired"
-    helps = sum(ratio < 0.95 for ratio in ratios)
+    helps = sum(ratio < HELPS for ratio in ratios)
     if helps == len(ratios):
         what = "pairing helps" if paired else "pairing would have helped; it was not declared"
     elif helps == 0:
@@ -124,3 +152,18 @@ def pairing_remark(compared: list[Compared], paired: bool) -> str:
     else:
         what = f"pairing helps in {helps} of {len(ratios)} comparisons"
     return f"Comparisons are {declared}, as declared; variance ratio of pairs {spread}: {what}."
+
+
+def precision_remark(compared: list[Compared], precision: float | None) -> str:
+    """How many runs the declared precision takes with pairs and without; "" if none is declared."""
+    needed = [one.needed for one in compared if one.needed is not None]
+    if precision is None or not needed:
+        return ""
+    paired, unpaired = (max(getattr(one, way) for one in needed) for way in Needed._fields)
+    what = (
+        f"Differences to within {percent(precision)} of the mean that is compared with, all of them, "
+        f"take {paired:,} runs of each point paired and {unpaired:,} unpaired (by the variances found)"
+    )
+    if paired < HELPS * unpaired:
+        return f"{what}: pairing saves {percent(1 - paired / unpaired, 0)} of the runs."
+    return f"{what}: pairing does not help."

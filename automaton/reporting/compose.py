@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from automaton.errors import InputError
-from automaton.experiments.plan import resolved_study, window_of
-from automaton.experiments.store import STUDY_FILE, Store
+from automaton.experiments.keys import fingerprint
+from automaton.experiments.plan import resolved_study
+from automaton.experiments.store import STUDY_FILE, Store, study_document_in
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.results import Results, point_name, read_results
@@ -19,6 +20,13 @@ from automaton.reporting.sections import (
     metric_section,
     remarks,
     steady_section,
+)
+from automaton.units import count
+
+NOT_DECLARED = (
+    "Not declared by the study: told of every floor whose orders come in over time, or whose tasks are "
+    "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
+    "other."
 )
 
 
@@ -42,7 +50,9 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
             document.add(*metric_section(results, scenarios, metric))
         else:
             document.add(Heading(metric, 3), Text("No run has this metric."))
-    windows = {number: window_of(study, resolved) for number, resolved in scenarios.items()}
+    for metric in results.quantiles:
+        document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
+    windows = {number: point.window for number, point in enumerate(store.manifest.points)}
     document.add(*steady_section(results, windows), *comparison_section(results))
     drawn = list(curves(results, scenarios))
     if drawn:
@@ -53,12 +63,26 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
 
 
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
-    """The scenario of each point as it is now, or why they cannot be read."""
+    """The scenario of each point if it is still the one that was run; what is lacking, and why."""
+    planned = store.manifest.points
     try:
-        _, _, scenarios = resolved_study(store.folder / STUDY_FILE)
+        _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
     except InputError as error:
         return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
-    return dict(enumerate(scenarios)), ""
+    same = {
+        number: resolved
+        for number, (point, resolved) in enumerate(zip(planned, scenarios, strict=True))
+        if fingerprint(resolved, point.window) == point.fingerprint
+    }
+    other = [point for point in store.study.points if point.number not in same]
+    if not other:
+        return same, ""
+    names = ", ".join(dict.fromkeys(point.scenario for point in other))
+    what = f"{len(other)} of {count(len(planned), 'point')}"
+    return same, (
+        f"without lower bounds and maps of {what}, since another scenario is found now than was "
+        f"run: {names} changed (the file, its floor, or the code)"
+    )
 
 
 def add_floors(
@@ -75,7 +99,7 @@ def add_floors(
             last = len(results.points) - 1
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
-            raise InputError(f"--floor {number}: its scenario cannot be read")
+            raise InputError(f"--floor {number}: its scenario cannot be read, or has changed")
         point = results.points[number]
         first = results.first_run(point)
         if first is None:
@@ -93,5 +117,5 @@ def add_repeat(document: Document, store: Store) -> None:
         Text("This command, with the code named above and this study file, gives the same rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
         Text(f"{STUDY_FILE}:"),
-        Text((folder / STUDY_FILE).read_text(encoding="utf-8").strip(), code=True),
+        Text(store.manifest.text.strip(), code=True),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ def figure_class() -> Any:
     return Figure
 
 
-def write_plots(blocks: list[Block], folder: Path) -> list[Path]:
+def write_plots(blocks: Sequence[Block], folder: Path) -> list[Path]:
     """Each curve and map as PNG and SVG; the files written. Raises InputError."""
     kind = figure_class()
     try:

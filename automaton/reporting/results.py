@@ -6,6 +6,7 @@ would have come to: means leave it out, and every table counts it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from automaton.experiments.keys import declared_by
 from automaton.experiments.study import Analysis, Point, Study
 from automaton.glossary import GLOSSARY
 
 if TYPE_CHECKING:
     from automaton.experiments.store import Store
 
+QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
 USUAL_METRICS = ("T_total", "throughput", "utilization", "blocked", "delay", "lead_time")
 
 
@@ -49,7 +52,8 @@ class Results:
     versions: Mapping[str, str] = field(default_factory=dict)  # of libraries
     folder: str = ""
     damaged: Sequence[str] = ()
-    earlier: int = 0  # analyses that were declared before, when runs had been made
+    earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
+    raised: Sequence[int] = ()  # replications that were declared before, when runs had been made
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -76,6 +80,13 @@ class Results:
         if declared is not None:
             return declared
         return Analysis(metrics=tuple(name for name in USUAL_METRICS if self.has(name)))
+
+    @property
+    def quantiles(self) -> tuple[str, ...]:
+        """The quantiles of delay that runs have and the analysis does not name."""
+        return tuple(
+            name for name in QUANTILES if self.has(name) and name not in self.analysis.metrics
+        )
 
     def has(self, metric: str) -> bool:
         """Whether any run has this metric."""
@@ -123,6 +134,8 @@ class Results:
 def read_results(store: Store) -> Results:
     """The results of a folder. Raises InputError."""
     table = store.rows()
+    declared = [*store.manifest.earlier, declared_by(store.study)]
+    counts = [one.replications for one in declared]
     return Results(
         study=store.study,
         columns={name: table.column(name).to_pylist() for name in table.column_names},
@@ -130,7 +143,8 @@ def read_results(store: Store) -> Results:
         versions=store.manifest.versions,
         folder=str(store.folder),
         damaged=[path.name for path in store.damaged],
-        earlier=len(store.manifest.earlier),
+        earlier=sum(not one.analysed_as(other) for one, other in itertools.pairwise(declared)),
+        raised=list(dict.fromkeys(n for n in counts if n < store.study.replications)),
     )
 
 

@@ -7,7 +7,12 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from automaton.experiments.study import Point
-from automaton.reporting.comparing import Compared, comparisons, pairing_remark
+from automaton.reporting.comparing import (
+    Compared,
+    comparisons,
+    pairing_remark,
+    precision_remark,
+)
 from automaton.reporting.document import Block, Heading, Listed, Table, Text
 from automaton.reporting.results import (
     Counts,
@@ -22,7 +27,7 @@ from automaton.reporting.results import (
 from automaton.reporting.steady_state import steady_throughput
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved
-from automaton.statistics.intervals import Interval, mean_interval
+from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval
 from automaton.units import count, number, percent
 
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
@@ -74,12 +79,11 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         warm_up = f"the first {study.warm_up:,} ticks are left out, as declared"
     seeds = "replication r has the seed hash(study seed, r)"
     common = "the same for every point" if study.common_random_numbers else "one for each point"
-    {f"1 tick = {resolved.scenario.units.tick}" for resolved in scenarios.values()}
     varied = [name for name in study.factor_names if name.startswith("durations.")]
     rows = [
         ["estimand", "mean of each metric over runs with seeds of their own, those that finish"],
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
-        ["runs", "n fixed beforehand"],
+        ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
         ["warm-up", warm_up],
         ["intervals", f"{percent(1 - analysis.error, 0)}; Student's from 60 runs on, below BCa"],
@@ -106,6 +110,17 @@ def runs_planned(results: Results) -> str:
     """Runs by point and in all."""
     study = results.study
     return f"{count(study.replications, 'run')} each, {count(study.runs, 'run')} in all"
+
+
+def fixed(results: Results) -> str:
+    """Whether the number of runs was declared before any was made."""
+    if not results.raised:
+        return "n fixed beforehand"
+    before = ", then ".join(map(str, results.raised))
+    return (
+        f"n not fixed beforehand: raised from {before} after runs had been made; if their figures "
+        "were the reason, intervals and p values say too much"
+    )
 
 
 def family(results: Results) -> str:
@@ -139,8 +154,8 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"{count(failed, 'run')} failed and have no figures: {'; '.join(sorted(reasons)[:3])}"
     if results.earlier:
         yield (
-            f"the analysis was changed {count(results.earlier, 'time')} after runs had been made: "
-            "what it finds is a lead, not a test"
+            f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
+            "made: what it finds is a lead, not a test"
         )
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
@@ -174,6 +189,15 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
             "the cheapest way, and by what stations and chargers can do"
         )
+    lacking = [
+        f"{point_name(results.study, one.point)}: {without} of "
+        f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
+        "measured by; the mean is of the others"
+        for one in found
+        if one.interval is not None and (without := one.counts.finished - one.interval.n)
+    ]
+    if lacking:
+        yield Listed(lacking)
     yield from warnings(results, found)
 
 
@@ -183,11 +207,13 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
     for one in found:
         if one.interval is not None and one.interval.warning:
             told.setdefault(one.interval.warning, []).append(point_name(results.study, one.point))
-    if len(told) > 3:
-        few = min(one.interval.n for one in found if one.interval and one.interval.warning)
+    if len(told.keys() - {SAME}) > 3:
+        few = min(one.interval.n for one in found if one.interval is not None)
         worst = max(told, key=lambda text: abs(skew_in(text)))
-        rest = f"{len(found)} points have fewer than 60 runs (least {few}); the most skewed: "
-        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}"])
+        many = sum(one.interval is not None and one.interval.n < ENOUGH for one in found)
+        rest = f"{many} points have fewer than {ENOUGH} runs (least {few}); the most skewed: "
+        same = [f"warning: {', '.join(told[SAME])}: {SAME}"] if SAME in told else []
+        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
     elif told:
         yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
 
@@ -225,11 +251,20 @@ def comparison_section(results: Results) -> Iterator[Block]:
     remark = pairing_remark(compared, results.analysis.paired)
     if remark:
         yield Text(remark)
-    small = {one.effect.difference.warning for one in compared if one.effect.difference.warning}
+    takes = precision_remark(compared, results.analysis.precision)
+    if takes:
+        yield Text(takes)
+    same = sum(one.effect.difference.warning == SAME for one in compared)
+    small = sum(bool(one.effect.difference.warning) for one in compared) - same
     if small:
         yield Text(
-            f"Warning: {len(small)} of these intervals rest on fewer than 60 runs and may hold the "
+            f"Warning: {small} of these intervals rest on fewer than {ENOUGH} runs and may hold the "
             "truth less often than they say."
+        )
+    if same:
+        yield Text(
+            f"Warning: in {same} of these comparisons all runs of a point gave the same: without "
+            "spread the interval has no width, and p is that of a permutation test."
         )
 
 
@@ -238,9 +273,10 @@ def comparison_text(results: Results, compared: list[Compared]) -> str:
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
     return (
-        f"Differences of means, {family(results)}; comparisons in the family: {families}. An "
-        "interval without 0 is an effect; all intervals of a family hold together with "
-        f"{percent(1 - results.analysis.error, 0)}."
+        f"Differences of means, {family(results)}; comparisons in the family: {families}. Holm's p "
+        f"decides: below {results.analysis.error:g} it is an effect. Intervals say how large it is; "
+        f"those of a family hold together with {percent(1 - results.analysis.error, 0)}. They come by "
+        "another method and may hold 0 where p is below, or leave it out where p is above."
     )
 
 
@@ -248,7 +284,10 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
     """One line for each comparison."""
     study = results.study
     heads = ["metric", *factor_heads(study), "against", "difference", "low", "high"]
-    heads += ["relative", "p Holm", "correlation", "var. ratio", *RUN_HEADS]
+    heads += ["relative", "p Holm", "correlation", "var. ratio"]
+    planned = results.analysis.precision is not None
+    heads += ["needs paired", "unpaired"] if planned else []
+    heads += RUN_HEADS
     rows = []
     for one in compared:
         found = one.effect
@@ -264,12 +303,20 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
                 "<0.0001" if one.adjusted < 1e-4 else f"{one.adjusted:.4f}",
                 "-" if found.correlation is None else f"{found.correlation:+.2f}",
                 "-" if found.variance_ratio is None else f"{found.variance_ratio:.2f}",
+                *needed_cells(one, planned),
                 f"{one.runs[0]}, {one.runs[1]}",
                 f"{both[0].censored}, {both[1].censored}",
                 f"{both[0].failed}, {both[1].failed}",
             ]
         )
     return Table(heads, rows, left=2 + len(factor_heads(study)))
+
+
+def needed_cells(one: Compared, planned: bool) -> list[str]:
+    """Runs that the declared precision takes, paired and not; nothing if none is declared."""
+    if not planned:
+        return []
+    return ["-"] * 2 if one.needed is None else [f"{runs:,}" for runs in one.needed]
 
 
 def relative_text(relative: Interval | None) -> str:
@@ -291,7 +338,7 @@ def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Blo
     )
     rows, refused = [], []
     for point in results.points:
-        found = steady_throughput(results, point, windows.get(point.number, 0) or 1)
+        found = steady_throughput(results, point, windows[point.number])
         cells = ["-"] * 5
         if found is not None and found.interval is not None:
             interval = found.interval

@@ -9,6 +9,7 @@ from automaton.reproductions.study import Key, ScenarioCase
 
 SA: Final = "SA"
 GA: Final = "GA"
+GA_STARTS: Final = "GA, zones near the starts"
 UNMATCHED: Final = "GA, zones to any robot"
 DDZ: Final = "DDZ, stops of 862 s"
 LIMITED: Final = "DDZ, stops, limited view"
@@ -30,6 +31,9 @@ NEGOTIATED: Final = "strategy.zoning={{name: decentralized, design: {}, adjacenc
 GENETIC: Final = (
     f"strategy.zoning={{{{name: genetic, {LOGGED}, generations: 12, population: 30{{}}}}}}"
 )
+# (72, 10), (30, 276) and (230, 10) ft from the lower left: where the authors' robots are put. They lie
+# on no aisle, so robots start at stations 11, 1 and 18.
+POSES: Final = "[[29, 152], [12, 46], [92, 152]]"
 STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
 MANY: Final = "many"  # label of the runs that the main claim is judged by
@@ -43,7 +47,8 @@ def negotiated(more: str = "", design: str = "factory-ddz") -> tuple[str, ...]:
 
 SETTINGS: Final[Mapping[str, tuple[str, ...]]] = {
     SA: (),
-    GA: (GENETIC.format(""),),
+    GA: (GENETIC.format(f", poses: {POSES}"),),
+    GA_STARTS: (GENETIC.format(""),),
     UNMATCHED: (GENETIC.format(", matched: false"),),
     DDZ: negotiated(STOPS),
     FREE: negotiated(),

@@ -34,6 +34,9 @@ PAIRS: Final = (  # is the first one's sigma the smaller?
 )
 
 
+Pair = tuple[str, str, tuple[Sequence[float], Sequence[float]]]
+
+
 class Evenness(NamedTuple):
     """An estimate of P(sigma of one < sigma of the other), and its 95 % interval."""
 
@@ -63,16 +66,22 @@ def placements(one: Sequence[float], other: Sequence[float]) -> list[float]:
     return found
 
 
+def pairs_run(sigmas: Mapping[str, Sequence[float]]) -> Iterator[Pair]:
+    """Both names and the sigmas of both, of each pair of which both were run."""
+    for one, other in PAIRS:
+        if one in sigmas and other in sigmas:
+            yield one, other, (sigmas[one], sigmas[other])
+
+
 def together(found: Mapping[Key, Sequence[Measured]]) -> Iterator[tuple[tuple[str, Key], Any]]:
     """The placements of all pairs, as samples that claims rest on."""
-    for one, other in PAIRS:
-        values = [
-            [run.metrics[SIGMA] for run in found[name, MANY]]
-            for name in (one, other)
-            if (name, MANY) in found
-        ]
-        if len(values) == 2:
-            yield (SMALLER, (one, other)), placements(*values)
+    sigmas = {
+        str(key[0]): [run.metrics[SIGMA] for run in batch]
+        for key, batch in found.items()
+        if key[1:] == (MANY,)
+    }
+    for one, other, values in pairs_run(sigmas):
+        yield (SMALLER, (one, other)), placements(*values)
 
 
 def evenness(one: str, other: str, values: Sequence[Sequence[float]]) -> Evenness:
@@ -89,12 +98,12 @@ def evenness(one: str, other: str, values: Sequence[Sequence[float]]) -> Evennes
 
 def all_evenness(made: Reproduced) -> list[Evenness]:
     """All pairs of which both were run."""
-    samples = made.samples()
-    return [
-        evenness(one, other, (samples[SIGMA, (one, MANY)], samples[SIGMA, (other, MANY)]))
-        for one, other in PAIRS
-        if (SIGMA, (one, MANY)) in samples and (SIGMA, (other, MANY)) in samples
-    ]
+    sigmas = {
+        str(key[0]): values
+        for (metric, key), values in made.samples().items()
+        if metric == SIGMA and key[1:] == (MANY,)
+    }
+    return [evenness(*pair) for pair in pairs_run(sigmas)]
 
 
 def evenness_text(found: Sequence[Evenness]) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 
 from automaton.scenario.abilities import handed_over
 from automaton.scenario.resolve import Resolved
+from automaton.units import count
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
 from automaton.world.reach import steps_from
 from automaton.world.types import least_move
@@ -15,6 +16,7 @@ AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
 
 NO_STRATEGY = "none"
 KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
+KEEPS_PLACE = ("wait", "withdraw")  # strategies of right of way under which idle robots may stay
 MOST_STATIONS = 100  # between which all ways are measured
 
 
@@ -24,6 +26,8 @@ def doubts(resolved: Resolved) -> list[str]:
         nothing_to_avoid(resolved),
         parks_on_charger(resolved),
         out_of_range(resolved),
+        never_charges(resolved),
+        stays_on_station(resolved),
         handed_over(resolved.scenario, resolved.plan, resolved.start),
     )
     return [sentence for sentence in found if sentence]
@@ -92,6 +96,58 @@ def out_of_range(resolved: Resolved) -> str:
         f"and back to one, and above the reserve there are {least:g} %: a robot that comes from a "
         "charger never does it"
     )
+
+
+def never_charges(resolved: Resolved) -> str:
+    """Batteries and chargers, and nobody who says when to charge."""
+    chargers = int(np.count_nonzero(resolved.plan.kind == CHARGER))
+    none = resolved.picks["charging"].name == NO_STRATEGY
+    if resolved.scenario.battery is None or not chargers or not none:
+        return ""
+    return (
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
+        "is none, so nobody ever charges; say charging: insertion, fill-up, threshold or opportunity"
+    )
+
+
+def stays_on_station(resolved: Resolved) -> str:
+    """Who has nothing to do stands on a station for one robot that others must reach, for ever."""
+    scenario, plan, start = resolved.scenario, resolved.plan, resolved.start
+    right_of_way = resolved.picks["right_of_way"]
+    settled = right_of_way.name in KEEPS_PLACE and not getattr(
+        right_of_way.parameters, "give_way", False
+    )
+    used = {cell for cell in served_stations(resolved) if plan.capacity.flat[cell] == 1}
+    if not settled or not used or scenario.fleet.robots < 2:
+        return ""
+    if getattr(resolved.picks["allocation"].parameters, "idle", "park") == "stay":
+        who = "robots without an order stay where they set down the last one (idle: stay)"
+    elif scenario.fleet.when_done != "park" or start in ("bays", "stands"):
+        return ""
+    elif start == "random":
+        who = "robots begin anywhere (fleet.start: random), and so park on stations too"
+    else:
+        begun = [robot for robot, cell in enumerate(start) if cell in used]
+        if not begun:
+            return ""
+        who = f"robot {begun[0]} begins on a station, and so parks there"
+    return (
+        f"{who}, and a station holds one robot: others that must reach it may wait for ever; say "
+        "right_of_way: {name: withdraw, give_way: true}, or give robots places of their own with "
+        "fleet.start or bays"
+    )
+
+
+def served_stations(resolved: Resolved) -> set[int]:
+    """Flat cells of stations where orders begin or end."""
+    orders, plan = resolved.scenario.orders, resolved.plan
+    stations = plan.stations().tolist()
+    if orders.parts is not None:
+        return {stations[number - 1] for kind in orders.parts for number in kind.route}
+    if orders.listed is not None:
+        ends = {plan.cell(*end) for line in orders.listed for end in (line.source, line.target)}
+        return ends & set(stations)
+    return set(stations) if orders.generator in ("stations", "visits") else set()
 
 
 def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:

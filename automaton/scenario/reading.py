@@ -5,13 +5,19 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from automaton.errors import InputError, nearest
 from automaton.scenario.document import Document, parse
 
 MAX_BYTES: Final = 8_000_000
+STUDY_KEYS: Final = frozenset(
+    ("scenario", "factors", "points", "replications", "analysis", "common_random_numbers")
+)
 SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
+
+
+STUDIES_ARE_SWEPT: Final = "`automaton sweep STUDY --out FOLDER` does its runs"
 
 
 def shipped() -> dict[str, Path]:
@@ -36,6 +42,8 @@ def find(name: str | Path) -> Path:
         raise InputError("is not a regular file", str(name))
     if os.sep in str(name) or path.suffix in (".yaml", ".yml"):
         raise InputError("no such file", str(name))
+    if (SHIPPED_FOLDER / "studies" / f"{name}.yaml").is_file():
+        raise InputError(f"'{name}' is a study; {STUDIES_ARE_SWEPT}")
     hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
     raise InputError(f"no file and no shipped scenario is called '{name}'{hint}")
 
@@ -74,6 +82,11 @@ def content_hash(file: Path) -> str:
         return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
     except OSError:
         return ""
+
+
+def is_study(data: dict[str, Any]) -> bool:
+    """Whether what a file says means to be a study and not a scenario."""
+    return "layout" not in data and not STUDY_KEYS.isdisjoint(data)
 
 
 def read(name: str | Path) -> Document:

@@ -23,7 +23,7 @@ from automaton.scenario.feasibility import (
 from automaton.scenario.floors import floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.overrides import override
-from automaton.scenario.reading import SHIPPED_FOLDER, read
+from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYERS, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy.entry import files_of, located
@@ -126,7 +126,10 @@ def document_of(
 ) -> Document:
     """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
     if not isinstance(scenario, Scenario):
-        return override(read(scenario), settings)
+        found = read(scenario)
+        if is_study(found.data):
+            raise InputError(f"this is a study; {STUDIES_ARE_SWEPT}", found.file)
+        return override(found, settings)
     return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
 
 

@@ -50,8 +50,16 @@ class Candidate:
             self.verdict, self.after = judged(self.runs, asked)
 
     def values(self, metric: str) -> list[float]:
-        """A metric of the runs that finished."""
-        return [float(run.figures[metric]) for run in self.runs if run.finished]
+        """A metric of the runs that finished and have it."""
+        return [
+            float(run.figures[metric])
+            for run in self.runs
+            if run.finished and metric in run.figures
+        ]
+
+    def unmeasured(self, metric: str) -> int:
+        """Runs that finished without anything to measure it by, such as a delivered order."""
+        return sum(run.finished and metric not in run.figures for run in self.runs)
 
     @property
     def censored(self) -> int:
@@ -73,8 +81,9 @@ class Candidate:
 
 
 def meets(run: Run, asked: Question) -> bool:
-    """Whether a run meets the target; one that did not finish does not."""
-    return run.finished and asked.target.met(float(run.figures[asked.target.metric]))
+    """Whether a run meets the target; one that did not finish, or did not measure it, does not."""
+    metric = asked.target.metric
+    return run.finished and metric in run.figures and asked.target.met(float(run.figures[metric]))
 
 
 def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
@@ -82,8 +91,8 @@ def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
     if not asked.mean:
         return asked.share_test.verdict(meets(run, asked) for run in runs)
     for number, run in enumerate(runs, 1):
-        if not run.finished:
-            return "fails", number  # its mean is not known
+        if not run.finished or asked.target.metric not in run.figures:
+            return "fails", number  # the mean of all runs is not known
     sign = 1.0 if asked.target.at_most else -1.0
     values = np.array([float(run.figures[asked.target.metric]) for run in runs]) * sign
     verdict, after = feasible(batches(values), sign * asked.target.value, asked.region)

@@ -81,11 +81,17 @@ def seems_to_meet(candidate: Candidate, asked: Question) -> bool:
     if not asked.mean:
         return candidate.met(asked) >= asked.share * len(candidate.runs)
     mean = candidate.mean(asked.target.metric)
-    return not candidate.censored and mean is not None and asked.target.met(mean.value)
+    return whole(candidate, asked) and mean is not None and asked.target.met(mean.value)
+
+
+def whole(candidate: Candidate, asked: Question) -> bool:
+    """Whether all its runs finished and have the metric of the target."""
+    return not candidate.censored and not candidate.unmeasured(asked.target.metric)
 
 
 def gain_of(candidates: Sequence[Candidate], robots: int, purse: Purse, asked: Question) -> Gain:
     """What one robot gains: so many robots against one less; both get ENOUGH runs."""
+    metric = asked.target.metric
     by_robots = {one.place.robots: one for one in candidates}
     with_it = by_robots.get(robots)
     if with_it is None or robots < 2:
@@ -95,9 +101,9 @@ def gain_of(candidates: Sequence[Candidate], robots: int, purse: Purse, asked: Q
     if not all(purse.grown(one, ENOUGH, asked) for one in (with_it, without)):
         return Gain(robots, None)
     pairs = [
-        (float(a.figures[asked.target.metric]), float(b.figures[asked.target.metric]))
+        (float(a.figures[metric]), float(b.figures[metric]))
         for a, b in zip(with_it.runs, without.runs, strict=False)
-        if a.finished and b.finished
+        if a.finished and b.finished and metric in a.figures and metric in b.figures
     ]
     if len(pairs) < 2:
         return Gain(robots, None)
@@ -110,13 +116,14 @@ def best_of(
 ) -> Best | None:
     """The strategy with the best mean, all with the same number of robots (Kim & Nelson).
 
-    Strategies with runs that did not finish are left out. None if fewer than two are left.
+    Strategies with runs that did not finish, or did not measure the metric, are left out. None if
+    fewer than two are left.
     """
     zone = zone or (asked.zone if asked.mean else MEAN_ZONE * abs(asked.target.value))
     until = BATCH * FIRST
     while True:
         grown = [purse.grown(one, until, asked) for one in candidates]
-        rivals = [one for one in candidates if one.runs and not one.censored]
+        rivals = [one for one in candidates if one.runs and whole(one, asked)]
         if len(rivals) < 2 or zone <= 0:
             return None
         sign = 1.0 if asked.target.at_most else -1.0

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError, nearest
 from automaton.glossary import GLOSSARY
 from automaton.statistics.selection import BATCH, FIRST, Region, region
 from automaton.statistics.shares import ShareTest, share_test
+from automaton.units import SECOND, Unit
 
 SHARE, ZONE, ERROR, BUDGET = 0.95, 0.02, 0.05, 20_000
 MEAN_ZONE: Final = 0.01  # of the target, where a mean is asked for without a zone
 MOST_ROBOTS: Final = 1_000_000
 
-_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S+)\s*")
+_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S+?)\s*(s|min|h)?\s*")
+SECONDS: Final = {"s": 1, "min": 60, "h": 3600}
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
 
 
@@ -25,6 +26,7 @@ class Target(NamedTuple):
     metric: str
     at_most: bool  # else at least
     value: float  # in the metric's unit
+    typed: str = ""  # "5 h", where the value was given as a time
 
     def met(self, value: float) -> bool:
         """Whether a run with this value meets it."""
@@ -108,18 +110,33 @@ def question(
     return asked
 
 
-def read_target(text: str, counted: Mapping[str, object] | None = None) -> Target:
-    """A target such as "T_total<=3000", "utilization>=60%". Raises InputError."""
+def read_target(text: str, tick: Unit | None = None) -> Target:
+    """A target such as "T_total<=3000", "utilization>=60%". Raises InputError.
+
+    `tick`: what the scenario says a tick is; if it is a time, "T_total<=5h" is understood, too.
+    """
     found = _TARGET.fullmatch(text)
     if found is None:
         raise InputError(f"--target '{text}' is none; expected METRIC<=VALUE or METRIC>=VALUE")
-    metric, sign, number = found[1], found[2], found[3]
+    metric, sign, number, time = found.groups()
     if sign not in ("<=", ">="):
         raise InputError(f"--target '{text}': say <= or >=, not {sign}")
-    if metric not in GLOSSARY and metric not in (counted or {}):
+    if metric not in GLOSSARY:
         hint = nearest(metric, GLOSSARY) or f"; there are {', '.join(GLOSSARY)}"
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
-    return Target(metric, sign == "<=", _number(number, text))
+    target = Target(metric, sign == "<=", _number(number, text))
+    return target if time is None else _in_ticks(target, time, tick, text)
+
+
+def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
+    """A target whose value is a time: in ticks. Raises InputError."""
+    if target.unit != "ticks":
+        raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
+    if tick is None or tick.name not in SECOND:
+        name = "unknown" if tick is None else tick.name
+        raise InputError(f"--target '{text}': units.tick of the scenario is {name}; say ticks")
+    seconds = target.value * SECONDS[time]
+    return target._replace(value=seconds / tick.size, typed=f"{shown(target.value)} {time}")
 
 
 def _number(text: str, whole: str) -> float:
@@ -138,7 +155,14 @@ def read_robots(text: str) -> tuple[int, int]:
     found = _RANGE.fullmatch(text)
     if found is None:
         raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
-    first, last = int(found[1] or found[3]), int(found[2] or found[3])
+    return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
+
+
+def checked_robots(first: int, last: int) -> tuple[int, int]:
+    """The smallest and the largest fleet that may be an answer. Raises InputError."""
     if not 1 <= first <= last <= MOST_ROBOTS:
-        raise InputError(f"--robots '{text}': expected FIRST..LAST with 1 <= FIRST <= LAST")
+        raise InputError(
+            f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
+            f"{MOST_ROBOTS:,}"
+        )
     return first, last

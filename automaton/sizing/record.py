@@ -1,8 +1,9 @@
-"""The answer of `automaton size` as one JSON object; times are in ticks."""
+"""The answer of `automaton size` as one JSON object, and as a table; times are in ticks."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
 from automaton.sizing.follow_up import Gain, Moved
@@ -12,6 +13,49 @@ from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.statistics.effects import Effect
 from automaton.statistics.intervals import Interval
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ROW = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
+
+
+@dataclass(frozen=True)
+class Sized:
+    """The answer to how many robots are enough."""
+
+    robots: int | None  # the smallest fleet that meets the target, as far as known
+    strategy: str | None  # the setting with which it does; "": the scenario's own
+    settled: bool  # whether no smaller fleet may yet meet it
+    record: dict[str, Any]  # everything, as `automaton size --json` prints it
+
+    @property
+    def candidates(self) -> pa.Table:
+        """The fleets that were looked at, a row for each; needs pyarrow (extra `experiments`)."""
+        from automaton.experiments.store import arrow
+
+        rows = [
+            {"strategy": answer["strategy"], **flat(candidate)}
+            for answer in self.record["answers"]
+            for candidate in answer["candidates"]
+        ]
+        return arrow().Table.from_pylist(rows)
+
+
+def flat(candidate: dict[str, Any]) -> dict[str, Any]:
+    """A candidate of the record as a row: intervals as three columns."""
+    row = {name: candidate[name] for name in ROW}
+    for name in ("share", "mean"):
+        interval = candidate[name] or {}
+        row[name] = interval.get("value")
+        row |= {f"{name}_{end}": interval.get(end) for end in ("low", "high")}
+    return row
+
+
+def sized(session: Session, name: str, seed: int) -> Sized:
+    """The answer of a session."""
+    record = as_json(session, name, seed, 0.0)
+    return Sized(record["robots"], record["strategy"], record["settled"], record)
 
 
 def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from rich.table import Table
 from automaton.glossary import GLOSSARY
 from automaton.run_report import plain_table, print_table
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
+from automaton.sizing.charts import picture
 from automaton.sizing.follow_up import MOVES_LATE, OFF, Best, Gain, Moved
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
@@ -52,7 +53,8 @@ def print_answer(out: Console, session: Session, name: str, ends: str, price: fl
 
 def unit_of(asked: Question) -> str:
     """The unit of the metric; shares have none."""
-    return "" if asked.target.unit == "share" else asked.target.unit
+    unit, typed = asked.target.unit, asked.target.typed
+    return "" if unit == "share" else unit + (f" ({typed})" if typed else "")
 
 
 def headline(session: Session, price: float) -> Iterator[str]:
@@ -100,6 +102,13 @@ def print_search(out: Console, search: Search, session: Session, several: bool) 
     if several:
         out.print(label(search.strategy))
     print_table(out, candidates_table(search, asked))
+    for one in search.candidates:
+        lacking = one.unmeasured(asked.target.metric)
+        if lacking:
+            what = f"{count(lacking, 'run')} without {asked.target.metric}, since nothing ended"
+            out.print(f"{one.place.robots}: {what}; such runs miss the target", soft_wrap=True)
+    for line in picture(search, asked):
+        out.print(line, soft_wrap=True, highlight=False)
     for one in search.candidates:
         if one.excluded:
             out.print(f"{one.place.robots}: no run needed, {one.excluded}", soft_wrap=True)

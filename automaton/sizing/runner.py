@@ -6,8 +6,9 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -17,16 +18,20 @@ from automaton.headless import run_to_end
 from automaton.metrics import executed_ticks, metrics_of
 from automaton.rounds import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
+from automaton.scenario.document import Override
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.scenario.schema import Durations
+from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
 from automaton.sizing.candidates import Place, Run
 from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
+from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
+from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
 
+ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
@@ -50,7 +55,11 @@ class Fleets:
     """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
 
     def __init__(
-        self, scenario: str, settings: Sequence[str], seed: int | None, rounds: Rounds
+        self,
+        scenario: str | Path | Scenario,
+        settings: Sequence[str | Override],
+        seed: int | None,
+        rounds: Rounds,
     ) -> None:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings)
@@ -108,9 +117,45 @@ class Fleets:
         return {percent: settings for percent, settings in found.items() if settings}
 
     @property
+    def tick(self) -> Unit:
+        """What a tick stands for."""
+        return unit(self.base.scenario.units.tick)
+
+    @property
     def ends_with_orders(self) -> bool:
         """Whether a run ends when all is delivered, and not at a given tick."""
         return self.base.scenario.stop.when != "never"
+
+
+class Checked:
+    """A runner that sees to it that the first run has the metric of the target.
+
+    `tell` hears before each round what is run, and how many runs were made for the question.
+    """
+
+    def __init__(
+        self,
+        fleets: Fleets,
+        asked: Question,
+        tell: Callable[[Place, int, Question], None] | None = None,
+    ) -> None:
+        self.fleets, self.asked, self.tell, self.runs = fleets, asked, tell, 0
+
+    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
+        """As of Fleets. Raises InputError for a metric that is not measured."""
+        if self.tell is not None:
+            self.tell(place, self.runs, self.asked)
+        if self.runs == 0:
+            measures = self.fleets.base.scenario.measure is not None
+            check_measured(self.asked.target, self.fleets(place, 0, 1)[0], measures)
+        self.runs += number
+        return self.fleets(place, first, number)
+
+
+def session_of(fleets: Fleets, runner: Checked) -> Session:
+    """The session that answers the runner's question. Raises InputError if that cannot be asked."""
+    fleets.check(runner.asked)
+    return Session(runner.asked, runner, fleets.excluded(runner.asked), fleets.changes)
 
 
 def for_any_fleet(resolved: Resolved) -> list[str]:
@@ -123,9 +168,17 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     return settings
 
 
-def check_measured(target: Target, run: Run) -> None:
-    """That runs have the metric of the target. Raises InputError."""
-    if target.metric not in run.figures:
+def check_measured(target: Target, run: Run, tasks: bool) -> None:
+    """That runs may have the metric of the target; `tasks` are measured. Raises InputError.
+
+    A run in which nothing ended has no times: that says nothing of the others.
+    """
+    nothing_yet = {
+        **dict.fromkeys(TASK_METRICS, tasks),
+        **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
+        "part_time": "parts" in run.figures,
+    }
+    if target.metric not in run.figures and not nothing_yet.get(target.metric):
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
         hint = "; say measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
         raise InputError(

@@ -22,6 +22,7 @@ from automaton.statistics.intervals import (
     ENOUGH,
     LEVEL,
     RESAMPLES,
+    SAME,
     Interval,
     Values,
     bca,
@@ -95,13 +96,13 @@ def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
     error, degrees = _welch(x, y)
     if n >= ENOUGH or error == 0:
         half = student(degrees, level) * error
-        return Interval(difference, difference - half, difference + half, n, "Welch", level)
+        ends = difference - half, difference + half
+        return Interval(difference, *ends, n, "Welch", level, SAME if error == 0 else "")
     means = x[resamples(BOOTSTRAP_SEED, RESAMPLES, len(x))].mean(axis=1)
     means = means - y[resamples(BOOTSTRAP_SEED + 1, RESAMPLES, len(y))].mean(axis=1)
     influence = np.concatenate([(x - x.mean()) / len(x), (y.mean() - y) / len(y)])
     low, high = bca(difference, means, influence, expanded(n, degrees, level))
-    warning = few(x if len(x) <= len(y) else y)
-    return Interval(difference, low, high, n, "BCa", level, warning)
+    return Interval(difference, low, high, n, "BCa", level, few(x, y))
 
 
 def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:
@@ -140,11 +141,16 @@ def _welch(x: Values, y: Values) -> tuple[float, float]:
 
 
 def _p_value(x: Values, y: Values, paired: bool) -> float:
+    """Student's or Welch's; without spread, where they say 0, that of a permutation test.
+
+    Of all ways to exchange runs, two set them apart as clearly as they were found.
+    """
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
     else:
         error, degrees = _welch(x, y)
     difference = float(x.mean() - y.mean())
     if error <= 1e-12 * abs(difference) or error == 0:
-        return 1.0 if difference == 0 else 0.0
+        ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
+        return 1.0 if difference == 0 else 2 / ways
     return tails(difference / error, degrees)

@@ -34,6 +34,9 @@ LEVEL: Final = 0.95
 RESAMPLES: Final = 4000
 BOOTSTRAP_SEED: Final = 1987
 ROUNDING: Final = 1e-12
+SAME: Final = (
+    "all runs gave the same: without spread nothing is known of how far the mean may be off"
+)
 
 
 class Interval(NamedTuple):
@@ -74,7 +77,7 @@ def mean_interval(
     if n < 2:
         return Interval(mean, None, None, n, "none", level, few(x))
     if constant(x):
-        return Interval(mean, mean, mean, n, "t", level, few(x))
+        return Interval(mean, mean, mean, n, "t", level, SAME)
     if n >= ENOUGH:
         half = student(n - 1, level) * float(x.std(ddof=1)) / math.sqrt(n)
         return Interval(mean, mean - half, mean + half, n, "t", level)
@@ -113,14 +116,16 @@ def scaled(x: Values) -> Values:
     return x / largest if largest > 0 else x
 
 
-def few(x: Values) -> str:
-    """The warning about few runs; "" for enough."""
-    if len(x) >= ENOUGH:
+def few(*samples: Values) -> str:
+    """The warning about few runs, with the larger skew of several samples; "" for enough."""
+    n = min(map(len, samples))
+    if n >= ENOUGH:
         return ""
-    if len(x) < 2:
+    if n < 2:
         return "one run gives no interval"
+    skew = max(map(skewness, samples), key=abs)
     return (
-        f"only {len(x)} runs, skew {skewness(x):.1f}: the interval may hold the truth less often "
+        f"only {n} runs, skew {skew:.1f}: the interval may hold the truth less often "
         f"than it says; {ENOUGH} runs are enough for most fleets"
     )
 

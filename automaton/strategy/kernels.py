@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from automaton.compiled import announce_first_compilation, kernel
+from automaton.compiled import kernel
 from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.motion import has_room
@@ -57,7 +57,6 @@ __all__ = [
     "WITHDRAWALS",
     "add_predicted",
     "add_zones",
-    "announce_first_compilation",
     "astar",
     "begin_search",
     "blur",

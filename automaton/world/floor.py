@@ -117,7 +117,7 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
         routes=route_space(poses, grid.zones),
-        zoning=zone_space(0, 0, 0, 0),
+        zoning=zone_space(0, 0, 0),
         parts=parts_for(0),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.scenario.floors import point_names
 from automaton.units import count
-from automaton.world.partition import SAID, Design, Partition, Roads
+from automaton.world.partition import SAID, Partition, Roads
 from automaton.world.places import Slots, Stations
 from automaton.world.plan import FloorPlan
 from automaton.world.reach import slot_access, steps_from
@@ -19,7 +19,7 @@ from automaton.world.types import type_of_each, types_of
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.roads import roads_of
-from automaton.zoning.space import space_for
+from automaton.zoning.space import design_for, space_for
 
 if TYPE_CHECKING:
     from automaton.scenario.resolve import Resolved
@@ -48,7 +48,8 @@ def build_partition(
     roads = roads_of(resolved.plan, cells)
     serves = served_stations(resolved, slots, station_of, len(cells))
     priority = getattr(pick.parameters, "priority", {})
-    partition = partition_of(roads, robots, station_of, orders, robots).replaced(
+    # Room for one order at least: without any, there are zones all the same.
+    partition = partition_of(roads, robots, station_of, max(orders, 1), robots).replaced(
         serves=serves, first=priorities(resolved, priority, len(cells))
     )
     data = getattr(pick.parameters, "design", None)
@@ -95,9 +96,8 @@ def with_zones(space: Workspace, world: World) -> Workspace:
     zoning = world.zoning
     if not len(zoning.queue):
         return space
-    robots = len(zoning.halt)
     return space.replaced(
-        zoning=space_for(zoning.roads, len(zoning.server), robots).replaced(
+        zoning=space_for(zoning.roads, len(zoning.server)).replaced(
             serves=zoning.serves, first=zoning.first
         ),
         parts=parts_for(len(zoning.queue)),
@@ -109,25 +109,15 @@ def partition_of(
 ) -> Partition:
     """A partition over some roads in which no station has a zone."""
 
-    def nil(*shape: int) -> Array:
-        return np.full(shape, NIL, np.int32)
+    def nil(count: int) -> Array:
+        return np.full(count, NIL, np.int32)
 
-    points, count = len(roads.cell), len(roads.point)
     return Partition(
         roads=roads,
-        design=Design(
-            zone=nil(count),
-            segments=np.zeros(1, np.int64),
-            owner=nil(count),
-            ends=nil(count, 2),
-            points=np.zeros(count, np.int32),
-            path=nil(count, points),
-            held=nil(points),
-            transfer=np.zeros((zones, zones, count), np.uint8),
-        ),
+        design=design_for(roads, zones),
         station_of=station_of,
-        serves=np.ones((zones, count), np.uint8),
-        first=np.zeros((zones, count), np.uint8),
+        serves=np.ones((zones, len(roads.point)), np.uint8),
+        first=np.zeros((zones, len(roads.point)), np.uint8),
         server=np.arange(zones, dtype=np.int32),
         queue=nil(orders),
         stop=nil(orders),

@@ -18,7 +18,7 @@ from automaton.zoning.paths import block_others, copy_design, spread, whole_cell
 from automaton.zoning.seeding import first_design, random_design
 from automaton.zoning.space import ADJACENT
 from automaton.zoning.tips import find_tips
-from automaton.zoning.transfer import connected, find_transfers
+from automaton.zoning.transfer import connect_cut_off, connected, find_transfers
 
 # Defaults of the published runs.
 HOT = 4.5
@@ -28,13 +28,35 @@ MOST = 500  # accepted and infeasible moves
 REPAIRS = 3  # designs made until one has no isolated zone
 FEWEST = 2  # stations that a zone keeps
 PATIENCE = 6  # tries, in multiples of the moves
+FIRST_TRIES = 20  # repairs, until the first zones of a run are found
+
+
+@kernel
+def first_zones(roads, rules, hot, cold, steps, design, space, reach, seed, tick):
+    """Zones before there is any flow: those of a load between any two stations; 0 if none are found.
+
+    reach: (Z,) ones. `design` is spoiled on failure. Each try has draws of its own.
+    """
+    legs = space.legs
+    for a in range(legs.shape[0]):
+        for b in range(legs.shape[0]):
+            legs[a, b] = 0.0 if a == b else 1.0
+    for again in range(FIRST_TRIES):
+        found = repair(
+            roads, rules, legs, hot, cold, steps, steps, REPAIRS, design, space, reach, seed,
+            tick + (again << 32),
+        )  # fmt: skip
+        if found == 1:
+            return 1
+    return 0
 
 
 @kernel
 def repair(roads, rules, flow, hot, cold, steps, most, repairs, design, space, reach, seed, tick):
-    """A new design by phases 1 to 3 from one flow; 0 if every one has a zone that is cut off.
+    """A new design by phases 1 to 3 from one flow, made until no zone is cut off.
 
-    reach: (Z,) ones. `design` is spoiled on failure.
+    In the last one of these, zones that are cut off are joined however far apart they are.
+    reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
     """
     space.drawn[0] = ANNEALING
     for _ in range(repairs):
@@ -48,7 +70,7 @@ def repair(roads, rules, flow, hot, cold, steps, most, repairs, design, space, r
         find_transfers(roads, rules, design, space, reach)
         if connected(design, space) == 1:
             return 1
-    return 0
+    return connect_cut_off(roads, design, space)
 
 
 @kernel

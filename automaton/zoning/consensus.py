@@ -22,36 +22,6 @@ def moved(value, other, degree, other_degree):
 
 
 @kernel
-def consensus(x, spare, near, steps):
-    """Leave x (n,) int64 after `steps` synchronous steps; near: (n, n) uint8, symmetric."""
-    for _ in range(steps):
-        consensus_step(x, near, spare)
-        for i in range(x.shape[0]):
-            x[i] = spare[i]
-
-
-@kernel
-def consensus_step(x, near, after):
-    """One step, written to `after`; a robot without neighbours keeps its value."""
-    for i in range(x.shape[0]):
-        own = degree(near, i)
-        after[i] = x[i]
-        for j in range(x.shape[0]):
-            if j != i and near[i, j] == 1:
-                after[i] += moved(x[i], x[j], own, degree(near, j))
-
-
-@kernel
-def degree(near, i):
-    """How many neighbours a robot has."""
-    count = np.int64(0)
-    for j in range(near.shape[0]):
-        if j != i and near[i, j] == 1:
-            count += 1
-    return count
-
-
-@kernel
 def sigma_about(load, reach, mean):
     """Eq. 5: spread of the loads with reach[z] = 1 about `mean`.
 

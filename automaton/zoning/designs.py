@@ -42,7 +42,8 @@ def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = 
         _read_stations(roads, design, zone, entry)
     missing = [s + 1 for s in range(len(roads.point)) if design.zone[s] == NIL]
     if missing:
-        raise InputError(f"no zone has station {missing[0]}")
+        every = f"each of the stations 1 to {len(roads.point)} is in one zone"
+        raise InputError(f"no zone has station {missing[0]}; {every}")
     for zone, entry in enumerate(zones):
         for number, segment in enumerate(entry.get("segments") or (), 1):
             where = f"segment {number} of zone {zone + 1}"
@@ -50,12 +51,16 @@ def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = 
             _read_segment(plan, roads, design, zone, where, _whole(plan, roads, where, points))
     _check_points(plan, roads, design)
     _join(roads, design, [not entry.get("segments") for entry in zones])
-    _read_transfers(design, data.get("transfers") or ())
+    _read_transfers(design, data.get("transfers") or [])
     return design
 
 
 def _read_transfers(design: Design, entries: Any) -> None:
     """Transfer stations of pairs of zones, counted from 1."""
+    if not isinstance(entries, list):
+        raise InputError(
+            f"transfers are a list of {{zones: [1, 2], stations: [...]}}, found {entries!r}"
+        )
     zones, stations = len(design.transfer), len(design.zone)
     for entry in entries:
         try:
@@ -97,10 +102,13 @@ def design_data(plan: FloorPlan, roads: Roads, design: Design, names: Names | No
 def _zones(data: Any) -> list[dict[str, Any]]:
     zones = data.get("zones") if isinstance(data, dict) else None
     if not isinstance(zones, list) or not zones:
-        raise InputError("a zone design has a list `zones`")
+        raise InputError("a zone design has a list `zones`, such as zones: [{stations: [1, 4]}, …]")
+    for key in data:
+        if key not in ("zones", "transfers"):
+            raise InputError(f"a zone design has zones and transfers, found '{key}'")
     for number, entry in enumerate(zones, 1):
         if not isinstance(entry, dict) or not isinstance(entry.get("stations"), list):
-            raise InputError(f"zone {number} has no list `stations`")
+            raise InputError(f"zone {number} has no list `stations`, such as stations: [1, 4]")
         for key in entry:
             if key not in ("stations", "segments"):
                 raise InputError(f"zone {number} has stations and segments, found '{key}'")
@@ -211,7 +219,12 @@ def _join(roads: Roads, design: Design, free: list[bool]) -> None:
         stations = int((design.zone == zone).sum())
         segments = int((design.owner[: design.segments[0]] == zone).sum())
         if label_parts(design, space, zone) > 1:
-            raise InputError(f"the segments of zone {zone + 1} do not join all of its stations")
+            own = [s for s in range(len(design.zone)) if design.zone[s] == zone]
+            apart = next(s for s in own if space.part[s] != space.part[own[0]])
+            raise InputError(
+                f"the segments of zone {zone + 1} do not join its stations {own[0] + 1} and "
+                f"{apart + 1}; without `segments` shortest paths join all of them"
+            )
         if segments != stations - 1:
             raise InputError(
                 f"zone {zone + 1} has {segments} segments for {stations} stations: "

@@ -8,7 +8,15 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.world.state import NIL
-from automaton.zoning.paths import add_segment, block_others, hold, size, spread, whole_cells
+from automaton.zoning.paths import (
+    add_segment,
+    block_others,
+    copy_segment,
+    hold,
+    size,
+    spread,
+    whole_cells,
+)
 from automaton.zoning.space import INF
 from automaton.zoning.tips import passes
 
@@ -30,10 +38,10 @@ def give(roads, design, space, s, through, limit, smallest):
 def remove(roads, design, space, s, to):
     """Take s out of its zone into zone `to` (or NIL) without a segment, and join what is left."""
     zone = np.int64(design.zone[s])
-    drop_segments(design, zone, np.int64(roads.point[s]))
+    point = np.int64(roads.point[s])
+    drop_segments(design, zone, point)
     design.zone[s] = to
     hold(roads, design)
-    point = np.int64(roads.point[s])
     return join(roads, design, space, zone, point)
 
 
@@ -45,12 +53,7 @@ def drop_segments(design, zone, p):
         if design.owner[m] == zone and passes(design, m, p) == 1:
             continue
         if kept < m:
-            design.owner[kept] = design.owner[m]
-            design.ends[kept, 0] = design.ends[m, 0]
-            design.ends[kept, 1] = design.ends[m, 1]
-            design.points[kept] = design.points[m]
-            for k in range(design.points[m]):
-                design.path[kept, k] = design.path[m, k]
+            copy_segment(design, m, design, kept)
         kept += 1
     design.segments[0] = kept
 

@@ -15,7 +15,7 @@ from automaton.zoning.chance import GENETIC, below, chance
 from automaton.zoning.exchange import connect, give
 from automaton.zoning.herd import fits, keep, move_row, take, take_zone
 from automaton.zoning.load import find_loads
-from automaton.zoning.paths import clear_design, copy_design
+from automaton.zoning.paths import clear_design, copy_design, size
 from automaton.zoning.seeding import random_design
 from automaton.zoning.space import ADJACENT
 from automaton.zoning.tips import find_tips
@@ -44,9 +44,9 @@ def evolve(
     reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
     """
     space.drawn[0] = GENETIC
-    size = population.rank.shape[0]
+    rows = population.rank.shape[0]
     herd = population.now
-    for row in range(size):
+    for row in range(rows):
         if random_design(roads, rules, space.trial, space, seed, tick) == 0:
             return 0
         keep(space.trial, herd, row)
@@ -55,10 +55,10 @@ def evolve(
             breed(roads, rules, selected, mutation, population, space, seed, tick)
         judge(roads, rules, flow, population, design, space)
         best = np.int64(population.rank[0])
-        if generation == 0 or better(herd, best, size):
-            move_row(herd, best, herd, size)
-    for place in range(-1, size):
-        take(herd, size if place < 0 else np.int64(population.rank[place]), design)
+        if generation == 0 or better(herd, best, rows):
+            move_row(herd, best, herd, rows)
+    for place in range(-1, rows):
+        take(herd, rows if place < 0 else np.int64(population.rank[place]), design)
         find_loads(roads, rules, flow, 0, design, space)
         find_transfers(roads, rules, design, space, reach)
         if connected(design, space) == 1:
@@ -95,12 +95,12 @@ def judge(roads, rules, flow, population, design, space):
 @kernel
 def breed(roads, rules, selected, mutation, population, space, seed, tick):
     """The next generation, of the zones of the best rows and of the best design so far."""
-    size = population.rank.shape[0]
-    parents = min(selected, size)
+    rows = population.rank.shape[0]
+    parents = min(selected, rows)
     for k in range(parents):
         population.pool[k] = population.rank[k]
-    population.pool[parents] = size
-    for row in range(size):
+    population.pool[parents] = rows
+    for row in range(rows):
         made = np.int64(0)
         for _ in range(CHILDREN):
             if made == 0:
@@ -108,9 +108,9 @@ def breed(roads, rules, selected, mutation, population, space, seed, tick):
                     roads, rules, mutation, population, parents + 1, space, seed, tick
                 )
         if made == 0:
-            take(population.now, size, space.trial)
+            take(population.now, rows, space.trial)
         keep(space.trial, population.next, row)
-    for row in range(size):
+    for row in range(rows):
         move_row(population.next, row, population.now, row)
 
 
@@ -120,6 +120,8 @@ def make_child(roads, rules, mutation, population, parents, space, seed, tick):
     if combine(population, parents, space, seed, tick) == 0:
         return 0
     if attach_rest(roads, rules, space.trial, space, seed, tick) == 0:
+        return 0
+    if may_give(space.trial) == 0:
         return 0
     if not are_alike(space) and match(space.trial, space) == 0:
         return 0
@@ -134,6 +136,15 @@ def make_child(roads, rules, mutation, population, parents, space, seed, tick):
         copy_design(space.now, space.trial)
         if chance(space, seed, tick) >= mutation:
             return 1
+
+
+@kernel
+def may_give(design):
+    """1 if some zone has more stations than it has to keep."""
+    for zone in range(design.transfer.shape[0]):
+        if size(design, zone) > FEWEST:
+            return 1
+    return 0
 
 
 @kernel

@@ -111,6 +111,17 @@ def clear_design(design):
 
 
 @kernel
+def copy_segment(source, m, design, to):
+    """Copy a segment; source and design may be the same."""
+    design.owner[to] = source.owner[m]
+    design.ends[to, 0] = source.ends[m, 0]
+    design.ends[to, 1] = source.ends[m, 1]
+    design.points[to] = source.points[m]
+    for k in range(source.points[m]):
+        design.path[to, k] = source.path[m, k]
+
+
+@kernel
 def copy_design(source, design):
     """Copy what is in use."""
     stations = source.zone.shape[0]
@@ -119,12 +130,7 @@ def copy_design(source, design):
         design.zone[s] = source.zone[s]
     design.segments[0] = source.segments[0]
     for m in range(source.segments[0]):
-        design.owner[m] = source.owner[m]
-        design.ends[m, 0] = source.ends[m, 0]
-        design.ends[m, 1] = source.ends[m, 1]
-        design.points[m] = source.points[m]
-        for k in range(source.points[m]):
-            design.path[m, k] = source.path[m, k]
+        copy_segment(source, m, design, m)
     for p in range(source.held.shape[0]):
         design.held[p] = source.held[p]
     for a in range(zones):

@@ -8,7 +8,10 @@ from typing import Final
 from automaton.world.partition import Design, Roads
 from automaton.world.plan import FloorPlan
 
-ZONES: Final = "abcdefghijklmnopqrstuvwxyz"
+ZONES: Final = (
+    "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
+)
+KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
 
 
 def design_picture(plan: FloorPlan, roads: Roads, design: Design) -> str:
@@ -28,7 +31,7 @@ def design_picture(plan: FloorPlan, roads: Roads, design: Design) -> str:
         x, y = plan.xy(roads.cell[roads.point[s]])
         rows[y][x] = "*" if shared[s] else ZONES[zone % len(ZONES)].upper() if zone >= 0 else "?"
     lines = ["".join(row) for row in rows]
-    lines += [_listed(design, zone) for zone in range(len(design.transfer))]
+    lines += [KEY, *(_listed(design, zone) for zone in range(len(design.transfer)))]
     return "\n".join(lines) + "\n"
 
 

@@ -25,10 +25,12 @@ TRIES = 60  # random joins for each station
 
 @kernel
 def first_design(roads, flow, design, space):
-    """Phase 1; returns 0 if no zone can reach a station that is left over."""
+    """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
+    if zones > stations:
+        return 0
     find_extent(roads, flow, space)
     if plant(roads, flow, design, space) == 0:
         return 0
@@ -133,11 +135,13 @@ def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
 def random_design(roads, rules, design, space, seed, tick):
     """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
 
-    Robots serve their stations. In the first half of the tries no zone takes stations where only
-    others have priority.
+    Nor does any with more zones than stations: there is no seed for each. Robots serve their
+    stations. In the first half of the tries no zone takes stations where only others have priority.
     """
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
+    if zones > stations:
+        return 0
     for restart in range(RESTARTS):
         strict = 2 * restart < RESTARTS
         clear_design(design)

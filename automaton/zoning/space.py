@@ -34,7 +34,7 @@ MOST: Final = 3
 
 
 class ZoneSpace(Struct):
-    """P points, S stations, Z zones, n robots; what is not given for a run decides nothing later."""
+    """P points, S stations, Z zones; what is not given for a run decides nothing later."""
 
     distance: Array  # (P,) int64 cells from where a search began
     back: Array  # (P,) int32: the point before
@@ -45,7 +45,6 @@ class ZoneSpace(Struct):
     tip: Array  # (S,) uint8: 1 = a tip of its zone
     part: Array  # (S,) int32: the lowest station that it is joined with
     listed: Array  # (S,) int32: stations of some kind, the first ones
-    chosen: Array  # (S,) int32
     member: Array  # (S,) uint8
     through: Array  # (Z, Z, S) int32: the tip of the second zone near a tip of the first, or NIL
     fresh: Array  # (Z, Z) uint8: 1 = `through` holds for the present design
@@ -63,8 +62,6 @@ class ZoneSpace(Struct):
     length: Array  # (S * S,) int64: of pairs of stations
     couple: Array  # (S * S, 2) int32
     drawn: Array  # (1,) int64: draws so far
-    mean: Array  # (n,) float64
-    mean_next: Array  # (n,) float64
     serves: Array  # (Z, S) uint8: 1 = the robot of the zone gets to the station; given for a run
     first: Array  # (Z, S) uint8: 1 = its type has priority there; given for a run
     pace: Array  # (Z,) float64: how many times as long its moves take
@@ -110,7 +107,7 @@ def design_for(roads: Roads, zones: int) -> Design:
     return empty_design(len(roads.cell), len(roads.point), zones)
 
 
-def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace:
+def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
     """Scratch of these sizes."""
 
     def numbers(*shape: int) -> Array:
@@ -129,7 +126,6 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
         tip=flags(stations),
         part=numbers(stations),
         listed=numbers(stations),
-        chosen=numbers(stations),
         member=flags(stations),
         through=numbers(zones, zones, stations),
         fresh=flags(zones, zones),
@@ -147,8 +143,6 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
         length=np.zeros(stations * stations, np.int64),
         couple=numbers(stations * stations, 2),
         drawn=np.zeros(1, np.int64),
-        mean=np.zeros(robots),
-        mean_next=np.zeros(robots),
         serves=np.ones((zones, stations), np.uint8),
         first=flags(zones, stations),
         pace=np.ones(zones),
@@ -159,6 +153,6 @@ def zone_space(points: int, stations: int, zones: int, robots: int) -> ZoneSpace
     )
 
 
-def space_for(roads: Roads, zones: int, robots: int = 0) -> ZoneSpace:
+def space_for(roads: Roads, zones: int) -> ZoneSpace:
     """Scratch for these roads."""
-    return zone_space(len(roads.cell), len(roads.point), zones, robots)
+    return zone_space(len(roads.cell), len(roads.point), zones)

@@ -57,10 +57,16 @@ def between_two(roads, rules, design, space, a, b):
             if space.serves[b, x] == 0 and space.serves[a, y] == 0:
                 continue  # neither can be fetched from
         station, fetcher = (x, b) if of_a else (y, a)
-        design.transfer[a, b, station] = 1
-        design.transfer[b, a, station] = 1
+        share_station(design, a, b, station)
         if rules[BLOCKS] == 1.0:
             claim(roads, space, x, y, fetcher)
+
+
+@kernel
+def share_station(design, a, b, station):
+    """It becomes a transfer station of two zones."""
+    design.transfer[a, b, station] = 1
+    design.transfer[b, a, station] = 1
 
 
 @kernel
@@ -130,16 +136,6 @@ def joined(design, a, b):
 
 
 @kernel
-def isolated_pairs(design):
-    """How many pairs of zones have no transfer station."""
-    count = np.int64(0)
-    for a in range(design.transfer.shape[0]):
-        for b in range(a):
-            count += 1 - joined(design, a, b)
-    return count
-
-
-@kernel
 def find_levels(design, space, zone):
     """space.level: transfers from each zone to this one, NIL where none leads there."""
     space.level[:] = NIL
@@ -174,3 +170,46 @@ def reach_connected(design, space, reach):
 def connected(design, space):
     """1 if a part can get from every zone to every other one."""
     return 1 if find_levels(design, space, 0) == design.transfer.shape[0] else 0
+
+
+@kernel
+def connect_cut_off(roads, design, space):
+    """Join zones that are cut off, from space.load; returns 1 if all are connected then.
+
+    Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
+    """
+    find_tips(roads, design, space)
+    while connected(design, space) == 0:
+        if join_nearest(roads, design, space) == 0:
+            return 0
+    return 1
+
+
+@kernel
+def join_nearest(roads, design, space):
+    """A transfer station between a zone that parts reach by space.level and one that they do not.
+
+    Of all such pairs of zones that with the shortest union path between two tips; the zone with more
+    load gives the station. Returns 0 if there is none.
+    """
+    best = np.int64(INF)
+    x, y = np.int64(NIL), np.int64(NIL)
+    for a in range(design.transfer.shape[0]):
+        for b in range(design.transfer.shape[0]):
+            if space.level[a] == NIL or space.level[b] != NIL:
+                continue
+            block_others(design, space, a, b)
+            for s in range(design.zone.shape[0]):
+                if design.zone[s] != a or space.tip[s] == 0:
+                    continue
+                spread(roads, space, roads.point[s], NIL, best)
+                for t in range(design.zone.shape[0]):
+                    far = space.distance[roads.point[t]]
+                    if design.zone[t] == b and space.tip[t] == 1 and far < best:
+                        best = far
+                        x, y = np.int64(s), np.int64(t)
+    if x == NIL:
+        return 0
+    a, b = np.int64(design.zone[x]), np.int64(design.zone[y])
+    share_station(design, a, b, x if space.load[a] >= space.load[b] else y)
+    return 1

@@ -38,7 +38,6 @@ from automaton.auctions.session import (
 )
 from automaton.auctions.site import site_for
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
-from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
 from strategies.allocation.lists import has_empty_list, serve
@@ -120,12 +119,10 @@ class Auction(Strategy):
         count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since
         if count and (count != memory.shared[LEFT] or has_empty_list(view, asked, given)):
-            done = announce_first_compilation("auctions", 25)
             if self.parameters.auction == "exact":  # it knows no lists to begin with
                 count = self._take_back(view, given, since)
             for center, items in self._auctioneers(view, memory, int(count)):
                 self._sell(view, given, memory, space, center, items)
-            done()
             memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
         serve(view, asked, given, memory, DUE)
 

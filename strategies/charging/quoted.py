@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 from automaton.auctions.charging_choice import choose_charging
 from automaton.auctions.market import FILL_UP, FULL, HIERARCHICAL, JOINT, LOOK, SAFE
 from automaton.auctions.site import site_for
-from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy
 from automaton.world.state import Answers, Asked, Memory, Workspace, World
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
@@ -49,9 +48,7 @@ class Quoted(Strategy):
         self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
     ) -> None:
         """Send robots to chargers."""
-        done = announce_first_compilation("charging", 15)
         choose_charging(view, asked, answers.charging, self._site, space, self.idle_below)
-        done()
 
 
 class InsertCharging(Quoted):

@@ -35,7 +35,7 @@ LIMIT = 0
 MOVES = 1  # and 2: range
 ABORT = 3  # and 4: range
 
-PUSHED = 0  # memory.own: the last tick in which an idle robot had no room to step aside
+PUSHED = 0  # memory.own: the last tick in which a robot had no room to step aside or to withdraw
 
 
 @kernel
@@ -113,10 +113,10 @@ def step_away(view, space, i):
 
 @kernel
 def is_idle(view, i):
-    """Whether robot i stands on the floor with nothing to do."""
+    """Whether robot i stands on the floor with nothing to do, parked there or not."""
     robots = view.robots
-    on_floor = robots.cell[i] != NIL and robots.parked[i] == 0
-    return on_floor and robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+    free = robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+    return robots.cell[i] != NIL and free
 
 
 @kernel
@@ -134,7 +134,7 @@ def are_beside(view, i, j):
 def who_wants(view, memory, i):
     """A robot whose route leads into the cell of robot i next, NIL if there is none.
 
-    Or an idle one beside it that had no room to step aside in the tick before.
+    Or one beside it that had no room to step aside, or to withdraw, in the tick before.
     """
     robots = view.robots
     before = view.clock[TICK] - 1
@@ -174,7 +174,7 @@ def step_aside(view, i, j):
         if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
             continue
         to = cell + grid.offset[direction]
-        if to == view.robots.cell[j] or not has_room(view.traffic.occupancy, to, direction):
+        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
             continue
         if not is_on_route(view, j, to):
             return direction
@@ -206,6 +206,7 @@ def decide(view, asked, answers, memory, space):
         elif asked.reason[k] == WITHDRAWING:
             direction = step_away(view, space, i)
             if direction == NIL:
+                memory.own[i, PUSHED] = tick
                 given.verb[k] = PAUSE
                 given.value[k] = draw_between(p[ABORT], p[ABORT + 1], seed, ABORTS, tick, who)
             else:

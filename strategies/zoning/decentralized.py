@@ -15,7 +15,7 @@ import numpy as np
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, TICK
-from automaton.zoning.annealing import repair
+from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import NEIGHBOURS
 from automaton.zoning.space import ADJACENT, RULES
@@ -66,7 +66,7 @@ from strategies.zoning.units import cells, rules_of_zones, ticks
 
 @kernel
 def replace_broken(view, given, i, far):
-    """Robot i serves its own zone, and that of one in range that is out of order and unreplaced."""
+    """Robot i serves its own zone, and that of one that it sees out of order and unreplaced."""
     identity = np.int64(view.robots.identity[i])
     for zone in range(view.zoning.server.shape[0]):
         server = np.int64(view.zoning.server[zone])
@@ -136,18 +136,11 @@ def begin(view, given, memory, space, rules, k, i, p):
     design = given.design
     if identity == 0 and is_blank(design):
         reach[:] = 1
-        legs = space.legs
-        for a in range(legs.shape[0]):
-            for b in range(legs.shape[0]):
-                legs[a, b] = 0.0 if a == b else 1.0
-        for again in range(20):
-            found = repair(
-                view.zoning.roads, rules, legs, 4.5, 0.35, 500, 500, 3,
-                design, space, reach, view.rules.seed, now + (again << 32),
-            )  # fmt: skip
-            if found:
-                given.redesigned[0] = 1
-                return
+        given.redesigned[0] = first_zones(
+            view.zoning.roads, rules, HOT, COLD, STEPS, design, space, reach, view.rules.seed, now
+        )
+        if given.redesigned[0] == 0:
+            copy_design(view.zoning.design, design)
         return
     find_reach(view, reach, i, p[RANGE])
     for station in range(design.zone.shape[0]):

@@ -13,11 +13,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.strategy.kernels import announce_first_compilation
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
-from automaton.zoning.annealing import repair
+from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import CENTRAL
@@ -31,7 +30,6 @@ from strategies.zoning.units import rules_of_zones, ticks
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
-ATTEMPTS: Final = 20  # to anneal the first zones
 
 # memory.own, in the row of robot 0
 REDESIGNS: Final = 0
@@ -45,7 +43,7 @@ NEXT_LOOK: Final = 1
 LAST_LOOK: Final = 2
 WAS_GOOD: Final = 3  # what the last look found: 1 balanced, 0 not, NIL no flow
 GOOD_SINCE: Final = 4
-BAD_SINCE: Final = 5
+BAD_SINCE: Final = 5  # the look that found them out of balance
 NEXT_SHARE: Final = 6
 NEW_ZONES_AT: Final = 7
 FLOW: Final = 8  # the flow of which they are made
@@ -85,39 +83,32 @@ class Monitored(Strategy):
         heed_servers(view, space.zoning)
         if not state[BEGUN]:
             self._begin(view, asked, given, state, space)
-        elif state[NEW_ZONES_AT] and now >= state[NEW_ZONES_AT]:
-            self._take_effect(view, given, memory, space)
+        else:
+            self._renew(view, given, memory, space)
         redesigned = int(given.redesigned[0])
         take_over(view, given)
         queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
         hand_on(view, given, NIL)
         if now >= state[NEXT_LOOK]:
             self._look(view, given, memory, space)
-        due = state[BAD_SINCE] and not state[NEW_ZONES_AT] and not redesigned
+        self._consider(view, state)
+        due = state[BAD_SINCE] and not redesigned
         if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
             memory.own[view.robots.at_index[0], SHARED] += share(
                 view, space, given, self._age, self._job
             )
             state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
-        self._sleep(asked, given, state, now)
+        given.again[: int(asked.count[0])] = max(1, min(self._due(view, state)) - now)
 
-    def _sleep(self, asked: Asked, given: Any, state: Any, now: int) -> None:
-        """Ask to be woken when something is due next."""
-        times = [int(state[NEXT_LOOK])]
-        if state[NEW_ZONES_AT]:
-            times.append(int(state[NEW_ZONES_AT]))
-        elif state[BAD_SINCE] and self.parameters.sharing:
-            times.append(int(state[NEXT_SHARE]))
-        given.again[: int(asked.count[0])] = max(1, min(times) - now)
+    def _due(self, view: World, state: Any) -> list[int]:
+        """The ticks in which something is to be done next."""
+        sharing = self.parameters.sharing and state[BAD_SINCE]
+        return [int(state[NEXT_LOOK]), *([int(state[NEXT_SHARE])] if sharing else [])]
 
     def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
-        done = announce_first_compilation()
         if given.design.zone[0] == NIL:
-            self._flow[:] = 1.0
-            np.fill_diagonal(self._flow, 0.0)
-            found = any(self._anneal(view, given.design, space, again) for again in range(ATTEMPTS))
-            if not found:
+            if not self._anneal_first(view, given.design, space):
                 raise InputError(
                     f"zoning found no zones for {count(len(view.zoning.server), 'robot')} on this floor; "
                     "strategy.zoning.design gives them, and fewer robots or more groups are easier"
@@ -128,34 +119,27 @@ class Monitored(Strategy):
             find_transfers(
                 view.zoning.roads, self._rules, given.design, space.zoning, self._everywhere
             )
-        done()
         given.redesigned[0] = 1
         for k in range(int(asked.count[0])):
             given.zone[k] = view.robots.identity[asked.robot[k]]
         state[BEGUN] = 1
         state[NEXT_LOOK] = int(view.clock[TICK]) + ticks(view, FIRST_LOOK)
 
-    def _anneal(self, view: World, design: Any, space: Workspace, again: int = 0) -> bool:
-        """New zones by simulated annealing on self._flow; False if none was found.
-
-        again: other draws than before in the same tick.
-        """
+    def _anneal_first(self, view: World, design: Any, space: Workspace) -> bool:
+        """The first zones, where the scenario gives none; False if none are found."""
         given = self.parameters
         return bool(
-            repair(
+            first_zones(
                 view.zoning.roads,
                 self._rules,
-                self._flow,
-                float(getattr(given, "hot", 4.5)),
-                float(getattr(given, "cold", 0.35)),
-                int(getattr(given, "steps", 500)),
-                int(getattr(given, "steps", 500)),
-                3,
+                float(getattr(given, "hot", HOT)),
+                float(getattr(given, "cold", COLD)),
+                int(getattr(given, "steps", STEPS)),
                 design,
                 space.zoning,
                 self._everywhere,
                 view.rules.seed,
-                int(view.clock[TICK]) + (again << 32),
+                int(view.clock[TICK]),
             )
         )
 
@@ -172,7 +156,8 @@ class Monitored(Strategy):
             find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
             add_charging(view, space.zoning.load, self._rules)
             value = balance(space.zoning.load)
-            good = int(0.0 < value <= self.parameters.tolerance)
+            if len(space.zoning.load) > 1:  # one zone is out of balance with nobody
+                good = int(0.0 < value <= self.parameters.tolerance)
         state[LAST_LOOK], state[WAS_GOOD] = now, good
         often = ticks(view, self.parameters.often)
         state[NEXT_LOOK] = now + often
@@ -185,11 +170,9 @@ class Monitored(Strategy):
             state[GOOD_SINCE] = 0
             if not state[BAD_SINCE]:
                 state[BAD_SINCE], state[NEXT_SHARE] = now, now
-            self._consider(view, state, now)
 
-    def _consider(self, view: World, state: Any, now: int) -> None:
-        """Out of balance: is it time for new zones?"""
+    def _consider(self, view: World, state: Any) -> None:
+        """Called after every look, and when `_due` says: are new zones needed? Here never."""
 
-    def _take_effect(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
-        """New zones, made from the flow that was recorded."""
-        raise NotImplementedError
+    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -10,13 +10,17 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import msgspec
+import numpy as np
 import yaml
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
+from automaton.scenario.floors import point_names
 from automaton.scenario.schema import Scenario
 from automaton.units import count
 from automaton.world.plan import FloorPlan
+from automaton.world.reach import slot_access
+from automaton.world.state import NIL
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
@@ -58,10 +62,6 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             return self
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
-        """A design says how many robots there are; priority names types and stations."""
-        return self._wrong_priority(scenario, plan) or self._wrong_design(scenario)
-
     def _wrong_priority(self, scenario: Scenario, plan: FloorPlan) -> str | None:
         names = [kind.name for kind in scenario.fleet.types]
         most = len(plan.stations()) or self.groups
@@ -76,11 +76,45 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
                     return f"priority names station {station}, but there are stations 1 to {most}"
         return None
 
-    def _wrong_design(self, scenario: Scenario) -> str | None:
-        zones = self.design.get("zones") if isinstance(self.design, dict) else None
-        robots = scenario.fleet.robots
-        if not isinstance(zones, list) or len(zones) == robots:
+    def stations(self, plan: FloorPlan) -> int:
+        """The stations that zones are made of; without any, the groups of slots that count as such."""
+        served = slot_access(plan).max(axis=1, initial=NIL)
+        stands = int(np.unique(served[served != NIL]).size)
+        return len(plan.stations()) or min(self.groups, stands)
+
+    def flaw(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """What is wrong with the design on this floor."""
+        if self.design is None:
             return None
+        from automaton.world.partitions import grouped  # kernels: who has no design needs none
+        from automaton.zoning.designs import read_design
+        from automaton.zoning.roads import roads_of
+
+        cells = plan.stations() if len(plan.stations()) else grouped(plan, self.groups)[0]
+        try:
+            read_design(plan, roads_of(plan, cells), self.design, point_names(scenario.layout))
+        except InputError as error:
+            choice = scenario.strategy.zoning
+            name = choice.get("design") if isinstance(choice, dict) else None
+            which = f"the zone design {name!r}" if isinstance(name, str) else "the zone design"
+            return f"{which}: {error.message}"
+        return None
+
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """Each robot has a zone with a station in it; a design says how many robots there are, and
+        priority names types and stations."""
+        if wrong := self._wrong_priority(scenario, plan):
+            return wrong
+        zones = self.design.get("zones") if isinstance(self.design, dict) else None
+        robots, stations = scenario.fleet.robots, self.stations(plan)
+        if robots > stations:
+            counted = "stations" if len(plan.stations()) else "groups of slots (raise groups)"
+            return (
+                f"each robot serves a zone with a station at least, and there are {robots} robots and "
+                f"{stations} {counted}; take fewer robots"
+            )
+        if not isinstance(zones, list) or len(zones) == robots:
+            return self.flaw(scenario, plan)
         return (
             f"the zone design has {count(len(zones), 'zone')}, one for each robot; there are {robots} "
             "(without a design, strategy.zoning.design=null, zones are made for any number)"
@@ -128,10 +162,14 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     matched: Annotated[
         bool,
         Meta(
-            description="new zones go to the robots that began nearest to them; false: in the order "
-            "in which they are bred"
+            description="new zones go to the robots whose poses are nearest; false: in the order in "
+            "which they are bred"
         ),
     ] = True
+    poses: Annotated[
+        tuple[tuple[int, int], ...] | None,
+        Meta(description="cells [x, y], one for each robot; left out: where robots begin"),
+    ] = None
 
 
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):

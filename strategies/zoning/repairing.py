@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 
-from automaton.world.state import NIL, TICK, Memory, Workspace, World
+from automaton.errors import InputError
+from automaton.units import count
+from automaton.world.state import NIL, TICK, Array, Memory, Workspace, World
+from automaton.zoning.annealing import REPAIRS, repair
 from automaton.zoning.genetic import evolve
 from automaton.zoning.herd import population_for
+from automaton.zoning.paths import copy_design
 from strategies.zoning.monitored import (
     AFTER_REPAIR,
     BAD_SINCE,
@@ -19,6 +24,7 @@ from strategies.zoning.monitored import (
     Monitored,
 )
 from strategies.zoning.parameters import Annealing, Genetic, Monitoring
+from strategies.zoning.queues import record_flow
 from strategies.zoning.units import ticks
 
 
@@ -28,28 +34,47 @@ class StaticZones(Monitored):
     Parameters = Monitoring
 
 
-class Repaired(Monitored):
+class Repaired(Monitored, ABC):
     """Zones that are designed anew when they have been out of balance for long."""
 
-    def _consider(self, view: World, state: Any, now: int) -> None:
-        patience = ticks(view, 60 * self.parameters.patience)
-        if state[NEW_ZONES_AT] or now - state[BAD_SINCE] <= patience:
+    def _consider(self, view: World, state: Any) -> None:
+        """Out of balance for longer than patience: new zones are made of the flow of this moment."""
+        now = int(view.clock[TICK])
+        if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
             return
+        record_flow(view, ticks(view, 60 * self.parameters.window), now, self._flow)
         state[FLOW:] = self._flow.reshape(-1).astype(np.int64)
         state[NEW_ZONES_AT] = now + max(1, ticks(view, self.parameters.compute))
 
-    def _take_effect(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+    def _patience_ends(self, view: World, state: Any) -> int:
+        return int(state[BAD_SINCE]) + ticks(view, 60 * self.parameters.patience) + 1
+
+    def _due(self, view: World, state: Any) -> list[int]:
+        """As for zones that stay, and when new ones are begun or take effect."""
+        times = super()._due(view, state)
+        if state[NEW_ZONES_AT]:
+            times.append(int(state[NEW_ZONES_AT]))
+        elif state[BAD_SINCE]:
+            times.append(self._patience_ends(view, state))
+        return times
+
+    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+        """New zones of the flow that was recorded take effect when they are due."""
         state, now = memory.shared, int(view.clock[TICK])
+        if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
+            return
         self._flow[:] = state[FLOW:].reshape(self._flow.shape)
         if self._design(view, given.design, space):
             given.redesigned[0] = 1
             memory.own[view.robots.at_index[0], REDESIGNS] += 1
+        else:
+            copy_design(view.zoning.design, given.design)
         state[NEW_ZONES_AT] = state[BAD_SINCE] = 0
         state[NEXT_LOOK] = now + ticks(view, AFTER_REPAIR)
 
+    @abstractmethod
     def _design(self, view: World, design: Any, space: Workspace) -> bool:
-        """Make new zones of self._flow; False if none were found."""
-        raise NotImplementedError
+        """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
 
 
 class AnnealedZones(Repaired):
@@ -58,17 +83,35 @@ class AnnealedZones(Repaired):
     Parameters = Annealing
 
     def _design(self, view: World, design: Any, space: Workspace) -> bool:
-        return self._anneal(view, design, space)
+        given = self.parameters
+        return bool(
+            repair(
+                view.zoning.roads,
+                self._rules,
+                self._flow,
+                float(given.hot),
+                float(given.cold),
+                given.steps,
+                given.steps,
+                REPAIRS,
+                design,
+                space.zoning,
+                self._everywhere,
+                view.rules.seed,
+                int(view.clock[TICK]),
+            )
+        )
 
 
 class BredZones(Repaired):
-    """Zones repaired by a genetic algorithm; each goes to the robot that began nearest to it."""
+    """Zones repaired by a genetic algorithm; each goes to the robot whose pose is nearest to it."""
 
     Parameters = Genetic
 
     def reset(self, view: World) -> Memory:
         """Room for the population besides."""
         memory = super().reset(view)
+        self._poses = self._poses_of(view)
         self._population = population_for(view.zoning.roads, self.parameters.population)
         return memory
 
@@ -92,8 +135,21 @@ class BredZones(Repaired):
             self._give_out(view, design)
         return bool(found)
 
+    def _poses_of(self, view: World) -> Array:
+        """(n, 2) by identity: columns and rows of the grid, from where each robot looks for its zone."""
+        given, robots = self.parameters.poses, len(view.zoning.server)
+        if given is None:
+            homes = view.robots.home[view.robots.at_index]
+            return np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
+        if len(given) != robots:
+            raise InputError(
+                f"strategy.zoning.poses has {count(len(given), 'cell')}, one for each robot; "
+                f"there are {robots}"
+            )
+        return np.array(given) + 1  # the border of the grid
+
     def _give_out(self, view: World, design: Any) -> None:
-        """Name each zone after the robot whose home is nearest to its middle; robots choose in order.
+        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
 
         Robots of a type choose among the zones that were bred for their type.
         """
@@ -102,8 +158,7 @@ class BredZones(Repaired):
         zones, kinds = len(view.zoning.server), view.robots.type[view.robots.at_index]
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
-            home = int(view.robots.home[view.robots.at_index[robot]])
-            x, y = home % view.grid.width, home // view.grid.width
+            x, y = self._poses[robot]
             alike = (view.zoning.serves == view.zoning.serves[robot]).all(axis=1)
             alike &= (view.zoning.first == view.zoning.first[robot]).all(axis=1)
             alike &= kinds == kinds[robot]

@@ -15,6 +15,7 @@ from automaton.picture.ways import stations_of, ways_of
 from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.glyphs import GlyphSet, code
+from tui.render.served_tints import served_tints, tints_shared
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
 
@@ -24,22 +25,19 @@ if TYPE_CHECKING:  # they import what is here
     from tui.render.scene import Scene
 
 NONE: Final = "zones: robots have none here, or none yet"
+SHARED: Final = "zones may share a tint; touching ones differ"
 TRANSFER_INK: Final = styles.TEXT
 DIGITS: Final = 2  # of the number of a station, beside its sign
-
-
-def tint_of(zone: int) -> int:
-    """Which of TINTS a zone has."""
-    return zone % len(TINTS)
 
 
 def design_tints(scene: Scene, zoning: Partition) -> NDArray[np.int8]:
     """(C,) the tint of each cell: of ways, of stations, and of slots that belong to one."""
     tints = np.full(scene.floor.plan.kind.size, NIL, np.int8)
+    tint = served_tints(zoning)
     cells, zones = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
-    tints[cells] = zones % len(TINTS)
+    tints[cells] = tint[zones]
     for cells, zones in (_slots(scene, zoning), stations_of(zoning.roads, zoning.design)[:2]):
-        tints[cells[zones != NIL]] = zones[zones != NIL] % len(TINTS)
+        tints[cells[zones != NIL]] = tint[zones[zones != NIL]]
     return tints
 
 
@@ -65,7 +63,7 @@ def draw_stations(canvas: Canvas, zoning: Partition) -> None:
     served = np.flatnonzero(zones != NIL)
     index, seen = canvas.at(cells[served].astype(np.int32))
     which = served[seen]
-    paper = np.array(TINTS)[zones[which] % len(TINTS)]
+    paper = np.array(TINTS)[served_tints(zoning)[zones[which]]]
     ink = np.where(shared[which], TRANSFER_INK, styles.STATION)
     sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
     canvas.flat[index, 0] = code(style(ink, paper), sign)
@@ -83,9 +81,10 @@ def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...]
     if zoning is None:
         return [((), NONE)]
     entries: list[tuple[tuple[int, ...], str]] = []
-    for zone in range(len(zoning.server)):
-        ink = TINTS[tint_of(zone)]
-        sign = int(code(style(ink, ink), LETTERS[tint_of(zone)]))
+    if tints_shared(len(zoning.server)):
+        entries.append(((), SHARED))
+    for zone, tint in enumerate(served_tints(zoning).tolist()):
+        sign = int(code(style(TINTS[tint], TINTS[tint]), LETTERS[tint]))
         entries.append(((sign,), f"zone {zone + 1}: {_served(zoning, zone)}"))
     shared = int(code(style(TRANSFER_INK, styles.FLOOR), glyphs.transfer))
     entries.append(((shared,), "transfer station: parts change robots"))
@@ -102,8 +101,10 @@ def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
     """What a picture of them without a legend beside it has to say, in a few words each."""
     if not zones:
         return [NONE]
-    letters = [f"{chr(LETTERS[tint_of(zone)])} zone {zone + 1}" for zone in range(zones)]
-    return [*letters[: len(TINTS)], f"{glyphs.characters[glyphs.transfer]} transfer station"]
+    letters = [f"{chr(LETTERS[zone])} zone {zone + 1}" for zone in range(min(zones, len(TINTS)))]
+    if tints_shared(zones):
+        letters = [f"{chr(LETTERS[0])} to {chr(LETTERS[len(TINTS) - 1])} zones; {SHARED}"]
+    return [*letters, f"{glyphs.characters[glyphs.transfer]} transfer station"]
 
 
 def station_words(scene: Scene, cell: int) -> list[str]:

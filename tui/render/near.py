@@ -159,12 +159,15 @@ def draw_robots(canvas: Canvas) -> None:
 
 
 def keep_heat(canvas: Canvas, ground: Codes) -> None:
-    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest."""
-    heat = (ground >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
+    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest.
+
+    A sign has the ink of its paper; other characters, such as a station's number, fill nothing.
+    """
+    ink, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
     hot = (heat > styles.HEAT_0) & (heat < styles.FLOOR_MARK)
     paper = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
     over = hot & (canvas.flat != ground) & (paper == styles.FLOOR)
-    blank = over & (canvas.flat & GLYPHS == canvas.glyphs.blank)
+    blank = over & (ink == heat) & (canvas.flat & GLYPHS == canvas.glyphs.blank)
     canvas.flat[over] = styles.repapered(canvas.flat[over], heat[over])
     canvas.flat[blank] = ground[blank]
 

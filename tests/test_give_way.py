@@ -1,0 +1,91 @@
+"""Who has nothing to do makes room, wherever it stands: also where it has stood from the beginning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_playback import recorded
+
+from automaton.recording.validator import validate_stored
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+
+SCENARIO = """name: narrow
+layout:
+  picture: |
+    {rows}
+fleet: {{robots: 2, kinematics: omni, start: [[0, 0], [{x}, 0]]}}
+orders: {{list: [{{from: [0, 0], to: [{x}, 0]}}]}}
+strategy:
+  allocation: {{name: shortest-job, idle: {idle}}}
+  right_of_way: {{name: withdraw, give_way: {give_way}}}
+stop: {{when: delivered, at_most: 2000}}
+"""
+AROUND = "t...t\n    ....."  # robot 0 has the only order; robot 1 stands where it ends
+DEAD_END = "t===t"  # to get out of a station in a dead end it has to pass who wants in
+
+
+def scenario(folder: Path, rows: str, idle: str, give_way: str = "true") -> Path:
+    path = folder / "narrow.yaml"
+    path.write_text(SCENARIO.format(rows=rows, x=4, idle=idle, give_way=give_way))
+    return path
+
+
+@pytest.mark.parametrize("idle", ["stay", "park"])
+@pytest.mark.parametrize("rows", [AROUND, DEAD_END], ids=["around", "dead end"])
+def test_a_robot_that_never_had_an_order_makes_room(tmp_path: Path, rows: str, idle: str) -> None:
+    for seed in range(1, 9):
+        run = Simulation(resolve(scenario(tmp_path, rows, idle), seed=seed))
+        run.run()
+        assert run.finished, seed
+        assert run.world.tally.illegal.sum() == 0
+
+
+def test_otherwise_it_stays_where_it_is(tmp_path: Path) -> None:
+    run = Simulation(resolve(scenario(tmp_path, AROUND, "stay", give_way="false")))
+    run.run()
+    assert not run.finished and run.tick == 2000
+
+
+def test_such_a_run_keeps_the_rules_when_it_is_recorded(tmp_path: Path) -> None:
+    """The validator knows by itself that a robot on the floor that moves is not parked any more."""
+    assert validate_stored(recorded(resolve(scenario(tmp_path, AROUND, "park")))).valid
+
+
+PLANT = """name: plant
+layout:
+  picture: |
+    t=====t=====t
+    =#####=#####=
+    =#####=#####=
+    t#####=#####t
+    =#####=#####=
+    =#####=#####=
+    t==t==t==t==t
+    =#####=#####=
+    =#####=#####=
+    t#####=#####t
+    =#####=#####=
+    =============
+fleet: {robots: 5, kinematics: omni}
+durations: {pick: 3, drop: 3, delay: 2}
+orders:
+  parts:
+    - {route: [1, 4, 8, 5], count: 15, every: 40}
+    - {route: [2, 7, 12, 3, 10], count: 15, every: {mean: 50}}
+    - {route: [11, 6, 9], count: 10, at: 20, every: 60}
+  work: 20
+strategy:
+  allocation: {name: shortest-job, idle: stay}
+  right_of_way: {name: withdraw, give_way: true}
+stop: {when: delivered, at_most: 30000}
+"""
+
+
+def test_who_cannot_withdraw_for_an_idle_robot_behind_it_is_made_room_for(tmp_path: Path) -> None:
+    """Robot 0 stands between one that comes and one that stays; both its ways were closed for ever."""
+    (tmp_path / "plant.yaml").write_text(PLANT)
+    run = Simulation(resolve(tmp_path / "plant.yaml", seed=5739497603756485852))
+    run.run()
+    assert run.finished

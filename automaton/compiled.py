@@ -51,6 +51,8 @@ KERNEL_SOURCES = {
     "strategies": (".",),
 }
 CACHES_KEPT = 4
+WORLD = "the world"
+FIRST_RUN = "first run of this version on this machine (about 20 s): the world"
 PATIENCE_S = 1.0  # before it is said that something is being compiled
 
 
@@ -173,8 +175,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
-        if not self.announced and subject not in self._told:
-            self._timer = threading.Timer(PATIENCE_S, self._tell, [subject])
+        if not self.announced:
+            self._timer = threading.Timer(PATIENCE_S, self.tell, [subject])
             self._timer.daemon = True
             self._timer.start()
 
@@ -184,15 +186,21 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             self._timer.cancel()
             self.seconds += time.perf_counter() - self._begun
 
-    def _tell(self, subject: str) -> None:
-        self._told.add(subject)
-        _say(f"first use on this machine: compiling {subject}, once")
+    def tell(self, subject: str) -> None:
+        """Say that something is compiled, once in a process."""
+        if subject not in self._told:
+            self._told.add(subject)
+            text = FIRST_RUN if subject == WORLD else f"first use on this machine: {subject}"
+            print(f"automaton: {text} is compiled, once ...", file=sys.stderr, flush=True)
 
 
 def subject_of(module: str) -> str:
     """What a kernel is about: the folder of ours that it lies in, or a plug-in's module."""
     first, _, rest = module.partition(".")
-    return rest.split(".")[0].replace("_", " ") if first in KERNEL_SOURCES and rest else module
+    if first not in KERNEL_SOURCES or not rest:
+        return module
+    folder = rest.split(".")[0].replace("_", " ")
+    return WORLD if folder in ("kernels", "world") else folder
 
 
 COMPILATIONS = _Compilations()
@@ -211,14 +219,10 @@ def first_compilation_announced() -> Iterator[None]:
     if not jit_is_on() or marker.exists():
         yield
         return
-    _say("first run of this version on this machine: compiling the world, once (about 20 s)")
+    COMPILATIONS.tell(WORLD)
     COMPILATIONS.announced = True
     try:
         yield
     finally:
         COMPILATIONS.announced = False
     marker.touch()
-
-
-def _say(what: str) -> None:
-    print(f"automaton: {what} ...", file=sys.stderr, flush=True)

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager
+from multiprocessing import resource_tracker
 from typing import NamedTuple
 
 from automaton.headless import run_to_end, strategies_blamed
@@ -156,12 +157,21 @@ def warm(chunks: Sequence[Chunk]) -> None:
 
 @contextmanager
 def children_ignore_interrupts() -> Iterator[None]:
-    """Processes started in here ignore Ctrl-C from their first moment on: the parent ends them."""
+    """Processes started in here are deaf to Ctrl-C from their first moment on: the parent ends them.
+
+    They inherit that the signal is blocked. The parent hears one that comes meanwhile at the end.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # when it starts, it unblocks the signal
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         signal.signal(signal.SIGINT, before)
+        if heard:
+            signal.raise_signal(signal.SIGINT)

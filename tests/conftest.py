@@ -6,9 +6,15 @@ import os
 
 from hypothesis import HealthCheck, settings
 
+from automaton.compiled import COMPILATIONS
+
 # Compiled code is compiled once, in whatever example comes first: no deadline, no health check.
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 
 settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
 settings.register_profile("explore", derandomize=False, **COMMON)  # new examples in every run
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+COMPILATIONS.announced = (
+    True  # what a test has to compile changes nothing of what it reads on stderr
+)

@@ -56,6 +56,15 @@ def sweep_command(study: Path, out: Path, *options: str) -> list[str]:
     return [sys.executable, "-m", "automaton", "sweep", str(study), "--out", str(out), *options]
 
 
+def hasty_command(study: Path, out: Path, *options: str) -> list[str]:
+    """The same, but rows are written as soon as a chunk of runs is done: there are some after less."""
+    begin = (
+        "import sys; from automaton.experiments import writing; from automaton.commands import main; "
+        "writing.BATCH_S = 0.0; sys.exit(main(sys.argv[1:]))"
+    )
+    return [sys.executable, "-c", begin, *sweep_command(study, out, *options)[3:]]
+
+
 def environment(**more: str) -> dict[str, str]:
     """That of a command that finds the strategies of this module."""
     paths = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])

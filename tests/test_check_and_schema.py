@@ -87,8 +87,8 @@ stop: {when: delivered}
     [
         (["fleet.start=bays"], ""),
         (["fleet.start=random"], "robots begin anywhere (fleet.start: random), and so park"),
-        (["fleet.start=[[0, 0], [5, 0]]"], "robot 1 begins on a station, and so parks there"),
-        (["fleet.start=[[0, 0], [1, 0]]"], ""),
+        (["fleet.start=[[0, 0], [4, 0]]"], "robot 1 begins on a station, and so parks there"),
+        (["fleet.start=[[0, 0], [2, 0]]"], ""),
         (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they set down"),
         (["fleet.start=random", "fleet.robots=1"], ""),
         (["fleet.start=random", "fleet.when_done=leave"], ""),

@@ -231,7 +231,7 @@ def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
         *("dispatched", "dispatched_from", "dispatched_heading", "dispatched_type", "coming"),
         *("weight", "type"),
         *("identity", "at_index", "home", "bay", "route_sum", "step", "did", "planned"),
-        *("cell", "endless", "access", "spare", "within"),
+        *("cell", "endless", "access", "spare", "within", "serves"),
         *("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
         *("roads", "station_of", "serves", "first"),
     }

@@ -6,9 +6,12 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from automaton import compiled
 from automaton.compiled import KERNEL_SOURCES, jit_is_on
 
 ROOT = Path(__file__).parent.parent
@@ -113,3 +116,23 @@ def test_the_cache_folder_changes_with_a_source(
     after = compiled.source_hash()
     compiled.source_hash.cache_clear()
     assert before != after
+
+
+def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compiled, "PATIENCE_S", 0.0)
+    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="strategies.right_of_way.withdraw"))
+    event: Any = SimpleNamespace(data={"dispatcher": kernel})
+    listener = compiled._Compilations()
+    for _ in range(2):
+        listener.on_start(event)
+        listener.on_start(event)  # a kernel that it calls
+        listener._timer.join(10)
+        listener.on_end(event)
+        listener.on_end(event)
+    said = "automaton: first use on this machine: right of way is compiled, once ...\n"
+    assert capsys.readouterr().err == said
+    assert listener.seconds > 0
+    assert compiled.subject_of("automaton.kernels.loop") == "the world"
+    assert compiled.subject_of("mine") == "mine"

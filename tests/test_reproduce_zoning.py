@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
+from made_once import made_once
 
 from automaton.commands import main
 from automaton.parallel import run_jobs
 from automaton.reproductions import find
 from automaton.reproductions.claims import Claim, JudgedClaim, judge
-from automaton.reproductions.study import Reproduced, reproduce
+from automaton.reproductions.study import MadeTable, Reproduced, reproduce, tables_named
 from automaton.reproductions.zoning import beside_reference, further
 from automaton.reproductions.zoning_cases import (
     DDZ,
@@ -38,8 +41,18 @@ from automaton.simulation import Simulation
 
 
 @pytest.fixture(scope="module")
-def made() -> Reproduced:
-    return reproduce(find("zoning"), 2, workers=1)
+def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduced:
+    zoning = find("zoning")
+    tables = tables_named(zoning, ())
+
+    def run() -> list[Any]:
+        return [table.results for table in reproduce(zoning, 2, workers=1).tables]
+
+    results = made_once(tmp_path_factory, "zoning", run)
+    found = [
+        MadeTable(table, table.cases(()), of) for table, of in zip(tables, results, strict=True)
+    ]
+    return Reproduced(replace(zoning, tables=tables), 2, found)
 
 
 def named(start: str) -> Claim:
@@ -217,7 +230,16 @@ def test_further_texts_come_with_their_data(made: Reproduced) -> None:
 # The command.
 
 
-def test_a_table_with_intervals_and_ranks(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_table_with_intervals_and_ranks(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[Reproduced] = []
+
+    def once(*how: Any, **more: Any) -> Reproduced:
+        kept[:] = kept or [reproduce(*how, **more)]
+        return kept[0]
+
+    monkeypatch.setattr("automaton.reproductions.study.reproduce", once)
     command = ["reproduce", "zoning", "--seeds", "2", "--workers", "1", "--tables", "claim"]
     assert main(command) == 0
     text = capsys.readouterr().out

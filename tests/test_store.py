@@ -54,7 +54,8 @@ def filled(folder: Path, batch: int = 20) -> tuple[Plan, Store]:
     plan, store = declared(folder)
     writer = Writer(store)
     for number, run in enumerate(plan.manifest.runs(), 1):
-        writer.add([made_up(run)])
+        writer.hold([made_up(run)])
+        writer.tick()
         if number % batch == 0:
             writer.flush()
     return plan, store
@@ -112,7 +113,8 @@ def test_rows_are_written_when_they_are_many_or_old(
     monkeypatch.setattr(writing, "BATCH_S", 1e9)
     writer = Writer(store)
     for run in plan.manifest.runs():
-        writer.add([made_up(run)])
+        writer.hold([made_up(run)])
+        writer.tick()
     assert [pq.read_metadata(path).num_rows for path in row_files(store.folder)] == [500]
     monkeypatch.setattr(writing, "BATCH_S", 0.0)
     writer.tick()

@@ -176,7 +176,7 @@ def test_predicted_paths_are_the_routes_and_the_rest_of_the_tasks(run: Simulatio
             heading = int(steps[-1]) % headings if len(steps) else int(robots.heading[i])
             access = world.slots.access[world.orders.target[robots.order[i]]]
             beyond = next(int(access[way]) for way in (2, 0, 3, 1) if access[way] != NIL)
-            cells += paths.found(int(robots.stand[i]) * headings + heading, beyond)[1].tolist()
+            cells += paths.found(0, int(robots.stand[i]) * headings + heading, beyond)[1].tolist()
         expected[sorted({int(cell) for cell in cells})] += 1
     assert expected.max() >= 2 and (robots.goal == GOAL_PICK).any()
     assert np.array_equal(predicted(world, paths, NIL), expected)

@@ -46,6 +46,7 @@ METHODS = {
     "decentralized, limited sight": (ddz(), NEAR),
     "decentralized, sharing": (ddz(", sharing: true, drop_near: 60"),),
 }
+SEEDS = {"decentralized, limited sight": (1,)}  # a decision for each robot by itself takes long
 
 
 @cache
@@ -67,7 +68,7 @@ def feet(run: Simulation) -> Any:
 @pytest.mark.parametrize("scenario", ["factory", "factory-single"])
 @pytest.mark.parametrize("method", METHODS)
 def test_all_parts_finish_and_nothing_is_illegal(scenario: str, method: str) -> None:
-    for seed in (1, 2):
+    for seed in SEEDS.get(method, (1, 2)):
         run = factory(*METHODS[method], seed=seed, scenario=scenario)
         assert run.finished and set(run.world.orders.state) == {DELIVERED}
         assert run.world.stations.done.min() > 0

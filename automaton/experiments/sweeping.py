@@ -169,7 +169,8 @@ class Coordinator:
         return []
 
     def _keep(self, rows: list[Row]) -> None:
-        self.writer.add(rows)
+        """Rows that are done; they are counted before they are written, as Ctrl-C may come then."""
+        self.writer.hold(rows)
         for row in rows:
             self.done += 1
             if row["failed"] is not None:
@@ -179,6 +180,7 @@ class Coordinator:
                 self.unfinished += not row["finished"]
         if rows and self.on_rows is not None:
             self.on_rows(rows)
+        self.writer.tick()
 
 
 def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Chunk:

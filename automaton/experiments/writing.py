@@ -87,12 +87,11 @@ class Writer:
             if not reserve.exists():
                 write_whole(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
 
-    def add(self, rows: list[Row]) -> None:
-        """Take rows, and write what has come together if it is time."""
+    def hold(self, rows: list[Row]) -> None:
+        """Take rows; `tick` writes them when it is time, `flush` at once."""
         if not self.held:
             self.since = time.monotonic()
         self.held += rows
-        self.tick()
 
     def tick(self) -> None:
         """Write if it is time."""

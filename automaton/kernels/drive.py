@@ -132,7 +132,8 @@ def drive(world, record):
     """Set traffic.want and begin the operations of every robot that is free and on the floor."""
     robots, traffic = world.robots, world.traffic
     heading_mask = world.grid.headings - 1
-    duration = world.rules.duration
+    several = world.rules.duration.shape[0] > 1  # types; reading a robot's costs 1 ns
+    span = world.rules.duration[0, MOVE]
     for i in range(robots.cell.shape[0]):
         traffic.want[U(i)] = 0
         if robots.busy[U(i)]:
@@ -143,7 +144,9 @@ def drive(world, record):
                 continue
             direction = np.int64(robots.route[U(i), U(at)])
             if direction & heading_mask == robots.heading[U(i)]:
-                traffic.span[U(i)] = duration[U(robots.type[U(i)]), U(MOVE)]
+                if several:
+                    span = world.rules.duration[U(robots.type[U(i)]), U(MOVE)]
+                traffic.span[U(i)] = span
                 entered = ENTERED if robots.did[U(i)] == LEFT_BAY else 0
                 traffic.want[U(i)] = LIVE | direction | entered
             else:
@@ -240,13 +243,15 @@ def turn(world, i, direction):
 def settle(world, record):
     """Read the outcome of the moves: count them, run waits and retries, park robots at home."""
     robots, traffic = world.robots, world.traffic
-    duration = world.rules.duration
+    several = world.rules.duration.shape[0] > 1
+    usual = np.int64(world.rules.duration[0, MOVE])
     for i in range(robots.cell.shape[0]):
         want = np.int64(traffic.want[U(i)])
         if want & MOVED:
             loaded = 1 if robots.load[U(i)] != NIL else 0
             span = np.int64(traffic.span[U(i)])
-            usual = np.int64(duration[U(robots.type[U(i)]), U(MOVE)])
+            if several:
+                usual = np.int64(world.rules.duration[U(robots.type[U(i)]), U(MOVE)])
             world.tally.times[U(i), U(MOVE), U(loaded)] += 1
             world.tally.ticks[U(i), U(MOVE), U(loaded)] += span
             if span != usual:

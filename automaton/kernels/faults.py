@@ -208,10 +208,11 @@ def spare_slot(slots):
 def open_slot(world, slot, cell):
     """Put a spare slot into a cell; False if robots get to no cell beside it."""
     slots = world.slots
+    slots.serves[:, slot] = 0
     served = False
     for direction in range(4):
         beside = cell + world.grid.offset[direction]
-        usable = is_within(slots, beside)
+        usable = is_within(slots, slot, beside)
         slots.access[slot, direction] = beside if usable else NIL
         served = served or usable
     if served:
@@ -221,12 +222,14 @@ def open_slot(world, slot, cell):
 
 
 @kernel
-def is_within(slots, cell):
-    """Whether robots of some type get to a cell and back."""
+def is_within(slots, slot, cell):
+    """Whether robots of some type get to a cell and back; these serve the slot."""
+    found = False
     for kind in range(slots.within.shape[0]):
         if slots.within[kind, cell]:
-            return True
-    return False
+            slots.serves[kind, slot] = 1
+            found = True
+    return found
 
 
 @kernel

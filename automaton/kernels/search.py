@@ -101,7 +101,7 @@ def relax(field, heap, size, pose, cost):
 @kernel
 def field_to(view, space, kind, target):
     """The row of space.field with the costs of a type to a target cell, computed if it is not there."""
-    entry = kind * view.grid.ways.shape[1] + target
+    entry = np.int64(kind) * view.grid.ways.shape[1] + target
     row = np.int64(space.field_of[entry])
     if row != NIL:
         return row

@@ -17,9 +17,10 @@ FROM_LEFT_FIRST = (2, 0, 3, 1)
 @kernel
 def pick_stand(view, kind, slot):
     """The cell from which robots of a type pick a load up, NIL if there is none."""
+    one = view.slots.within.shape[0] == 1  # then access holds only what it gets to
     for direction in FROM_RIGHT_FIRST:
         cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and view.slots.within[kind, cell]:
+        if cell != NIL and (one or view.slots.within[kind, cell]):
             return cell
     return np.int64(NIL)
 
@@ -27,9 +28,10 @@ def pick_stand(view, kind, slot):
 @kernel
 def drop_stand(view, kind, slot):
     """The cell from which robots of a type set a load down, NIL if there is none."""
+    one = view.slots.within.shape[0] == 1
     for direction in FROM_LEFT_FIRST:
         cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and view.slots.within[kind, cell]:
+        if cell != NIL and (one or view.slots.within[kind, cell]):
             return cell
     return np.int64(NIL)
 
@@ -39,9 +41,10 @@ def can_bring(view, kind, order, slot):
     """Whether robots of a type carry an order, and get to where it lies and to a slot with it."""
     if view.orders.weight[order] > view.rules.payload[kind]:
         return False
-    if pick_stand(view, kind, np.int64(view.orders.place[order])) == NIL:
-        return False
-    return drop_stand(view, kind, slot) != NIL
+    serves = view.slots.serves
+    if serves.shape[0] == 1:
+        return True  # there are no orders but for slots that somebody serves
+    return serves[kind, view.orders.place[order]] != 0 and serves[kind, slot] != 0
 
 
 @kernel

@@ -92,10 +92,12 @@ def build_world(
     zones = scenario.world.zones
     types = types_of(scenario)
     floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones, types)
-    orders, slots = build_orders(resolved, floor, seed, homes(resolved, floor, seed)[0])
+    starts = homes(resolved, floor, seed)
+    orders, slots = build_orders(resolved, floor, seed, starts[0])
     occupancy = floor.occupancy.copy()
     steps = floor.longest_route if longest_route is None else longest_route
-    robots = build_robots(resolved, floor, occupancy, seed, storage, steps, len(orders.state))
+    most = len(orders.state)
+    robots = build_robots(resolved, floor, starts, occupancy, seed, storage, steps, most)
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
@@ -170,15 +172,19 @@ def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
 def build_robots(
     resolved: Resolved,
     floor: Floor,
+    starts: tuple[Array, Array],
     occupancy: Array,
     seed: int,
     storage: Array | None,
     longest_route: int,
     orders: int,
 ) -> Robots:
-    """Robots in their bays or on their start cells; occupancy is updated for the latter."""
+    """Robots in their bays or on their start cells; occupancy is updated for the latter.
+
+    `starts`: (n,) home cells and bays by identity.
+    """
     n = resolved.scenario.fleet.robots
-    home, bay = homes(resolved, floor, seed)
+    home, bay = starts
     identity = np.arange(n, dtype=np.int32) if storage is None else storage.astype(np.int32)
     at_index = np.zeros(n, np.int32)
     at_index[identity] = np.arange(n, dtype=np.int32)

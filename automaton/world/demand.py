@@ -6,7 +6,8 @@ face the same demand.
 
 from __future__ import annotations
 
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from automaton.scenario.resolve import Resolved
 from automaton.world.arrivals import releases
 from automaton.world.battery import may_fail
 from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.world.floor import Floor
+from automaton.world.floor import Floor, frozen
 from automaton.world.places import Slots
-from automaton.world.reach import around_home
+from automaton.world.plan import FloorPlan
+from automaton.world.reach import around_home, slot_access
 from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders
-from automaton.world.types import plan_for, type_of_each, types_of
+from automaton.world.types import RobotType, plan_for, types_of
 from automaton.world.work import part_orders
 
 WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
@@ -33,29 +35,46 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> t
     Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
     each robot begins, by identity.
     """
-    mask = cells_within(resolved, homes)
-    anybody = np.logical_or.reduce(mask)
-    access = np.where(anybody[floor.slot_access], floor.slot_access, NIL).astype(np.int32)
+    service = service_for(resolved, homes)
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)
         coming = np.full(len(source), NIL)
     else:
-        source, target = sources_and_targets(resolved, floor, access, seed)
+        source, target = sources_and_targets(resolved, floor, service.access, seed)
         released, coming = releases(resolved.scenario, len(source), seed)
     weight = weights(resolved.scenario.orders, len(source), seed)
-    return orders_of(source, target, released, coming, weight), slots_of(
-        resolved, floor, access, mask, source
-    )
+    slots = slots_of(resolved, floor, service, source)
+    return orders_of(source, target, released, coming, weight), slots
 
 
-def cells_within(resolved: Resolved, homes: Array) -> Array:
-    """(K, C) bool: the cells that robots of each type get to from where they begin, and back."""
-    scenario, rail = resolved.scenario, resolved.scenario.fleet.kinematics == "rail"
-    first = np.unique(type_of_each(scenario.fleet), return_index=True)[1]
-    pairs = zip(types_of(scenario), homes[first].tolist(), strict=True)
-    return np.stack(
-        [around_home(plan_for(resolved.plan, kind), home, rail) for kind, home in pairs]
+class Service(NamedTuple):
+    """From where slots are served, and by whom; shared by all runs with the same starts."""
+
+    within: Array  # (K, C) uint8: 1 = robots of type k get there from where they begin, and back
+    access: (
+        Array  # (s, 4) int32: those neighbours of a slot where robots of any type get to, or NIL
     )
+    serves: Array  # (K, s) uint8: 1 = robots of type k get to one of them
+
+
+def service_for(resolved: Resolved, homes: Array) -> Service:
+    """Who serves what; `homes`: (n,) where each robot begins, by identity."""
+    fleet = resolved.scenario.fleet
+    first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
+    rail, starts = fleet.kinematics == "rail", tuple(homes[first].tolist())
+    return _service(resolved.plan, types_of(resolved.scenario), starts, rail)
+
+
+@lru_cache(maxsize=64)
+def _service(
+    plan: FloorPlan, types: tuple[RobotType, ...], starts: tuple[int, ...], rail: bool
+) -> Service:
+    pairs = zip(types, starts, strict=True)
+    within = np.stack([around_home(plan_for(plan, kind), home, rail) for kind, home in pairs])
+    around = slot_access(plan)
+    access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
+    serves = ((access != NIL) & within[:, access]).any(axis=2)
+    return Service(frozen(within.astype(np.uint8)), frozen(access), frozen(serves.astype(np.uint8)))
 
 
 def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
@@ -68,7 +87,11 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
     if isinstance(orders.weight, int):
         return np.full(count, orders.weight, np.int32)
     least, most = orders.weight.least, orders.weight.most
-    return drawn(np.arange(least, most + 1), count, seed, WEIGHT)
+    above = np.zeros(count, np.int32)
+    with np.errstate(over="ignore"):
+        draws.draw_many(above, most - least + 1, np.uint64(seed), draws.ORDERS, WEIGHT)
+    heavy: Array = least + above
+    return heavy
 
 
 def orders_of(
@@ -98,24 +121,24 @@ def orders_of(
     )
 
 
-def slots_of(
-    resolved: Resolved, floor: Floor, access: Array, within: Array, source: Array
-) -> Slots:
+def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) -> Slots:
     """The slots of the floor with the loads of orders that begin at `source`, and spare ones."""
     spare = len(floor.slot_cell)
     more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
     content = np.full(spare + more, NIL, np.int32)
     on_shelf = floor.slot_endless[source] == 0
     content[source[on_shelf]] = np.flatnonzero(on_shelf)
+    nobody = np.zeros((len(service.within), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
     return Slots(
         cell=cell,
         endless=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
         content=content,
         by=np.full(spare + more, NIL, np.int32),
-        access=np.concatenate([access, np.full((more, 4), NIL, np.int32)]),
+        access=np.concatenate([service.access, np.full((more, 4), NIL, np.int32)]),
+        serves=np.concatenate([service.serves, nobody], axis=1),
         spare=spare,
-        within=within.astype(np.uint8),
+        within=service.within,
     )
 
 

@@ -72,12 +72,10 @@ def build_partition(
 
 def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
     """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
-    access, kinds = slots.access, len(slots.within)
-    by_type = np.ones((kinds, count), np.uint8)
-    anybody = (access != NIL).any(axis=1)
-    for kind in range(kinds):
-        there = ((access != NIL) & (slots.within[kind][access] == 1)).any(axis=1)
-        out = station_of[anybody & ~there]
+    by_type = np.ones((len(slots.serves), count), np.uint8)
+    anybody = np.logical_or.reduce(slots.serves)
+    for kind, serves in enumerate(slots.serves):
+        out = station_of[anybody & (serves == 0)]
         by_type[kind, out[out != NIL]] = 0
     found: Array = by_type[type_of_each(resolved.scenario.fleet)]
     return found

@@ -41,6 +41,7 @@ class Slots(Struct):
     content: Array  # (s,) int32: the order on a shelf, or NIL
     by: Array  # (s,) int32: identity of the robot that reserved it for its load, or NIL
     access: Array  # (s, 4) int32: drivable neighbours E, S, W, N, or NIL; a station: itself
+    serves: Array  # (K, s) uint8: 1 = robots of type k get to a cell from which the slot is served
     spare: int  # the first spare slot, or s
     within: Array  # (K, C) uint8: 1 = robots of type k get there and back home
 

@@ -94,11 +94,11 @@ def first_open(
 
     One type after another takes its cells; fewer where they do not suffice.
     """
+    if not scenario.fleet.types:
+        return [np.arange(min(len(cells), scenario.fleet.robots))]
     free = np.ones(len(cells), np.bool_)
     chosen = []
-    for kind, count in zip(
-        types_of(scenario), scenario.fleet.counts or [scenario.fleet.robots], strict=True
-    ):
+    for kind, count in zip(types_of(scenario), scenario.fleet.counts, strict=True):
         chosen.append(np.flatnonzero(free & ~closed_cells(plan, kind)[cells])[:count])
         free[chosen[-1]] = False
     return chosen

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
+from automaton.picture.zone_work import minutes_of_zones
 from automaton.units import count
 from automaton.world.partition import Partition
 from automaton.world.rules import duration_table, tick_length
-from automaton.world.state import CARRIED, DROP, MOVE, NIL, PICK, WAITING
-from automaton.zoning.load import work_minutes
+from automaton.world.state import CARRIED, NIL, WAITING
 from tui.render.designs import transfer_pairs
 from tui.view import View
 from tui.widgets.lines import Line, Span, dim, fact, line, order_link, robot_link, several, title
@@ -144,22 +144,11 @@ def queued(view: View, zones: list[int]) -> list[int]:
 
 def work_words(view: View, zones: list[int]) -> str:
     """The load of zones: what lies in their queues, is fetched and carried, in minutes (eq. 1-4)."""
-    scenario, zoning = view.run.resolved.scenario, view.snapshot.zoning
-    orders, roads = view.snapshot.orders, zoning.roads
-    mine = np.flatnonzero(np.isin(zoning.queue, zones) & (zoning.stop != NIL))
-    waits, carried = orders.state[mine] == WAITING, orders.state[mine] == CARRIED
-    at = np.where(waits, orders.place[mine], np.where(carried, zoning.leg[mine], NIL))
-    here, there = zoning.station_of[at], zoning.station_of[zoning.stop[mine]]
-    legs = (at != NIL) & (here != NIL) & (there != NIL) & (here != there)
-    flow = np.zeros(roads.between.shape)
-    np.add.at(flow, (here[legs], there[legs]), 1.0)
-    tick = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
+    scenario, shown = view.run.resolved.scenario, view.snapshot
+    tick_s = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
     duration = duration_table(scenario.durations)
-    handling = tick * float(duration[PICK] + duration[DROP]) / 60
-    speed = 60 / (tick * float(duration[MOVE]))
-    return (
-        f"{work_minutes(flow, roads.between, speed, handling):.1f} minutes of driving and handling"
-    )
+    minutes = minutes_of_zones(shown.zoning, shown.orders, zones, tick_s, duration)
+    return f"{minutes:.1f} minutes of driving and handling"
 
 
 def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:

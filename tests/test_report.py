@@ -27,9 +27,11 @@ from automaton.reporting.comparing import comparisons, declared_pairs
 from automaton.reporting.compose import compose
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
+from automaton.reporting.figures import metric_section
 from automaton.reporting.html import as_html
 from automaton.reporting.results import point_name
-from automaton.reporting.sections import comparison_section, metric_section, remarks, steady_section
+from automaton.reporting.sections import comparison_section, remarks
+from automaton.reporting.steady_state import steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
 from automaton.scenario.reading import find
 from automaton.statistics.effects import effect

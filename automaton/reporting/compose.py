@@ -12,15 +12,10 @@ from automaton.experiments.plan import resolved_study
 from automaton.experiments.store import STUDY_FILE, Store, study_document_in
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
+from automaton.reporting.figures import Scenarios, metric_section
 from automaton.reporting.results import Results, point_name, read_results
-from automaton.reporting.sections import (
-    Scenarios,
-    comparison_section,
-    design,
-    metric_section,
-    remarks,
-    steady_section,
-)
+from automaton.reporting.sections import comparison_section, design, remarks
+from automaton.reporting.steady_state import steady_section
 from automaton.units import count
 
 NOT_DECLARED = (

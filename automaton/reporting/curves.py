@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from automaton.experiments.study import Point
 from automaton.reporting.document import Curves, Line
+from automaton.reporting.figures import Scenarios, summary
 from automaton.reporting.results import Results, described, factor_cells, factor_heads
-from automaton.reporting.sections import Scenarios, summary
 
 ROBOTS = "fleet.robots"
 WANTED = ("throughput", "T_total", "delay", "lead_time")  # beside the metrics of the analysis

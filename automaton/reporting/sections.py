@@ -1,71 +1,26 @@
-"""The sections of a report: design, runs, figures, comparisons, steady states."""
+"""The sections of a report around its figures: the design, remarks, the declared comparisons."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator
 
-from automaton.experiments.study import Point
 from automaton.reporting.comparing import (
     Compared,
     comparisons,
     pairing_remark,
     precision_remark,
 )
-from automaton.reporting.document import Block, Heading, Listed, Table, Text
+from automaton.reporting.document import Block, Heading, Table, Text
+from automaton.reporting.figures import RUN_HEADS, Scenarios
 from automaton.reporting.results import (
-    Counts,
     Results,
-    described,
     factor_cells,
     factor_heads,
     level_text,
     levels_apart,
-    point_name,
 )
-from automaton.reporting.steady_state import steady_throughput
-from automaton.scenario.bounds import bounds, least_ticks, most_throughput
-from automaton.scenario.resolve import Resolved
-from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval
-from automaton.units import count, number, percent
-
-Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
-RUN_HEADS = ("runs", "unfinished", "failed")
-
-
-class Summary(NamedTuple):
-    """A metric of a point."""
-
-    point: Point
-    counts: Counts
-    interval: Interval | None  # None: no run has a figure
-    sd: float | None
-    bound: str  # what no strategy can beat, or ""
-
-
-def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
-    """The mean of a metric over the runs that finished, and what became of the others."""
-    values = list(results.values(point, metric).values())
-    interval = mean_interval(values, 1 - results.analysis.error) if values else None
-    sd = None
-    if interval is not None and len(values) > 1:
-        sd = math.sqrt(math.fsum((v - interval.value) ** 2 for v in values) / (len(values) - 1))
-    return Summary(point, results.counts(point), interval, sd, bound(scenarios, point, metric))
-
-
-def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
-    """What no strategy can beat: the least T_total, the most throughput; or ""."""
-    resolved = scenarios.get(point.number)
-    if resolved is None:
-        return ""
-    robots = resolved.scenario.fleet.robots
-    if metric in ("T_total", "ticks") and resolved.scenario.stop.when != "never":
-        return number(least_ticks(bounds(resolved), robots)[0])
-    if metric == "throughput":
-        most, _ = most_throughput(bounds(resolved), robots)
-        return number(most) if math.isfinite(most) else ""
-    return ""
+from automaton.statistics.intervals import ENOUGH, SAME, Interval
+from automaton.units import count, percent
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -164,82 +119,6 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
 
 
-def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Iterator[Block]:
-    """A table of a metric, one line for each point."""
-    unit, meaning = described(metric)
-    yield Heading(metric, 3)
-    yield Text(f"{meaning} ({unit})")
-    found = [summary(results, scenarios, point, metric) for point in results.points]
-    bounded = any(one.bound for one in found)
-    level = percent(1 - results.analysis.error, 0)
-    heads = [*factor_heads(results.study), "mean", f"{level} low", "high", "sd", "by"]
-    limit = "most" if metric == "throughput" else "least"
-    heads += [limit] if bounded else []
-    rows = []
-    for one in found:
-        interval = one.interval
-        cells = ["-"] * 5
-        if interval is not None:
-            ends = ["-" if end is None else figure(end) for end in (interval.low, interval.high)]
-            sd = "-" if one.sd is None else figure(one.sd)
-            cells = [figure(interval.value), *ends, sd, interval.method]
-        cells += [one.bound or "-"] if bounded else []
-        rows.append([*factor_cells(results.study, one.point), *cells, *run_cells(one.counts)])
-    left = len(factor_heads(results.study))
-    yield Table([*heads, *RUN_HEADS], rows, left=max(1, left))
-    if bounded:
-        yield Text(
-            f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
-            "the cheapest way, and by what stations and chargers can do"
-        )
-    lacking = [
-        f"{point_name(results.study, one.point)}: {without} of "
-        f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
-        "measured by; the mean is of the others"
-        for one in found
-        if one.interval is not None and (without := one.counts.finished - one.interval.n)
-    ]
-    if lacking:
-        yield Listed(lacking)
-    yield from warnings(results, found)
-
-
-def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
-    """The warnings of a table's intervals: equal ones once."""
-    told: dict[str, list[str]] = {}
-    for one in found:
-        if one.interval is not None and one.interval.warning:
-            told.setdefault(one.interval.warning, []).append(point_name(results.study, one.point))
-    if len(told.keys() - {SAME}) > 3:
-        few = min(one.interval.n for one in found if one.interval is not None)
-        worst = max(told, key=lambda text: abs(skew_in(text)))
-        many = sum(one.interval is not None and one.interval.n < ENOUGH for one in found)
-        rest = f"{many} points have fewer than {ENOUGH} runs (least {few}); the most skewed: "
-        same = [f"warning: {', '.join(told[SAME])}: {SAME}"] if SAME in told else []
-        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
-    elif told:
-        yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
-
-
-def skew_in(warning: str) -> float:
-    """The skew that a warning names."""
-    after = warning.partition("skew ")[2].partition(":")[0]
-    try:
-        return float(after)
-    except ValueError:
-        return 0.0
-
-
-def run_cells(counts: Counts) -> list[str]:
-    """Under RUN_HEADS."""
-    return [f"{one:,}" for one in (counts.done, counts.censored, counts.failed)]
-
-
-def figure(value: float) -> str:
-    """A figure of a table: four digits, more for large ones."""
-    return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"
-
-
 def comparison_section(results: Results) -> Iterator[Block]:
     """The declared comparisons."""
     if results.analysis.comparisons == "none":
@@ -328,34 +207,3 @@ def relative_text(relative: Interval | None) -> str:
         return "-"
     low, high = 100 * relative.low, 100 * relative.high
     return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
-
-
-def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Block]:
-    """The throughput after the warm-up, for studies of steady states."""
-    if results.study.design != "steady-state" or not results.has("series"):
-        return
-    yield Heading("Steady throughput")
-    yield Text(
-        "From the deliveries in each window, without those of the warm-up; tables of throughput "
-        "count whole runs."
-    )
-    rows, refused = [], []
-    for point in results.points:
-        found = steady_throughput(results, point, windows[point.number])
-        cells = ["-"] * 5
-        if found is not None and found.interval is not None:
-            interval = found.interval
-            ends = [
-                "-" if end is None else figure(end)
-                for end in (interval.value, interval.low, interval.high)
-            ]
-            cells = [*ends, f"{found.cut:,}", interval.method]
-        elif found is not None:
-            refused.append(f"{point_name(results.study, point)}: {found.refused}")
-        rows.append(
-            [*factor_cells(results.study, point), *cells, *run_cells(results.counts(point))]
-        )
-    heads = [*factor_heads(results.study), "orders/1000 ticks", "low", "high", "warm-up", "by"]
-    yield Table([*heads, *RUN_HEADS], rows, left=max(1, len(factor_heads(results.study))))
-    if refused:
-        yield Listed(refused)

@@ -1,14 +1,17 @@
-"""The throughput of a steady state: where the warm-up ends, and what comes after it."""
+"""The throughput of a steady state: where the warm-up ends, what comes after it, and their table."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from automaton.experiments.study import Point
-from automaton.reporting.results import Results
+from automaton.reporting.document import Block, Heading, Listed, Table, Text
+from automaton.reporting.figures import RUN_HEADS, figure, run_cells
+from automaton.reporting.results import Results, factor_cells, factor_heads, point_name
 from automaton.statistics.intervals import Interval
 from automaton.statistics.steady import (
     ENOUGH_REPLICATIONS,
@@ -48,3 +51,34 @@ def steady_throughput(results: Results, point: Point, window: int) -> Steady | N
     except ValueError as why:
         return Steady(None, rule, None, f"too short: {why}")
     return Steady(cut * window, rule, interval)
+
+
+def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Block]:
+    """The throughput after the warm-up, for studies of steady states."""
+    if results.study.design != "steady-state" or not results.has("series"):
+        return
+    yield Heading("Steady throughput")
+    yield Text(
+        "From the deliveries in each window, without those of the warm-up; tables of throughput "
+        "count whole runs."
+    )
+    rows, refused = [], []
+    for point in results.points:
+        found = steady_throughput(results, point, windows[point.number])
+        cells = ["-"] * 5
+        if found is not None and found.interval is not None:
+            interval = found.interval
+            ends = [
+                "-" if end is None else figure(end)
+                for end in (interval.value, interval.low, interval.high)
+            ]
+            cells = [*ends, f"{found.cut:,}", interval.method]
+        elif found is not None:
+            refused.append(f"{point_name(results.study, point)}: {found.refused}")
+        rows.append(
+            [*factor_cells(results.study, point), *cells, *run_cells(results.counts(point))]
+        )
+    heads = [*factor_heads(results.study), "orders/1000 ticks", "low", "high", "warm-up", "by"]
+    yield Table([*heads, *RUN_HEADS], rows, left=max(1, len(factor_heads(results.study))))
+    if refused:
+        yield Listed(refused)

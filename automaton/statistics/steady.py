@@ -14,7 +14,7 @@ each is as long as 8 times over which observations depend on each other, and unl
 shorter batches pass von Neumann's test of independence (1941): q = sum (Y_j+1 - Y_j)^2 / sum (Y_j -
 mean)^2 is near 2, with variance 4 (m - 2) / (m^2 - 1). One of both is not enough: of AR(1) series with
 r = 0.98 and 1,000 observations the first of 30, 29, ..., 10 batches that passed held the truth in 79 %,
-and of the 3 % whose 30 pass 60 % do (tests/statistics_trials.py steady).
+and of the 3 % whose 30 pass 60 % do (tests/statistics_trials.py batches).
 """
 
 from __future__ import annotations

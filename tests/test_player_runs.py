@@ -60,7 +60,8 @@ def test_when_one_of_two_fails_both_stay_together(clock: Clock) -> None:
     player.seek(400)
     shot = player.settle()
     assert "own mistake" in shot.error
-    assert [snapshot.tick for snapshot in shot.snapshots] == [shot.tick, 49] or shot.tick == 49
+    # How far they came before depends on the machine.
+    assert [snapshot.tick for snapshot in shot.snapshots] == [shot.tick, min(shot.tick, 49)]
 
 
 # Breakpoints

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from powered import recorded_run, scene
 
@@ -55,6 +56,25 @@ def test_a_station_works_on_one_part_at_a_time_in_the_sequence_of_their_coming()
     run.run()
     assert run.world.stations.done.tolist() == [11, 21, 41, 31]  # the last one came before
     assert run.finished and run.tick == 41
+
+
+@pytest.mark.parametrize("storage", [[0, 1], [1, 0]])
+def test_of_parts_that_come_in_one_tick_the_lowest_number_is_first(storage: list[int]) -> None:
+    """However the robots are stored that set them down."""
+    parts = [{"route": [3, 2]}, {"route": [1, 2]}]
+    resolved = scene(
+        "u==u==u",
+        [(0, 0), (6, 0)],
+        ["layout.legend={u: {kind: station, capacity: 2}}"],
+        orders={"parts": parts, "work": 10},
+        durations={"pick": 2, "drop": 2},
+        strategy=STRATEGY,
+    )
+    run = Simulation(resolved, storage=np.array(storage, np.int32))
+    run.run()
+    came, done = run.world.stations.came, run.world.stations.done
+    assert came[1] == came[3], "they come together"
+    assert done[1] == came[1] + 10 and done[3] == came[1] + 20
 
 
 def test_a_run_ends_when_the_last_work_is_done() -> None:

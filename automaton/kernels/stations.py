@@ -21,16 +21,25 @@ from automaton.world.state import (
 
 @kernel
 def come(world, work, tick):
-    """A part comes to the station of this work; it can be worked on from a tick on."""
+    """A part comes to the station of this work; it can be worked on from a tick on.
+
+    It stands behind those that came before; of those that come in one tick the lowest number is first,
+    so that the sequence in which robots are stored decides nothing.
+    """
     stations = world.stations
     k = np.int64(stations.station[work])
     stations.came[work] = tick
-    if stations.first[k] == NIL:
+    ahead, at = np.int64(NIL), np.int64(stations.first[k])
+    while at != NIL and (stations.came[at] < tick or (stations.came[at] == tick and at < work)):
+        ahead, at = at, np.int64(stations.behind[at])
+    stations.behind[work] = at
+    if ahead == NIL:
         stations.first[k] = work
         stations.until[k] = tick + stations.ticks[work]
     else:
-        stations.behind[np.int64(stations.last[k])] = work
-    stations.last[k] = work
+        stations.behind[ahead] = work
+    if at == NIL:
+        stations.last[k] = work
 
 
 @kernel

@@ -86,11 +86,15 @@ class Work:
             self._come(tick, self.begins_with[order])
 
     def _come(self, tick: int, work: int) -> None:
-        station = self.station[work]
+        """Lines are in the sequence of coming; of one tick, of their numbers."""
+        line = self.lines[self.station[work]]
         self.came[work] = tick
-        self.lines[station].append(work)
-        if len(self.lines[station]) == 1:
-            self.until[station] = tick + self.ticks[work]
+        place = len(line)
+        while place and (self.came[line[place - 1]], line[place - 1]) > (tick, work):
+            place -= 1
+        line.insert(place, work)
+        if place == 0:
+            self.until[self.station[work]] = tick + self.ticks[work]
 
     def first(self) -> list[int]:
         """The work under way at each station, or NONE."""

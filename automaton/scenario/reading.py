@@ -42,7 +42,7 @@ def find(name: str | Path) -> Path:
         raise InputError("is not a regular file", str(name))
     if os.sep in str(name) or path.suffix in (".yaml", ".yml"):
         raise InputError("no such file", str(name))
-    if (SHIPPED_FOLDER / "studies" / f"{name}.yaml").is_file():
+    if str(name) in {path.stem for path in (SHIPPED_FOLDER / "studies").glob("*.yaml")}:
         raise InputError(f"'{name}' is a study; {STUDIES_ARE_SWEPT}")
     hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
     raise InputError(f"no file and no shipped scenario is called '{name}'{hint}")

@@ -16,6 +16,7 @@ from textual.drivers.headless_driver import HeadlessDriver
 from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Static
+from viewing import viewing
 
 from tui.pace import FrameClock, Pace
 from tui.presenter import Presenter, Renderer
@@ -136,9 +137,19 @@ def test_a_frame_of_two_pictures_is_one_write() -> None:
             stage.map.present(next(PICTURES))
             frame.acknowledged = True
         assert len(WRITTEN) == 1 and WRITTEN[0].endswith("\x1b8\x1b[6n")
-        assert frame.size == len(WRITTEN[0])
+        assert frame.size == len(WRITTEN[0]) and frame.asked
 
     on_stage(story)
+
+
+def test_where_there_is_no_terminal_nobody_is_asked() -> None:
+    async def story() -> None:
+        async with viewing() as user:
+            with user.app.presenter.frame() as frame:
+                frame.acknowledged = True
+            assert not frame.asked
+
+    asyncio.run(story())
 
 
 def test_whatever_overlaps_the_map_hands_it_to_the_compositor() -> None:

@@ -51,6 +51,13 @@ def test_two_small_frames_may_be_under_way_and_of_large_ones_only_on_a_short_way
         assert pace.ready(1.05, 0)
 
 
+def test_frames_of_which_nobody_is_asked_hold_none_back() -> None:
+    pace = Pace(30)
+    for _ in range(9):
+        assert pace.ready(1.0, 0)
+        pace.sent(1.0, 1000, asked=False)
+
+
 def test_over_a_long_way_one_frame_is_under_way() -> None:
     pace = Pace(30)
     pace.sent(0.0, 1000)
@@ -150,6 +157,7 @@ class Screen:
         yield frame
         if not frame.acknowledged:
             return
+        frame.asked = True
         self.times.append(round(self.loop.now, 6))
         self.loop.call_later(self.delay, self.answer)
 

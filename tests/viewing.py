@@ -129,7 +129,9 @@ async def viewing(
         async with app.run_test(size=size, notifications=toasts) as pilot:
             user = Watched(app, pilot)
             await user.until(lambda: app.shot is not None and app.column is not None, app.error)
-            await user.until(lambda: app.column.is_mounted and laid_out(app))
+            await user.until(
+                lambda: app.column.is_mounted and laid_out(app) and app.timeline.past is not None
+            )
             yield user
     finally:
         app.close_runs()

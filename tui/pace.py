@@ -90,9 +90,9 @@ class Pace:
             self.skipped += 1
         return free
 
-    def sent(self, now: float, size: int) -> None:
-        """A frame of so many bytes went out, with a question behind it."""
-        if self._answers:
+    def sent(self, now: float, size: int, asked: bool = True) -> None:
+        """A frame of so many bytes went out; asked: with a question behind it."""
+        if asked and self._answers:
             self._under_way.append(now)
         self._last_size = size
         self._credit -= size if self._rate < math.inf else 0
@@ -239,7 +239,7 @@ class FrameClock:
         self._idle = not frame.acknowledged
         if frame.acknowledged:
             self._last = now
-            self.pace.sent(now, frame.size)
+            self.pace.sent(now, frame.size, frame.asked)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:

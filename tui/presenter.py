@@ -74,6 +74,7 @@ class Frame:
 
     pieces: list[str] = field(default_factory=list)
     acknowledged: bool = False  # ask the terminal to answer when it has come this far
+    asked: bool = False  # it was asked, if there is one
     size: int = 0  # bytes, known when it has been written
 
 
@@ -172,7 +173,8 @@ class Presenter:
         text = f"{SAVE_CURSOR}{body}{RESTORE_CURSOR}" if body else ""
         if body and app._sync_available:
             text = f"{SYNCHRONIZED}{text}{SHOWN}"
-        if frame.acknowledged:
+        frame.asked = frame.acknowledged and not app.is_headless
+        if frame.asked:
             text += WHERE_IS_THE_CURSOR
         frame.size = len(text.encode())
         self.bytes += frame.size

@@ -10,17 +10,20 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import closing, contextmanager
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
-from typing import NamedTuple
+from types import TracebackType
+from typing import Final, NamedTuple
 
 from automaton.headless import run_to_end, strategies_blamed
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 
+PATIENCE_S: Final = 2.0
 CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sending costs nothing
 LARGEST_CHUNK = 25  # runs, so that progress is seen
 
@@ -46,7 +49,6 @@ class Chunk(NamedTuple):
     conduct: Conduct
 
 
-Batches = Generator[tuple[int, list[Result]], None, None]  # the first run's number and the results
 OnDone = Callable[[int], None]  # called with the runs just done
 
 
@@ -86,17 +88,9 @@ def run_jobs(
     conduct: Conduct = conducted,
 ) -> list[Result]:
     """Run each scenario with its seed; like `run_all`. `conduct`: a function of a module."""
-    workers = cores() if workers is None else workers
-    chunks = list(chunks_of(jobs, workers, conduct))
-    results: list[Result | None] = [None] * len(jobs)
-    workers = min(workers, len(chunks))
-    run = _run_here(chunks) if workers <= 1 else _run_spread(chunks, workers)
-    with closing(run) as done:  # whatever is raised in here, no process is left behind
-        for first, batch in done:
-            results[first : first + len(batch)] = batch
-            if on_done is not None:
-                on_done(len(batch))
-    return [result for result in results if result is not None]
+    workers = min(cores() if workers is None else workers, len(jobs))
+    with Rounds(workers, conduct, patience_s=0.0) as rounds:
+        return rounds.run(jobs, on_done)
 
 
 def run_chunk(chunk: Chunk) -> tuple[int, list[Result]]:
@@ -118,41 +112,75 @@ def chunks_of(jobs: Sequence[Job], workers: int, conduct: Conduct) -> Iterator[C
         yield Chunk(first, tuple(jobs[first : first + size]), conduct)
 
 
-def _run_here(chunks: Sequence[Chunk]) -> Batches:
-    yield from map(run_chunk, chunks)
+class Rounds:
+    """Processes that stay for round after round of jobs; a context manager that leaves none behind.
 
+    `workers`: processes, default one for each core; 1 runs everything in this process. A pool takes
+    a second to start: it is started when the rounds have taken `patience_s`, default PATIENCE_S.
+    Neither changes a result.
+    """
 
-def _run_spread(chunks: Sequence[Chunk], workers: int) -> Batches:
-    """Results in the order in which they are ready."""
-    warm(chunks)
-    context = multiprocessing.get_context("spawn")
-    before = set(multiprocessing.active_children())
-    executor = ProcessPoolExecutor(workers, mp_context=context)
-    finished = False
-    try:
+    def __init__(
+        self,
+        workers: int | None = None,
+        conduct: Conduct = conducted,
+        patience_s: float | None = None,
+    ) -> None:
+        self._workers = cores() if workers is None else workers
+        self._conduct = conduct
+        self._patience_s = PATIENCE_S if patience_s is None else patience_s
+        self._spent_s = 0.0
+        self._pool: ProcessPoolExecutor | None = None
+        self._warm: set[tuple[str, ...]] = set()  # strategies that workers find in the cache
+
+    def __enter__(self) -> Rounds:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._pool is None:
+            return
+        processes = list((self._pool._processes or {}).values())  # its own, and no others
+        self._pool.shutdown(wait=error is None, cancel_futures=True)
+        for process in processes if error is not None else ():
+            process.terminate()
+
+    def run(self, jobs: Sequence[Job], on_done: OnDone | None = None) -> list[Result]:
+        """The results of one round, in the order of its jobs; as `run_all` otherwise."""
+        alone = self._workers <= 1 or len(jobs) < 2 or self._spent_s < self._patience_s
+        chunks = list(chunks_of(jobs, 1 if alone else self._workers, self._conduct))
+        results: list[Result | None] = [None] * len(jobs)
+        begun = time.perf_counter()
+        for first, batch in map(run_chunk, chunks) if alone else self._spread(chunks):
+            results[first : first + len(batch)] = batch
+            if on_done is not None:
+                on_done(len(batch))
+        self._spent_s += time.perf_counter() - begun
+        return [result for result in results if result is not None]
+
+    def _spread(self, chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[Result]]]:
+        """The first run's number and the results of each chunk, in the order in which they are ready."""
+        self._warm_up(chunks)
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
         with children_ignore_interrupts():
-            futures: list[Future[tuple[int, list[Result]]]] = [
-                executor.submit(run_chunk, chunk) for chunk in chunks
-            ]
+            futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
         for future in as_completed(futures):
             yield future.result()
-        finished = True
-    finally:
-        executor.shutdown(wait=finished, cancel_futures=True)
-        if not finished:
-            for process in set(multiprocessing.active_children()) - before:
-                process.terminate()
 
-
-def warm(chunks: Sequence[Chunk]) -> None:
-    """Compile, or find in the cache, whatever the workers will load."""
-    seen = set()
-    for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
-        names = tuple(pick.name for pick in resolved.picks.values())
-        if names not in seen:
-            seen.add(names)
-            with strategies_blamed(resolved):
-                Simulation(resolved, seed)
+    def _warm_up(self, chunks: Sequence[Chunk]) -> None:
+        """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
+        for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
+            names = tuple(pick.name for pick in resolved.picks.values())
+            if names not in self._warm:
+                self._warm.add(names)
+                with strategies_blamed(resolved):
+                    Simulation(resolved, seed)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from automaton.rounds import Rounds
+from automaton.parallel import Rounds
 from automaton.scenario.bounds import Bounds, bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved, resolve
 

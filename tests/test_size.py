@@ -16,7 +16,7 @@ from statistics_trials import synthetic
 from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.rounds import Rounds
+from automaton.parallel import Rounds
 from automaton.scenario.resolve import resolve
 from automaton.sizing.candidates import Candidate, Place, Run
 from automaton.sizing.charts import picture
@@ -202,7 +202,7 @@ def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
 
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
-    monkeypatch.setattr("automaton.rounds.PATIENCE_S", 0.0)
+    monkeypatch.setattr("automaton.parallel.PATIENCE_S", 0.0)
     asked = question(Target("T_total", True, 1700.0), (1, 4), budget=400)
     found = []
     for workers in (1, 2):

@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         from automaton.reporting.plots import figure_class
 
         figure_class()  # says what is missing before anything is computed
-    from automaton.rounds import Rounds
+    from automaton.parallel import Rounds
     from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
 
     with Rounds(args.workers, conducted_with_use) as rounds:

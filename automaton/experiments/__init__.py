@@ -112,7 +112,7 @@ def size(
     the options of the command. `workers`: spawned processes, default one for each core; 1: none.
     Overrides as of `simulate`. Raises InputError.
     """
-    from automaton.rounds import Rounds
+    from automaton.parallel import Rounds
     from automaton.sizing.question import checked_robots, question, read_target
     from automaton.sizing.record import sized
     from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of

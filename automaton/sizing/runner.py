@@ -16,7 +16,7 @@ from automaton.errors import InputError
 from automaton.experiments.keys import seed_of
 from automaton.headless import run_to_end
 from automaton.metrics import executed_ticks, metrics_of
-from automaton.rounds import Rounds
+from automaton.parallel import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.document import Override
 from automaton.scenario.resolve import Resolved, resolve

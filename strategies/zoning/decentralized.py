@@ -34,6 +34,7 @@ from strategies.zoning.averaging import (
     next_multiple,
     own_load,
 )
+from strategies.zoning.first import check_first_zones
 from strategies.zoning.parameters import Decentralized
 from strategies.zoning.queues import first_for, queue_orders_of
 from strategies.zoning.redesign import negotiate
@@ -224,6 +225,8 @@ class DecentralizedZones(Strategy):
         )
         rules = rules_of_zones(view, given.adjacency, decentralized=True)
         rounded = tuple(min(round(MILLION * rule), 1 << 60) for rule in rules)
+        if (view.zoning.design.held == NIL).all():
+            check_first_zones(view, np.array(rounded) / MILLION)
         weights = (
             round(1000 * getattr(allocation, "age", 0.5)),
             round(1000 * getattr(allocation, "job", 10.0)),

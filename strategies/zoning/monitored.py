@@ -12,9 +12,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from automaton.errors import InputError
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.units import count
 from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
 from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.load import balance, find_loads
@@ -24,6 +22,7 @@ from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_transfers
 from strategies.zoning.able import hand_on, heed_servers
 from strategies.zoning.charging_load import add_charging
+from strategies.zoning.first import no_first_zones
 from strategies.zoning.parameters import Monitoring
 from strategies.zoning.queues import queue_orders, record_flow, share, take_over
 from strategies.zoning.units import rules_of_zones, ticks
@@ -109,10 +108,7 @@ class Monitored(Strategy):
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
         if given.design.zone[0] == NIL:
             if not self._anneal_first(view, given.design, space):
-                raise InputError(
-                    f"zoning found no zones for {count(len(view.zoning.server), 'robot')} on this floor; "
-                    "strategy.zoning.design gives them, and fewer robots or more groups are easier"
-                )
+                raise no_first_zones(view)
         elif not given.design.transfer.any():
             record_flow(view, INF, 1 << 40, self._flow)  # of all orders, known or not
             find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)

@@ -30,7 +30,7 @@ def test_zones_are_looked_for_beforehand_as_robots_will(
     find = first.first_zones
 
     def noted(*arguments: Any) -> int:
-        tried.append(arguments[5])
+        tried.append(arguments[6])
         return int(find(*arguments))
 
     monkeypatch.setattr(first, "first_zones", noted)

@@ -146,7 +146,7 @@ def test_first_zones_of_a_station_each() -> None:
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
     design, space, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
     how = (annealing.HOT, annealing.COLD, annealing.STEPS)
-    assert annealing.first_zones(roads, rules, *how, design, space, reach, 1, 0)
+    assert annealing.first_zones(roads, rules, *how, 0, design, space, reach, 1, 0)
     check_partition(roads, design)
     assert sorted(design.zone) == list(range(8)) and connected(design, space)
 

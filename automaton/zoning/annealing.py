@@ -32,22 +32,23 @@ FIRST_TRIES = 20  # repairs, until the first zones of a run are found
 
 
 @kernel
-def first_zones(roads, rules, hot, cold, steps, design, space, reach, seed, tick):
+def first_zones(roads, rules, hot, cold, steps, begin, design, space, reach, seed, tick):
     """Zones before there is any flow: those of a load between any two stations; 0 if none are found.
 
-    reach: (Z,) ones. `design` is spoiled on failure. Each try has draws of its own.
+    Each try has draws of its own; returns the number of the one that found them, from 1. The first
+    `begin` tries are left out. reach: (Z,) ones. `design` is spoiled on failure.
     """
     legs = space.legs
     for a in range(legs.shape[0]):
         for b in range(legs.shape[0]):
             legs[a, b] = 0.0 if a == b else 1.0
-    for again in range(FIRST_TRIES):
+    for again in range(begin, FIRST_TRIES):
         found = repair(
             roads, rules, legs, hot, cold, steps, steps, REPAIRS, design, space, reach, seed,
             tick + (again << 32),
         )  # fmt: skip
         if found == 1:
-            return 1
+            return again + 1
     return 0
 
 

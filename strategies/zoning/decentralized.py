@@ -34,16 +34,19 @@ from strategies.zoning.averaging import (
     next_multiple,
     own_load,
 )
-from strategies.zoning.first import check_first_zones
+from strategies.zoning.first import try_first_zones
 from strategies.zoning.parameters import Decentralized
 from strategies.zoning.queues import first_for, queue_orders_of
 from strategies.zoning.redesign import negotiate
 from strategies.zoning.talk import (
+    AGE,
     AVERAGE,
     AVERAGE_EVERY,
     CALM,
     FIRST_RULE,
+    FIRST_TRY,
     IN,
+    JOB,
     LOOK,
     LOOK_EVERY,
     MEAN,
@@ -137,11 +140,11 @@ def begin(view, given, memory, space, rules, k, i, p):
     design = given.design
     if identity == 0 and is_blank(design):
         reach[:] = 1
-        given.redesigned[0] = first_zones(
-            view.zoning.roads, rules, HOT, COLD, STEPS, design, space, reach, view.rules.seed, now
-        )
-        if given.redesigned[0] == 0:
-            copy_design(view.zoning.design, design)
+        first_zones(
+            view.zoning.roads, rules, HOT, COLD, STEPS, p[FIRST_TRY], design, space, reach,
+            view.rules.seed, 0,
+        )  # fmt: skip
+        given.redesigned[0] = 1
         return
     find_reach(view, reach, i, p[RANGE])
     for station in range(design.zone.shape[0]):
@@ -186,8 +189,7 @@ def decide(view, asked, answers, memory, space):
             if averages:
                 average(view, given, memory, k, i, p, degree, load)
         if p[SHARING] and own[i, IN] == 0 and now >= own[i, SHARE] and not busy:
-            age, job = p[FIRST_RULE + RULES], p[FIRST_RULE + RULES + 1]
-            share_near(view, given, space, memory, i, p, age, job)
+            share_near(view, given, space, memory, i, p, p[AGE], p[JOB])
         soon = min(own[i, LOOK], own[i, AVERAGE])
         given.again[k] = 1 if busy or own[i, ROUND] != NIL else max(1, soon - now)
 
@@ -225,10 +227,10 @@ class DecentralizedZones(Strategy):
         )
         rules = rules_of_zones(view, given.adjacency, decentralized=True)
         rounded = tuple(min(round(MILLION * rule), 1 << 60) for rule in rules)
-        if (view.zoning.design.held == NIL).all():
-            check_first_zones(view, np.array(rounded) / MILLION)
+        blank = (view.zoning.design.held == NIL).all()
+        tries = try_first_zones(view, np.array(rounded) / MILLION) if blank else 0
         weights = (
             round(1000 * getattr(allocation, "age", 0.5)),
             round(1000 * getattr(allocation, "job", 10.0)),
         )
-        return memory_of(view, own=OWN, parameters=(*numbers, *rounded, *weights))
+        return memory_of(view, own=OWN, parameters=(*numbers, *rounded, *weights, tries))

@@ -6,7 +6,7 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.units import count
-from automaton.world.state import TICK, Array, World
+from automaton.world.state import Array, World
 from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.space import design_for, space_for
 from strategies.zoning.able import heed_servers
@@ -20,10 +20,11 @@ def no_first_zones(view: World) -> InputError:
     )
 
 
-def check_first_zones(view: World, rules: Array) -> None:
-    """Find them as a compiled strategy will, which could not say that there are none.
+def try_first_zones(view: World, rules: Array) -> int:
+    """How many tries fail before those zones are found that a compiled strategy is going to find.
 
-    rules: (RULES,) float64, as the strategy has them. Raises InputError.
+    It could not say that there are none, and need not fail again. rules: (RULES,) float64, as it has
+    them. Raises InputError.
     """
     roads, zones = view.zoning.roads, len(view.zoning.server)
     space = space_for(roads, zones).replaced(
@@ -31,10 +32,10 @@ def check_first_zones(view: World, rules: Array) -> None:
     )
     heed_servers(view, space)
     everywhere = np.ones(zones, np.uint8)
-    tick = int(view.clock[TICK]) + 1  # in which it will look for them, and draw the same
     found = first_zones(
-        roads, rules, HOT, COLD, STEPS, design_for(roads, zones), space, everywhere,
-        view.rules.seed, tick,
+        roads, rules, HOT, COLD, STEPS, 0, design_for(roads, zones), space, everywhere,
+        view.rules.seed, 0,
     )  # fmt: skip
     if not found:
         raise no_first_zones(view)
+    return int(found) - 1

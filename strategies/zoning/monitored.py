@@ -131,6 +131,7 @@ class Monitored(Strategy):
                 float(getattr(given, "hot", HOT)),
                 float(getattr(given, "cold", COLD)),
                 int(getattr(given, "steps", STEPS)),
+                0,
                 design,
                 space.zoning,
                 self._everywhere,

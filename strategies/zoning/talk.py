@@ -5,6 +5,7 @@ import numpy as np
 from automaton.strategy.kernels import kernel, position
 from automaton.world.partition import SAID
 from automaton.world.state import NIL
+from automaton.zoning.space import RULES
 from strategies.zoning.able import is_running
 
 NANO = 1_000_000_000  # loads are told in this part of a minute
@@ -52,6 +53,9 @@ SHARING = 13
 NEAR = 14  # cells
 SHARE_EVERY = 15
 FIRST_RULE = 16
+AGE = FIRST_RULE + RULES  # weights of Algorithm 2, in thousandths
+JOB = AGE + 1
+FIRST_TRY = JOB + 1  # tries in which the first zones are not found
 MILLION = 1_000_000
 
 LEADERS = 33  # stream of the draws of the next leader

@@ -12,6 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from hearing import hearing
+
 from automaton.experiments import Study, sweep
 from automaton.strategy.layer import Strategy
 from automaton.world.state import PARK
@@ -77,13 +79,12 @@ def started(command: Sequence[str], **more: str) -> subprocess.Popen[str]:
     It hears Ctrl-C, also where these tests run in the background and ignore it.
     """
     return subprocess.Popen(
-        list(command),
+        hearing(signal.SIGINT, command),
         env=environment(**more),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 

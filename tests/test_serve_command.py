@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("textual_serve")
 
 import aiohttp
+from hearing import hearing
 from stand_ins import TOKEN, wait_for_end
 
 from automaton.commands import main
@@ -24,13 +25,12 @@ from tui.serve.address import origin
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_the_command_prints_its_address_and_ends_on_a_signal(number: signal.Signals) -> None:
+    command = [sys.executable, "-m", "automaton", "serve", "tabletop-mini", "--port", "0"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "automaton", "serve", "tabletop-mini", "--port", "0"],
+        hearing(number, command),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        # Tests that run in the background, or under nohup, would pass on an ignored signal.
-        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),
     )
     assert process.stdout is not None
     printed = ""

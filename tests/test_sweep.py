@@ -298,7 +298,7 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     command = sweep_command(study, out, "--workers", "1")
     process = started(command, **{TROUBLE: str(tmp_path)})
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and err.count("\n") == 1
+    assert (process.returncode, err.count("\n")) == (1, 1), err
     failed = Store(out).rows().column("failed").to_pylist()
     assert failed[:3] == [None] * 3
     assert all("the worker process died twice" in why for why in failed[3:])

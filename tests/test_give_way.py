@@ -89,3 +89,28 @@ def test_who_cannot_withdraw_for_an_idle_robot_behind_it_is_made_room_for(tmp_pa
     run = Simulation(resolve(tmp_path / "plant.yaml", seed=5739497603756485852))
     run.run()
     assert run.finished
+
+
+FILE = """name: file
+layout:
+  picture: |
+    t...t....
+fleet: {robots: 3, kinematics: omni, start: [[0, 0], [4, 0], [5, 0]]}
+orders: {list: [{from: [0, 0], to: [4, 0]}]}
+strategy:
+  allocation: {name: shortest-job, idle: stay}
+  right_of_way: {name: withdraw, give_way: true}
+stop: {when: delivered, at_most: 2000}
+"""
+
+
+@pytest.mark.parametrize("radius", [0, 8])
+def test_a_file_of_robots_makes_room_whatever_they_see_of_each_other(
+    tmp_path: Path, radius: int
+) -> None:
+    """Robot 1 stands where the order of robot 0 ends, with robot 2 behind it."""
+    (tmp_path / "file.yaml").write_text(FILE)
+    settings = [f"information={{radius: {radius}}}"] if radius else []
+    run = Simulation(resolve(tmp_path / "file.yaml", settings, seed=1))
+    run.run()
+    assert run.finished and run.world.tally.illegal.sum() == 0

@@ -131,10 +131,71 @@ def are_beside(view, i, j):
 
 
 @kernel
+def is_wanted(view, i):
+    """Whether the route of a robot leads into the cell of robot i next."""
+    robots = view.robots
+    for j in range(robots.cell.shape[0]):
+        if j == i or robots.cell[j] == NIL or robots.at[j] >= robots.length[j]:
+            continue
+        direction = np.int64(robots.route[j, robots.at[j]])
+        if robots.cell[j] + view.grid.offset[direction] == robots.cell[i]:
+            return True
+    return False
+
+
+@kernel
+def is_hemmed_in(view, i):
+    """Whether robot i, which is idle or withdraws, has no room on any way out of its cell."""
+    robots, grid = view.robots, view.grid
+    if not is_idle(view, i) and not robots.withdrawing[i]:
+        return False
+    cell = np.int64(robots.cell[i])
+    for direction in range(4):
+        if (np.int64(grid.ways[robots.type[i], cell]) >> direction) & 1:
+            if has_room(view.traffic.occupancy, cell + grid.offset[direction], direction):
+                return False
+    return True
+
+
+@kernel
+def who_presses(view, i):
+    """A robot beside robot i that has to leave its cell and cannot, NIL if none is seen.
+
+    Found by what is seen alone: along a file of robots that are hemmed in, up to one that withdraws or
+    whose cell is wanted.
+    """
+    robots = view.robots
+    n = robots.cell.shape[0]
+    for identity in range(n):
+        first = np.int64(robots.at_index[identity])
+        if first == i or robots.cell[first] == NIL or not are_beside(view, i, first):
+            continue
+        behind, at = np.int64(i), first
+        for _ in range(n):
+            if at == NIL or not is_hemmed_in(view, at):
+                break
+            if robots.withdrawing[at] or is_wanted(view, at):
+                return first
+            behind, at = at, next_in_file(view, behind, at)
+    return NIL
+
+
+@kernel
+def next_in_file(view, behind, at):
+    """The robot of lowest identity beside another one, but for the one behind; NIL if there is none."""
+    for identity in range(view.robots.cell.shape[0]):
+        j = np.int64(view.robots.at_index[identity])
+        if j != behind and j != at and view.robots.cell[j] != NIL and are_beside(view, at, j):
+            return j
+    return np.int64(NIL)
+
+
+@kernel
 def who_wants(view, memory, i):
     """A robot whose route leads into the cell of robot i next, NIL if there is none.
 
-    Or one beside it that had no room to step aside, or to withdraw, in the tick before.
+    Or one beside it that had no room to step aside, or to withdraw, in the tick before. Robots with
+    limited sight do not know what others remember: of them it is one that is seen to have no room now.
     """
     robots = view.robots
     before = view.clock[TICK] - 1
@@ -149,7 +210,7 @@ def who_wants(view, memory, i):
         direction = np.int64(robots.route[j, robots.at[j]])
         if robots.cell[j] + view.grid.offset[direction] == robots.cell[i]:
             return j
-    return NIL
+    return who_presses(view, i) if view.rules.radius > 0 else np.int64(NIL)
 
 
 @kernel

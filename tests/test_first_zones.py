@@ -52,4 +52,7 @@ def test_where_there_are_none_a_run_does_not_begin(monkeypatch: pytest.MonkeyPat
 
 def test_zones_that_are_given_are_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(first, "first_zones", lambda *_: 0)
-    Simulation(resolve("factory-ddz", [])).run(until=1)
+    run = Simulation(resolve("factory-ddz", []))
+    given = run.world.zoning.design.zone.copy()
+    run.run(until=1)
+    assert np.array_equal(run.world.zoning.design.zone, given)

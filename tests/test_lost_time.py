@@ -7,7 +7,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_random_decisions import STRATEGIES, Case, cases, moods, scenarios
@@ -206,7 +205,7 @@ def cases_in_aisles(draw: Any) -> Case:
 def test_what_is_observed_is_what_happened() -> None:
     reached: Counter[str] = Counter()
 
-    @settings(max_examples=examples(400))
+    @settings(max_examples=400)
     @given(st.one_of(cases(), cases_in_aisles()))
     def check(case: Case) -> None:
         recorder, chronicle = MemoryRecorder(case.resolved), Chronicle()

@@ -13,7 +13,6 @@ from typing import Any
 import msgspec
 import numpy as np
 from drawn_floors import pictures
-from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_strategies import Mood
@@ -48,7 +47,7 @@ from automaton.world.state import MOVE
 from automaton.world.types import closed_cells, types_of
 from automaton.world.zones import MODES
 
-EXAMPLES = examples(2000)
+EXAMPLES = 2000
 TICKS = 24
 
 # Floors on which robots are sure to meet; the last row of every floor is 's' and 'd' by turns.

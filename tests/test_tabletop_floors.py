@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_paths import Pose, Ways
@@ -105,7 +104,7 @@ def assert_done(run: Simulation) -> None:
     assert metrics_of(run)["delivered"] == len(orders.state)
 
 
-@settings(max_examples=examples(1000))
+@settings(max_examples=1000)
 @given(floors(), st.integers(0, 10**6))
 def test_every_floor_is_emptied_and_every_robot_parked(floor: Floor, seed: int) -> None:
     run = Simulation(floor.resolved(), seed=seed)

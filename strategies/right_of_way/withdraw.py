@@ -131,14 +131,20 @@ def are_beside(view, i, j):
 
 
 @kernel
-def is_wanted(view, i):
-    """Whether the route of a robot leads into the cell of robot i next."""
+def wants(view, j, i):
+    """Whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
     robots = view.robots
-    for j in range(robots.cell.shape[0]):
-        if j == i or robots.cell[j] == NIL or robots.at[j] >= robots.length[j]:
-            continue
-        direction = np.int64(robots.route[j, robots.at[j]])
-        if robots.cell[j] + view.grid.offset[direction] == robots.cell[i]:
+    if robots.at[j] >= robots.length[j]:
+        return False
+    direction = np.int64(robots.route[j, robots.at[j]])
+    return robots.cell[j] + view.grid.offset[direction] == robots.cell[i]
+
+
+@kernel
+def is_wanted(view, i):
+    """Whether the route of any robot leads into the cell of robot i next."""
+    for j in range(view.robots.cell.shape[0]):
+        if j != i and view.robots.cell[j] != NIL and wants(view, j, i):
             return True
     return False
 
@@ -205,10 +211,7 @@ def who_wants(view, memory, i):
             continue
         if before > 0 and memory.own[j, PUSHED] == before and are_beside(view, i, j):
             return j
-        if robots.at[j] >= robots.length[j]:
-            continue
-        direction = np.int64(robots.route[j, robots.at[j]])
-        if robots.cell[j] + view.grid.offset[direction] == robots.cell[i]:
+        if wants(view, j, i):
             return j
     return who_presses(view, i) if view.rules.radius > 0 else np.int64(NIL)
 

@@ -7,6 +7,7 @@ import os
 import random
 import subprocess
 import sys
+import threading
 import zlib
 from pathlib import Path
 from typing import Any
@@ -226,6 +227,23 @@ def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
         Store(tmp_path / "nothing")
     with pytest.raises(InputError, match="holds no results of a sweep"):
         Store(tmp_path)
+
+
+def test_rows_are_read_by_the_thread_that_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_go_by: set[int] = set()
+
+    class Content(bytes):
+        def __del__(self) -> None:
+            let_go_by.add(threading.get_ident())
+
+    _, store = filled(tmp_path, batch=200)
+    real = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda path: Content(real(path)))
+    for _ in range(200):
+        assert len(store.keys()) == store.rows().num_rows == 200
+    assert let_go_by == {threading.get_ident()}  # another one would abort a process that ends
 
 
 def test_one_sweep_writes_to_a_folder_at_a_time(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from automaton.recording.codes import (
     MOVE_SOUTH,
     MOVE_WEST,
 )
-from automaton.recording.frames import TICKS, Frame, Recording
+from automaton.recording.frames import END, TICKS, Frame, Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import (
     Report,
@@ -57,15 +57,20 @@ def played(
     head: dict[str, Any],
     *ticks: dict[int, int],
     changes: list[tuple[int, int, int, int]] | None = None,
+    finished: bool | None = None,
 ) -> Report:
-    """Validate a recording in which robot r does ticks[t - 1][r] in tick t."""
+    """Validate a recording in which robot r does ticks[t - 1][r] in tick t.
+
+    `finished`: what its end says, if it has one.
+    """
     did = np.zeros((len(ticks), len(head["robots"]["home"])), np.uint8)
     for row, acts in enumerate(ticks):
         for robot, code in acts.items():
             did[row, robot] = code
     rows = np.array(changes or [], np.int64).reshape(-1, 4)
     content = {"first": 1, "did": did, "changes": rows, "digests": np.zeros((len(ticks), 1))}
-    return validate_recording(head, [Frame(TICKS, content)])
+    end = [] if finished is None else [Frame(END, {"ticks": len(ticks), "finished": finished})]
+    return validate_recording(head, [Frame(TICKS, content), *end])
 
 
 def rules(report: Report) -> list[str]:

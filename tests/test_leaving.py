@@ -8,6 +8,7 @@ import pytest
 from automaton.errors import InputError
 from automaton.history.live import LiveRun
 from automaton.picture import picture_of, world_from
+from automaton.recording.codes import DID_ILLEGAL
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.recording.verification import verify_recording
@@ -15,7 +16,7 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.kernels import drop_stand, pick_stand
 from automaton.strategy.layer import Strategy
-from automaton.world.state import NIL, PARK, SET_DOWN, TAKE, TICK, WAITING
+from automaton.world.state import NIL, PARK, RETREAT, SET_DOWN, TAKE, TICK, WAITING
 
 FLOOR = """
 name: leaving
@@ -68,6 +69,31 @@ class Late(Strategy):
                 given.stand[k] = pick_stand(view, 0, view.orders.place[order])
             else:
                 given.verb[k] = PARK
+
+
+class Wrong(Strategy):
+    """Answers what is not allowed, whenever there is a robot to be asked for."""
+
+    layer = "right_of_way"
+    every = 1
+
+    def decide(self, view, asked, answers, memory, space):
+        answers.right_of_way.verb[: asked.count[0]] = RETREAT
+        answers.right_of_way.value[: asked.count[0]] = 0
+
+
+def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
+    one = "orders.list=[{from: [0, 1], to: [3, 1]}]"
+    wrong = "strategy.right_of_way=test_leaving:Wrong"
+    resolved = scenario(one, wrong, "stop.at_most=1")
+    recorder = MemoryRecorder(resolved)
+    simulation = Simulation(resolved, on_record=recorder)
+    simulation.run()
+    robots = simulation.world.robots
+    assert robots.did.tolist() == [DID_ILLEGAL, DID_ILLEGAL]
+    assert robots.parked.tolist() == [1, 0]  # robot 0 was given an order, and is where it began
+    # The actions are the same for both: the state tells who is about to leave.
+    assert validate_stored(recorder.recording()).violations == []
 
 
 def test_who_is_done_is_off_the_floor_where_it_stood(scenario):

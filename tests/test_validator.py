@@ -12,6 +12,10 @@ from drawn_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, rec
 
 from automaton.recording.codes import (
     DID_BAY_BLOCKED,
+    DID_BLOCKED,
+    DID_DROP,
+    DID_ILLEGAL,
+    DID_PICK,
     DID_WAIT,
     DURATION,
     INTO_BAY,
@@ -19,6 +23,8 @@ from automaton.recording.codes import (
     MOVE_EAST,
     MOVE_NORTH,
     ORDER_BY,
+    PICKED_UP,
+    SET_AT,
     TURN_LEFT,
     TURN_RIGHT,
 )
@@ -273,6 +279,22 @@ def test_an_end_that_is_not_true() -> None:
             for kind, content in recording.frames
         ]
         assert rules(validate_recording(recording.header, frames)) == ["record"]
+
+
+@pytest.mark.parametrize(("act", "true"), [(DID_ILLEGAL, {False, True}), (DID_BLOCKED, {False})])
+def test_a_tick_lost_to_an_illegal_answer_does_not_tell_whether_a_robot_is_parked(
+    act: int, true: set[bool]
+) -> None:
+    """Robot 0 delivers the order and leaves the floor; robot 1 rests, or is about to leave."""
+    orders = {"list": [{"from": [1, 2], "to": [5, 2]}]}
+    fleet = {"robots": 2, "kinematics": "omni", "start": [(1, 1), (0, 0)], "when_done": "leave"}
+    head = header(FLOOR, "", orders=orders, fleet=fleet)
+    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E}, {0: S}, {0: DID_DROP}, {0: INTO_BAY, 1: act}]
+    picked = [(1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]
+    changes = [*picked, (6, SET_AT, 0, 3), (6, ORDER_BY, 0, -1)]
+    for finished in (False, True):
+        report = played(head, *way, changes=changes, finished=finished)
+        assert rules(report) == ([] if finished in true else ["record"])
 
 
 def test_missing_ticks_and_changes_out_of_order() -> None:

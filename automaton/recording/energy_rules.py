@@ -130,6 +130,7 @@ class Energy:
         if status in (EMPTY, BROKEN):
             self._check_fault(tick, r, status, before)
             self.motion.parked[r] = cell == NONE
+            self.motion.unsure.discard(r)
         elif status in (TOWED, GONE):
             wait = self.faults["tow_after"]
             in_bay = cell == NONE

@@ -59,6 +59,7 @@ class Motion:
         self.travel = list(self.heading)  # direction in which it came into its cell
         self.free = [1] * len(self.home)  # first tick in which it may begin something
         self.parked = [True] * len(self.home)
+        self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
         self.holder: dict[int, int] = {}  # resource -> robot
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
@@ -187,6 +188,9 @@ class Motion:
             self.complain(tick, "bay", [r], self.cell[r], "waits to leave a bay it is not in")
         if code != DID_ILLEGAL:
             self.parked[r] = False
+            self.unsure.discard(r)
+        elif self.parked[r]:
+            self.unsure.add(r)  # it may have been told to leave as well, and have lost the tick
         return True
 
     def _begin_move(self, tick: int, r: int, direction: int, movers: list[Mover]) -> None:
@@ -281,6 +285,7 @@ class Motion:
             self.complain(tick, "bay", [r], cell, "parks although it does not stand at home")
             return
         self.parked[r] = True
+        self.unsure.discard(r)
         if self.bay[r] != NONE or self.leave:
             self._give(r, cell, self.travel[r])
             self.cell[r] = NONE
@@ -293,6 +298,18 @@ class Motion:
             self.home[r] = self.cell[r] if self.leave else self.home[r]
             self.heading[r] = self.travel[r] = self.entry_heading(self.home[r])
         self.cell[r], self.parked[r] = NONE, True
+        self.unsure.discard(r)
+
+    def know(self, parked: list[int]) -> None:
+        """Take over from a recorded state who is parked, where actions do not tell."""
+        for r in self.unsure:
+            self.parked[r] = bool(parked[r])
+        self.unsure.clear()
+
+    def all_parked(self) -> set[bool]:
+        """Whether all robots are parked, as far as actions tell: each answer that is possible."""
+        sure = all(parked or r in self.unsure for r, parked in enumerate(self.parked))
+        return {sure, sure and not self.unsure}
 
     def busy(self, tick: int) -> list[int]:
         """Ticks that each robot still needs after this one."""

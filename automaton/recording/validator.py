@@ -214,6 +214,7 @@ class Validator:
             self._complain(tick, "record", [], NONE, text)
             return
         motion, loads = self.motion, self.loads
+        motion.know(content["robots"]["parked"].tolist())
         claims = [motion.claim.get(r, (NONE, 0))[0] for r in range(len(motion.home))]
         lanes = motion.capacity
         # The direction of travel means something only to a robot that holds a lane.
@@ -275,10 +276,11 @@ class Validator:
         """Compare how the run is said to have ended."""
         stop = self.header["scenario"]["stop"]["when"]
         done = self.loads.undelivered == self.loads.work.undone == 0 and stop != "never"
-        finished = done and (stop == "delivered" or all(self.motion.parked))
-        for name, value in (("ticks", self.report.ticks), ("finished", finished)):
-            if content[name] != value:
-                text = f"the end says {name} = {content[name]}, its actions say {value}"
+        parked = {True} if stop == "delivered" else self.motion.all_parked()
+        finished = {done and home for home in parked}
+        for name, values in (("ticks", {self.report.ticks}), ("finished", finished)):
+            if content[name] not in values:
+                text = f"the end says {name} = {content[name]}, its actions say {min(values)}"
                 self._complain(self.report.ticks, "record", [], NONE, text)
 
     def summed_up(self) -> Report:

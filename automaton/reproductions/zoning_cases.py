@@ -120,8 +120,8 @@ def judged_cases(_: Sequence[str]) -> list[ScenarioCase]:
 
 
 def single_cases(_: Sequence[str]) -> list[ScenarioCase]:
-    """SA and DDZ where a cell of an aisle holds one robot; travel counts withdrawals."""
-    return cases_named((SA, NO_SHARING, DDZ, FREE), SINGLE, lanes="single")
+    """Every configuration where a cell of an aisle holds one robot; travel counts withdrawals."""
+    return cases_named(tuple(SETTINGS), SINGLE, lanes="single")
 
 
 def printed(key: Key, metric: str) -> float | None:

@@ -35,8 +35,6 @@ LIMIT = 0
 MOVES = 1  # and 2: range
 ABORT = 3  # and 4: range
 
-PUSHED = 0  # memory.own: the last tick in which a robot had no room to step aside or to withdraw
-
 
 @kernel
 def holder_of(view, cell, direction):
@@ -197,23 +195,18 @@ def next_in_file(view, behind, at):
 
 
 @kernel
-def who_wants(view, memory, i):
-    """A robot whose route leads into the cell of robot i next, NIL if there is none.
+def who_wants(view, i):
+    """A robot that idle robot i makes room for, NIL if there is none.
 
-    Or one beside it that had no room to step aside, or to withdraw, in the tick before. Robots with
-    limited sight do not know what others remember: of them it is one that is seen to have no room now.
+    The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
+    that has to leave its own cell and has no room.
     """
     robots = view.robots
-    before = view.clock[TICK] - 1
     for identity in range(robots.cell.shape[0]):
         j = np.int64(robots.at_index[identity])
-        if j == i or robots.cell[j] == NIL:
-            continue
-        if before > 0 and memory.own[j, PUSHED] == before and are_beside(view, i, j):
+        if j != i and robots.cell[j] != NIL and wants(view, j, i):
             return j
-        if wants(view, j, i):
-            return j
-    return who_presses(view, i) if view.rules.radius > 0 else np.int64(NIL)
+    return who_presses(view, i)
 
 
 @kernel
@@ -255,13 +248,11 @@ def decide(view, asked, answers, memory, space):
         i = np.int64(asked.robot[k])
         who = np.int64(view.robots.identity[i])
         if asked.reason[k] == PERIODIC:
-            waiting = who_wants(view, memory, i) if is_idle(view, i) else NIL
+            waiting = who_wants(view, i) if is_idle(view, i) else NIL
             direction = step_aside(view, i, waiting) if waiting != NIL else NIL
             if direction != NIL:
                 given.verb[k] = STEP
                 given.value[k] = direction
-            elif waiting != NIL:
-                memory.own[i, PUSHED] = tick
         elif asked.reason[k] == STUCK:
             if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, i):
                 given.verb[k] = RETREAT
@@ -270,7 +261,6 @@ def decide(view, asked, answers, memory, space):
         elif asked.reason[k] == WITHDRAWING:
             direction = step_away(view, space, i)
             if direction == NIL:
-                memory.own[i, PUSHED] = tick
                 given.verb[k] = PAUSE
                 given.value[k] = draw_between(p[ABORT], p[ABORT + 1], seed, ABORTS, tick, who)
             else:
@@ -295,4 +285,4 @@ class Withdraw(Strategy):
     def reset(self, view):
         """The parameters; where idle robots give way, all robots are asked about in every tick."""
         p = self.parameters
-        return memory_of(view, own=1, parameters=(p.limit, *p.withdraw, *p.abort_wait))
+        return memory_of(view, parameters=(p.limit, *p.withdraw, *p.abort_wait))

@@ -24,7 +24,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.standstill import stuck, trouble
 from automaton.strategy.failure import strategy_failure
-from automaton.world.state import DELIVERED, NIL, WAIT, WAITING, Array
+from automaton.world.state import DELIVERED, NIL, UNRELEASED, WAIT, WAITING, Array
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -152,7 +152,7 @@ def is_finished(simulation: Simulation) -> bool:
 def ran_out(simulation: Simulation) -> RanOut | None:
     """When a run that does not end with its orders had none left for its robots, if it did."""
     orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
-    is_open = (orders.state == WAITING) & (orders.by == NIL)
+    is_open = (orders.state == UNRELEASED) | ((orders.state == WAITING) & (orders.by == NIL))
     taken = int(orders.dispatched.max(initial=0))
     if stop.when != "never" or is_open.any() or taken >= simulation.tick:
         return None

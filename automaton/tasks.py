@@ -14,10 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from automaton.kernels.tasks import least_drives
+from automaton.scenario.measures import TASK_METRICS as TASK_METRICS
 from automaton.scenario.resolve import Resolved
 from automaton.world.state import DELIVERED, DROP, NIL, PICK, TICK, Array, Workspace, World
-
-TASK_METRICS = ("task_time", "delay", "delay_p95", "completions")
 
 
 class Measured(Protocol):

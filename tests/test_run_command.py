@@ -264,6 +264,14 @@ def test_a_run_says_when_its_orders_ran_out(capsys: pytest.CaptureFixture[str]) 
     assert as_json(capsys, "tabletop-mini")["ran_out"] is None  # it ends with its orders
 
 
+def test_orders_that_are_still_to_come_have_not_run_out(capsys: pytest.CaptureFixture[str]) -> None:
+    now_and_then = ("--set", "orders.count=30", "--set", "orders.interval=60")
+    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.at_most=900")
+    assert 0 < run["delivered"] < 30 and run["ran_out"] is None
+    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.at_most=5000")
+    assert run["delivered"] == 30 and run["ran_out"] is not None
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

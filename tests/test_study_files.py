@@ -161,6 +161,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),
     ("seed: 7", "points: [{fleet.robots: 1}]", 1, ["either factors or points"]),
     ("[T_total, E_U_moves]", "[T_totall]", 12, ["no metric is called", "mean 'T_total'?"]),
+    ("[T_total, E_U_moves]", "[lead_time]", 12, ["measures lead_time; it takes", "orders.stream"]),
     ("[T_total, E_U_moves]", "[T_total]\n  precision: 0", 13, ["analysis.precision"]),
     ("[T_total, E_U_moves]", "[]", 12, ["analysis.metrics"]),
     ("  metrics: [T_total, E_U_moves]\n", "", 11, ["'metrics' is missing in analysis"]),
@@ -204,6 +205,32 @@ def test_points_are_checked_one_by_one(
         assert len(check_study(tmp_path / "study.yaml")[1]) == 4
         return
     said = complaint(tmp_path, text)
+    assert all(word in said for word in words), said
+    assert said.startswith(f"FILE:{line}: "), said
+
+
+STEADY = """name: steady
+scenario: warehouse-100
+factors: {fleet.robots: [10, 20]}
+replications: 5
+design: steady-state
+warm_up: mser-5
+window: 46
+"""
+
+WINDOWS = [
+    ("window: 46", "window: 47", 7, ["needs 50 windows in a run", "48 of 47 ticks", "2,300"]),
+    ("replications: 5", "replications: 4", 4, ["needs 5 replications, there are 4"]),
+]
+
+
+@pytest.mark.parametrize(("before", "after", "line", "words"), WINDOWS)
+def test_a_warm_up_that_cannot_be_found_is_refused_before_anything_runs(
+    before: str, after: str, line: int, words: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "study.yaml").write_text(STEADY)
+    assert len(check_study(tmp_path / "study.yaml")[1]) == 2
+    said = complaint(tmp_path, STEADY.replace(before, after))
     assert all(word in said for word in words), said
     assert said.startswith(f"FILE:{line}: "), said
 

@@ -247,17 +247,18 @@ def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path
     study, out = tmp_path / "steady.yaml", tmp_path / "out"
     text = (
         "name: steady\nscenario: tabletop-mini\nreplications: {}\ndesign: steady-state\n{}"
-        "window: 50\npoints: [{{stop.when: never, stop.at_most: 999}}]\n"
+        "window: 15\npoints: [{{stop.when: never, stop.at_most: 999}}]\n"
+        "analysis: {{metrics: [T_total]}}\n"
     )
     told = []
-    for replications, warm_up in ((1, "warm_up: mser-5\n"), (3, "warm_up: mser-5\n"), (3, "")):
+    for replications, warm_up in ((5, "warm_up: mser-5\n"), (6, "warm_up: mser-5\n"), (6, "")):
         study.write_text(text.format(replications, warm_up))
         swept_here(study, out)
         found = read_results(Store(out))
         told.append((found.earlier, list(found.raised)))
-    assert told == [(0, []), (0, [1]), (1, [1])]
+    assert told == [(0, []), (0, [5]), (1, [5])]
     (row,) = (row for table in design_tables(out) for row in table.rows if row[0] == "runs")
-    assert "raised from 1 after runs had been made" in row[1]
+    assert "raised from 5 after runs had been made" in row[1]
     # Begun anew, but the same runs count: what was declared before is not forgotten.
     swept_here(study, out, recompute=True)
     assert len(Store(out).manifest.earlier) == 2

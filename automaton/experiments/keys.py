@@ -236,7 +236,8 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 def declared_by(study: Study) -> Declared:
     """What must be told of a study if it is another one after runs have been made."""
-    return Declared(study.replications, study.warm_up, msgspec.to_builtins(study.analysis))
+    analysis = msgspec.json.decode(msgspec.json.encode(study.analysis))  # as a manifest has it
+    return Declared(study.replications, study.warm_up, analysis)
 
 
 def manifest_of(

@@ -22,9 +22,11 @@ from automaton.experiments.study import (
 from automaton.glossary import GLOSSARY
 from automaton.recording.header import versions
 from automaton.scenario.document import Document, Override, line_of
+from automaton.scenario.measures import not_measured
 from automaton.scenario.overrides import keys_of
 from automaton.scenario.reading import find
 from automaton.scenario.resolve import Resolved, resolve
+from automaton.statistics.steady import FEWEST_OBSERVATIONS, FEWEST_REPLICATIONS
 from automaton.strategy import lookup
 
 SHORTEST_SERIES = 1000  # windows of a run, if a study does not say how long they are
@@ -48,7 +50,7 @@ def plan_of(study: str | Path | Study) -> Plan:
     """
     declared, document, scenarios = resolved_study(study)
     names = counted_by(scenarios)
-    check_metrics(document, declared, names)
+    check_metrics(document, declared, scenarios, names)
     windows = tuple(window_of(declared, resolved) for resolved in scenarios)
     text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
     manifest, plugins = manifest_of(declared, text, scenarios, windows, versions(), names)
@@ -71,6 +73,7 @@ def resolved_study(
         if first is not point:
             text = f"points {first.number} and {point.number} are the same runs: {told(point)}"
             raise document.error(_where(declared, point), text)
+        check_windows(document, declared, point, resolved)
     return declared, document, scenarios
 
 
@@ -173,15 +176,37 @@ def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
     return tuple(sorted(names - set(GLOSSARY) - set(COLUMNS)))
 
 
-def check_metrics(document: Document, study: Study, counted: tuple[str, ...]) -> None:
+def check_metrics(
+    document: Document, study: Study, scenarios: tuple[Resolved, ...], counted: tuple[str, ...]
+) -> None:
     """Raises InputError for a metric of the analysis that no run has."""
     known = [*COUNTS, *GLOSSARY, *counted]
+    lacking = [not_measured(resolved.scenario) for resolved in scenarios]
     for number, name in enumerate(study.analysis.metrics if study.analysis else ()):
+        place = ("analysis", "metrics", number)
         if name not in known:
             hint = nearest(name, known) or f"; there are {', '.join(known)}"
-            raise document.error(
-                ("analysis", "metrics", number), f"no metric is called '{name}'{hint}"
-            )
+            raise document.error(place, f"no metric is called '{name}'{hint}")
+        if all(name in one for one in lacking):
+            needs = lacking[0][name]
+            raise document.error(place, f"no point of this study measures {name}; it takes {needs}")
+
+
+def check_windows(document: Document, study: Study, point: Point, resolved: Resolved) -> None:
+    """Raises InputError where MSER-5 cannot find a warm-up, whatever the runs give."""
+    if study.warm_up != "mser-5":
+        return
+    if study.replications < FEWEST_REPLICATIONS:
+        text = f"warm_up: mser-5 needs {FEWEST_REPLICATIONS} replications, there are"
+        raise document.error(("replications",), f"{text} {study.replications}")
+    window, ticks = window_of(study, resolved), resolved.scenario.stop.at_most
+    if ticks // window < FEWEST_OBSERVATIONS:
+        text = (
+            f"warm_up: mser-5 needs {FEWEST_OBSERVATIONS} windows in a run, there are "
+            f"{ticks // window} of {window:,} ticks in stop.at_most {ticks:,}"
+        )
+        where = ("window",) if study.window else ("warm_up",)
+        raise document.error(where, f"{text} (point {point.number}: {told(point)})")
 
 
 def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
@@ -190,5 +215,5 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
     ordinary = {*COUNTS, *GLOSSARY}
     asked = study.analysis.metrics if study.analysis else ()
     strange = [metric for metric in asked if metric not in ordinary]
-    check_metrics(document, study, counted_by(scenarios) if strange else ())
+    check_metrics(document, study, scenarios, counted_by(scenarios) if strange else ())
     return study, scenarios

@@ -38,6 +38,7 @@ from automaton.statistics.student import normal_quantile, student
 
 GROUP: Final = 5  # the 5 of MSER-5
 FEWEST_REPLICATIONS: Final = 5  # for MSER-5
+FEWEST_OBSERVATIONS: Final = 10 * GROUP  # likewise, of each
 ENOUGH_REPLICATIONS: Final = 20  # for replication-deletion
 MOST_BATCHES, FEWEST_BATCHES = 30, 10
 SPANS: Final = 8  # times over which observations depend on each other, that a batch must last
@@ -62,9 +63,9 @@ def mser5(series: Sequence[Sequence[float]] | npt.NDArray[np.float64]) -> WarmUp
     if y.ndim != 2 or y.shape[0] < FEWEST_REPLICATIONS:
         found = y.shape[0] if y.ndim == 2 else 1
         raise Refused(f"MSER-5 needs {FEWEST_REPLICATIONS} replications, there are {found}")
+    if y.shape[1] < FEWEST_OBSERVATIONS:
+        raise Refused(f"MSER-5 needs {FEWEST_OBSERVATIONS} observations, there are {y.shape[1]}")
     groups = y.shape[1] // GROUP
-    if groups < 10:
-        raise Refused(f"MSER-5 needs {10 * GROUP} observations, there are {y.shape[1]}")
     averaged = y.mean(axis=0)[: groups * GROUP].reshape(groups, GROUP).mean(axis=1)
     cut = _least_error(averaged)
     if cut > groups // 2:

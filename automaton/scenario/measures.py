@@ -1,0 +1,37 @@
+"""Which metrics no run of a scenario has, known before any is made.
+
+Metrics that strategies count themselves are not told of here. Importing this needs no Numba.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from automaton.scenario.schema import Scenario
+
+TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "completions")
+OF_TIMES: Final = ("lead_time", "lead_time_p95")
+OF_BATTERIES: Final = ("lost_in_line", "energy", "charging", "least_charge", "ran_empty")
+OF_FAULTS: Final = ("breakdowns", "towed", "out_of_order")
+OF_STATIONS: Final = ("parts", "part_time", "busiest_station", "busiest")
+
+
+def not_measured(scenario: Scenario) -> dict[str, str]:
+    """The metrics that no run of a scenario has, each with what it takes to have it."""
+    orders, world, faults = scenario.orders, scenario.world, scenario.faults
+    powered = scenario.battery is not None
+    come_in = orders.interval > 0 or orders.stream is not None or orders.parts is not None
+    rules = (
+        (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),
+        (OF_TIMES, come_in, "orders that come in over time: orders.interval or orders.stream"),
+        (OF_BATTERIES, powered, "a battery"),
+        (OF_FAULTS, powered or bool(faults.listed) or faults.rate > 0, "faults, or a battery"),
+        (OF_STATIONS, orders.parts is not None, "orders.parts"),
+        (("travel",), scenario.units.cell is not None, "units.cell"),
+        (
+            ("slowed",),
+            world.slowdown != "none" or world.extra_tick > 0,
+            "world.slowdown or world.extra_tick",
+        ),
+    )
+    return {name: need for names, has, need in rules if not has for name in names}

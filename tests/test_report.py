@@ -24,7 +24,7 @@ from automaton.experiments.store import Store
 from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
 from automaton.reporting.comparing import comparisons, declared_pairs
-from automaton.reporting.compose import compose
+from automaton.reporting.compose import WITH_WARM_UP, compose
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.figures import metric_section
@@ -294,7 +294,7 @@ def steady(tmp_path: Path) -> Path:
     (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 1200"))
     (tmp_path / "steady.yaml").write_text(
         "name: steady\nscenario: own.yaml\nreplications: 20\ndesign: steady-state\nwindow: 20\n"
-        "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput]}\n"
+        "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput, delay, blocked]}\n"
     )
     with ThreadPoolExecutor(1) as executor:
         sweep(tmp_path / "steady.yaml", tmp_path / "deep" / "results", executor)
@@ -311,6 +311,13 @@ def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
     assert float(table.rows[0][1]) == pytest.approx(series.mean() * 1000 / 20, rel=1e-3)
 
 
+def test_figures_of_whole_runs_say_so_in_a_steady_state(steady: Path) -> None:
+    text = as_text(compose(Store(steady)))
+    assert "left out of the steady throughput and of task_time" in " ".join(text.split())
+    assert text.count(WITH_WARM_UP) == 2  # throughput and blocked, not delay
+    assert "for --floor: 0 robots 10" in text
+
+
 def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsys: Any) -> None:
     """Beside the folder's own study, where the report looks first, lies a scenario of that name."""
     own = steady.parent.parent / "own.yaml"
@@ -323,7 +330,7 @@ def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsy
     told = "without lower bounds and maps of 1 of 1 point, since another scenario is found now"
     assert told in " ".join(out.split())
     code, _, err = report(capsys, str(steady), "--floor", "0")
-    assert code == 2 and "has changed" in err
+    assert code == 2 and "--floor 0: no map can be made" in err and "own.yaml changed" in err
 
 
 def replace_study(**more: Any) -> Study:

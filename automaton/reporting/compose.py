@@ -10,12 +10,14 @@ from automaton.errors import InputError
 from automaton.experiments.keys import fingerprint
 from automaton.experiments.plan import resolved_study
 from automaton.experiments.store import STUDY_FILE, Store, study_document_in
+from automaton.experiments.study import Study
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.figures import Scenarios, metric_section
 from automaton.reporting.results import Results, point_name, read_results
 from automaton.reporting.sections import comparison_section, design, remarks
 from automaton.reporting.steady_state import steady_section
+from automaton.scenario.measures import TASK_METRICS
 from automaton.units import count
 
 NOT_DECLARED = (
@@ -23,6 +25,10 @@ NOT_DECLARED = (
     "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
     "other."
 )
+
+
+MOST_NAMED = 24  # points
+WITH_WARM_UP = "Over whole runs: the warm-up is not left out of this figure."
 
 
 def compose(store: Store, floors: Sequence[int] = ()) -> Document:
@@ -39,12 +45,14 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
     notes = [*remarks(results), *([lacking] if lacking else [])]
     if notes:
         document.add(Listed(notes))
-    document.add(*design(results, scenarios), Heading("Figures"))
+    document.add(*design(results, scenarios), Text(numbered_points(study)), Heading("Figures"))
     for metric in results.analysis.metrics:
         if results.has(metric):
             document.add(*metric_section(results, scenarios, metric))
         else:
             document.add(Heading(metric, 3), Text("No run has this metric."))
+        if counts_warm_up(study, metric):
+            document.add(Text(WITH_WARM_UP))
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     windows = {number: point.window for number, point in enumerate(store.manifest.points)}
@@ -52,9 +60,23 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
     drawn = list(curves(results, scenarios))
     if drawn:
         document.add(Heading("Curves"), *drawn)
-    add_floors(document, results, scenarios, floors)
+    add_floors(document, results, scenarios, floors, lacking)
     add_repeat(document, store)
     return document
+
+
+def numbered_points(study: Study) -> str:
+    """The design points by the numbers that --floor takes."""
+    points = study.points
+    named = [f"{point.number} {point_name(study, point)}" for point in points[:MOST_NAMED]]
+    more = f"; and so on up to {len(points) - 1}" if len(points) > MOST_NAMED else ""
+    return f"Points by number, for --floor: {'; '.join(named)}{more}"
+
+
+def counts_warm_up(study: Study, metric: str) -> bool:
+    """Whether a study of steady states does not leave the warm-up out of a metric."""
+    left_out = isinstance(study.warm_up, int) and metric in TASK_METRICS
+    return study.design == "steady-state" and not left_out
 
 
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
@@ -81,9 +103,13 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
 
 
 def add_floors(
-    document: Document, results: Results, scenarios: Scenarios, floors: Sequence[int]
+    document: Document,
+    results: Results,
+    scenarios: Scenarios,
+    floors: Sequence[int],
+    lacking: str,
 ) -> None:
-    """Maps of the floor. Raises InputError for points that there are not."""
+    """Maps of the floor; `lacking`: why scenarios are not there. Raises InputError."""
     if not floors:
         return
     from automaton.reporting.floor_maps import floor_maps
@@ -94,7 +120,7 @@ def add_floors(
             last = len(results.points) - 1
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
-            raise InputError(f"--floor {number}: its scenario cannot be read, or has changed")
+            raise InputError(f"--floor {number}: no map can be made; the report is {lacking}")
         point = results.points[number]
         first = results.first_run(point)
         if first is None:

@@ -19,6 +19,7 @@ from automaton.reporting.results import (
     level_text,
     levels_apart,
 )
+from automaton.scenario.measures import TASK_METRICS
 from automaton.statistics.intervals import ENOUGH, SAME, Interval
 from automaton.units import count, percent
 
@@ -29,9 +30,12 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     endings = "steady-state" if study.design == "steady-state" else "terminating"
     warm_up = "none: whole runs count"
     if study.warm_up == "mser-5":
-        warm_up = "found by MSER-5 over at least 5 replications"
+        warm_up = "found by MSER-5, and left out of the steady throughput alone"
     elif study.warm_up is not None:
-        warm_up = f"the first {study.warm_up:,} ticks are left out, as declared"
+        warm_up = (
+            f"the first {study.warm_up:,} ticks are left out of the steady throughput and of "
+            f"{', '.join(TASK_METRICS)}; other figures count whole runs"
+        )
     seeds = "replication r has the seed hash(study seed, r)"
     common = "the same for every point" if study.common_random_numbers else "one for each point"
     varied = [name for name in study.factor_names if name.startswith("durations.")]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +86,10 @@ def test_a_circle_is_named() -> None:
         (("explain", "--robot", "0", "--at", "901"), "there is no tick 901: it has ticks 0 to 900"),
         (("fork", "--at", "901"), "there is no tick 901"),
         (("fork", "--at", "10", "--until", "10"), "--until 10 is not after --at 10"),
-        (("fork", "--at", "10", "--set", "seed=3"), "seed cannot change while a run goes on"),
+        (
+            ("fork", "--at", "10", "--set", "seed=3"),
+            "seed=3: seed cannot change while a run goes on",
+        ),
         (("fork", "--at", "10", "--set", "durations.move=0"), "durations.move must be"),
     ],
 )
@@ -152,6 +157,29 @@ def test_a_branch_is_marked_verifies_and_is_compared(
     text = capsys.readouterr().out
     assert f"the runs differ first at tick {found['difference']}" in text
     assert "branched off from tick 300 durations.move=9" in text
+
+
+def test_a_branch_that_cannot_be_written_is_not_compared_with_an_older_one(
+    recorded: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out = tmp_path / "branch.rec"
+    arguments = ["fork", str(recorded), "--at", "300", "--out", str(out)]
+    assert main([*arguments, "--set", "durations.move=9"]) == 0
+    older = out.read_bytes()
+    capsys.readouterr()
+
+    def full(file: Any, frame: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("automaton.recording.recorder.RecordingFile.write", full)
+    assert main([*arguments, "--set", "durations.turn=9"]) == 2
+    said = capsys.readouterr()
+    assert "the runs" not in said.out and "recorded in" not in said.out and "T_R" in said.out
+    assert said.err == f"automaton: {out}: recording has stopped: No space left on device\n"
+    assert out.read_bytes() == older
 
 
 def test_a_branch_that_does_not_finish_says_so_by_its_code(recorded: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -65,20 +66,23 @@ def run(args: argparse.Namespace) -> int:
     original = original_until(recording, args.until)
     from automaton.history.divergence import first_difference
 
-    difference = first_difference(recording, read_recording(out))
+    # Where the branch could not be written, a file of another one may lie there.
+    difference = None if missing else first_difference(recording, read_recording(out))
     if args.json:
-        found = as_json(args, out, original, branch, difference)
+        found = as_json(args, None if missing else out, original, branch, difference)
         print(json.dumps(found, indent=2, ensure_ascii=False))
     else:
         settings = ", ".join(args.settings) or "nothing changed"
         header = recording.header
         name, seed = header["scenario"]["name"], header["seed"]
         print(f"{name}, seed {seed}, branched off after tick {args.at:,}: {settings}")
-        print(difference.text.partition(";")[0])
-        print_futures(original, branch, header["scenario"]["units"]["tick"])
-        print(f"\nrecorded in {out}")
+        if difference is not None:
+            print(difference.text.partition(";")[0])
+        print_futures(original, branch, header["scenario"]["units"])
+        if not missing:
+            print(f"\nrecorded in {out}")
     if missing:
-        raise InputError(missing, str(out))
+        raise InputError(missing)
     return 0 if branch.finished or branch.ticks == args.until else 1
 
 
@@ -123,12 +127,12 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
     return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
 
 
-def print_futures(original: Future, branch: Future, tick_text: str) -> None:
+def print_futures(original: Future, branch: Future, units: Mapping[str, str | None]) -> None:
     """The metrics of both beside each other, in the units of the scenario."""
     from automaton.metrics import GLOSSARY
     from automaton.run_report import console, in_units, plain_table, print_table
 
-    tick_unit = unit(tick_text)
+    tick_unit, cell = unit(units["tick"] or ""), units["cell"]
     out = console()
     for one in (original, branch):
         how = "finished after" if one.finished else "not finished after"
@@ -139,10 +143,10 @@ def print_futures(original: Future, branch: Future, tick_text: str) -> None:
     for name in names:
         kind = GLOSSARY.get(name, ("times", ""))[0]
         before, now = original.metrics[name], branch.metrics[name]
-        (left, said), (right, _) = (
-            in_units(value, kind, tick_unit, None) for value in (before, now)
+        cell_unit = unit(cell) if cell is not None and kind == "cells" else None
+        (left, said), (right, _), (change, _) = (
+            in_units(value, kind, tick_unit, cell_unit) for value in (before, now, now - before)
         )
-        change, _ = in_units(now - before, kind, tick_unit, None)
         sign = "+" if now > before else ""
         table.add_row(name, left, right, "=" if now == before else sign + change, said)
     out.print()
@@ -150,15 +154,19 @@ def print_futures(original: Future, branch: Future, tick_text: str) -> None:
 
 
 def as_json(
-    args: argparse.Namespace, out: Path, original: Future, branch: Future, found: Divergence
+    args: argparse.Namespace,
+    out: Path | None,
+    original: Future,
+    branch: Future,
+    found: Divergence | None,
 ) -> dict[str, Any]:
-    """Both futures as one object; times are in ticks."""
+    """Both futures as one object; times are in ticks. `out`: None if it could not be written."""
     return {
         "file": str(args.file),
-        "out": str(out),
+        "out": None if out is None else str(out),
         "at": args.at,
         "settings": args.settings,
-        "difference": None if found.tick is None else found.tick,
+        "difference": None if found is None else found.tick,
         "original": original._asdict(),
         "branch": branch._asdict(),
     }

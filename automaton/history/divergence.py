@@ -36,7 +36,8 @@ def first_difference(one: Recording, other: Recording) -> Divergence:
             return _acted(begin + int(acted[0]), np.flatnonzero(did[acted[0]]))
         state = _first_state(left, right, begin, end) if state is None else state
     if state is not None:
-        return Divergence(state, f"only hidden state differs, first by tick {state:,}")
+        text = "all robots do the same, and only state that shows in no action differs"
+        return Divergence(state, f"{text}, first by tick {state:,}")
     ends = mine.last_tick, its.last_tick
     if ends[0] != ends[1]:
         tick = min(ends) + 1

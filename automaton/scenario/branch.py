@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import msgspec
 
-from automaton.errors import InputError
 from automaton.scenario.document import Document
 from automaton.scenario.feasibility import check_energy
 from automaton.scenario.overrides import override
@@ -29,8 +28,9 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
     scenario = validated(document, document.data, Scenario)
     for name in Scenario.__struct_fields__:
         if name not in CHANGEABLE and getattr(scenario, name) != getattr(resolved.scenario, name):
-            raise InputError(
-                f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
+            can = ", ".join(CHANGEABLE)
+            raise document.error(
+                (name,), f"{name} cannot change while a run goes on; what can: {can}"
             )
     check_energy(document, scenario, resolved.plan)
     picks = picks_of(document, scenario, resolved.plan)

@@ -53,6 +53,7 @@ KERNEL_SOURCES = {
 CACHES_KEPT = 4
 WORLD = "the world"
 FIRST_RUN = "first run of this version on this machine (about 20 s): the world"
+FIRST_USE = "first use on this machine: "
 PATIENCE_S = 1.0  # before it is said that something is being compiled
 
 
@@ -167,6 +168,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._depth = 0
         self._begun = 0.0
         self._told: set[str] = set()
+        self._kernels_before = (
+            False  # whether the cache held any when this process began to compile
+        )
         self._timer = threading.Timer(0.0, print)
 
     def on_start(self, event: Any) -> None:
@@ -174,6 +178,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._depth > 1:
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
+        if self.seconds == 0.0:
+            self._kernels_before = any(cache_folder().glob("*/*.nbi"))
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:
             self._timer = threading.Timer(PATIENCE_S, self.tell, [subject])
@@ -190,7 +196,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         """Say that something is compiled, once in a process."""
         if subject not in self._told:
             self._told.add(subject)
-            text = FIRST_RUN if subject == WORLD else f"first use on this machine: {subject}"
+            part = "another part of the world" if subject == WORLD else subject
+            is_first = subject == WORLD and not self._kernels_before
+            text = FIRST_RUN if is_first else FIRST_USE + part
             print(f"automaton: {text} is compiled, once ...", file=sys.stderr, flush=True)
 
 

@@ -135,4 +135,10 @@ def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
     assert capsys.readouterr().err == said
     assert listener.seconds > 0
     assert compiled.subject_of("automaton.kernels.loop") == "the world"
+    # The first run on a machine is told as that; what explain needs beyond it is not.
+    for before, said in ((False, "first run of this version"), (True, "another part of the world")):
+        other = compiled._Compilations()
+        other._kernels_before = before
+        other.tell(compiled.WORLD)
+        assert said in capsys.readouterr().err
     assert compiled.subject_of("mine") == "mine"

@@ -176,6 +176,21 @@ def test_bad_input_is_one_sentence(
     assert told in err and err.count("\n") == 1
 
 
+def test_what_is_no_table_is_not_replaced_by_one(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    for option in ("--csv", "--parquet"):
+        mine.write_text("name: mine")
+        code, _, err = report(capsys, str(folder), option, str(mine))
+        assert code == 2 and "is no table of results, so it is not replaced" in err
+        assert mine.read_text() == "name: mine"
+        mine.unlink()
+        assert [report(capsys, str(folder), option, str(mine))[0] for _ in range(2)] == [0, 0]
+    # Nor is anything written where the report itself has no format.
+    rows = tmp_path / "rows.csv"
+    assert report(capsys, str(folder), "--csv", str(rows), "--out", "report.pdf")[0] == 2
+    assert not rows.exists()
+
+
 def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
     assert report(capsys, str(tmp_path))[0] == 2
     assert report(capsys, str(tmp_path / "none"))[0] == 2

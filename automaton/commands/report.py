@@ -43,7 +43,13 @@ def run(args: argparse.Namespace) -> int:
     """Read, compose, write."""
     from automaton.experiments.store import Store
     from automaton.reporting.compose import compose
-    from automaton.reporting.export import write_csv, write_parquet
+    from automaton.reporting.export import (
+        CSV_BEGINS,
+        PARQUET_BEGINS,
+        check_replaced,
+        write_csv,
+        write_parquet,
+    )
     from automaton.reporting.plots import figure_class, write_plots
 
     if args.folder.is_file():
@@ -54,6 +60,10 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.plots is not None:
         figure_class()  # says what is missing before anything is computed
+    form = form_of(args.format, args.out)
+    for path, begins in ((args.csv, CSV_BEGINS), (args.parquet, PARQUET_BEGINS)):
+        if path is not None:
+            check_replaced(path, begins)
     store = Store(args.folder)
     document = compose(store, args.floor)
     wrote: list[Path] = []
@@ -65,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
                 wrote.append(path)
     if args.plots is not None:
         wrote += write_plots(document.blocks, args.plots)
-    text = rendered(document, form_of(args.format, args.out))
+    text = rendered(document, form)
     if args.out is None:
         print(text, end="")
     else:

@@ -37,7 +37,8 @@ WIDTH = 100  # a table of figures is no text to be folded
 def print_answer(out: Console, session: Session, name: str, ends: str, price: float) -> None:
     """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
     asked = session.asked
-    out.print(f"{name}: how many robots so that {asked.target.text} {unit_of(asked)}?")
+    unit = asked.target.in_unit(asked.target.value)
+    out.print(f"{name}: how many robots so that {asked.target.text} {unit}?")
     out.print()
     for line in headline(session, price):
         out.print(line, soft_wrap=True)
@@ -53,12 +54,6 @@ def print_answer(out: Console, session: Session, name: str, ends: str, price: fl
     out.print()
     for line in method(session, ends):
         out.print(line, soft_wrap=True)
-
-
-def unit_of(asked: Question) -> str:
-    """The unit of the metric; shares have none."""
-    unit, typed = asked.target.unit, asked.target.typed
-    return "" if unit == "share" else unit + (f" ({typed})" if typed else "")
 
 
 def headline(session: Session, price: float) -> Iterator[str]:
@@ -289,7 +284,7 @@ def method(session: Session, ends: str) -> Iterator[str]:
     sure = percent(1 - asked.error, 0)
     if asked.mean:
         yield f"Estimand: the mean of {asked.target.metric} over runs with seeds of their own."
-        zone = f"{shown(asked.zone)} {unit_of(asked)}".strip()
+        zone = f"{shown(asked.zone)} {asked.target.in_unit(asked.zone)}".strip()
         yield (
             f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
             "target by that much passes and every one worse by that much fails; between them either "

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.sizing.question import Question
 from automaton.statistics.intervals import Interval, mean_interval
 from automaton.statistics.selection import BATCH, batches, feasible
@@ -33,6 +34,10 @@ class Run(NamedTuple):
 Runner = Callable[[Place, int, int], Sequence[Run]]  # place, first replication, number of runs
 
 
+class NotRunnable(InputError):
+    """The scenario does not allow a place, such as another number of robots than starts."""
+
+
 @dataclass
 class Candidate:
     """One fleet with one strategy."""
@@ -42,6 +47,7 @@ class Candidate:
     verdict: Verdict = "undecided"
     after: int = 0  # runs when the verdict fell
     excluded: str = ""  # the bound that it cannot meet; no run was needed
+    refused: str = ""  # why it cannot be run
 
     def add(self, runs: Sequence[Run], asked: Question) -> None:
         """Take further runs, and judge unless that is done."""

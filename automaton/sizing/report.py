@@ -187,6 +187,8 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
 
 def gain_lines(gain: Gain, asked: Question) -> Iterator[str]:
     """What the last robot does for the metric."""
+    if gain.refused:
+        yield f"The last robot ({gain.robots - 1} -> {gain.robots}): not examined, {gain.refused}"
     if gain.effect is None:
         return
     effect, metric = gain.effect, asked.target.metric
@@ -259,6 +261,11 @@ def changed(settings: Sequence[str]) -> str:
 
 def moved_line(moved: Moved, asked: Question) -> str:
     """One sentence for a change of durations."""
+    refused = [
+        f"{one.place.robots}: not examined, {one.refused}" for one in moved.around if one.refused
+    ]
+    if not moved.fleets:
+        return "; ".join(refused)
     found = moved.smallest(asked)
     shares = ", ".join(
         f"{one.place.robots}: "
@@ -275,7 +282,8 @@ def moved_line(moved: Moved, asked: Question) -> str:
         answer += " or fewer"
     runs = len(moved.fleets[0].runs)
     what = "mean" if asked.mean else "share"
-    return f"{answer} ({what} by robots, {runs} runs each: {shares})"
+    told = f"{answer} ({what} by robots, {runs} runs each: {shares})"
+    return "; ".join([told, *refused])
 
 
 def method(session: Session, ends: str) -> Iterator[str]:

@@ -22,7 +22,7 @@ from automaton.scenario.document import Override
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
-from automaton.sizing.candidates import Place, Run
+from automaton.sizing.candidates import NotRunnable, Place, Run
 from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
 from automaton.sizing.session import Session
@@ -52,7 +52,7 @@ def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
 
 
 class Fleets:
-    """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
+    """A `Runner` of one scenario. Raises NotRunnable for a place that cannot be run."""
 
     def __init__(
         self,
@@ -77,7 +77,10 @@ class Fleets:
         changes = [f"fleet.robots={place.robots}", *([place.strategy] if place.strategy else [])]
         if place.percent:
             changes += longer(self.base, place.percent)
-        return resolve(self._scenario, (*self._settings, *changes))
+        try:
+            return resolve(self._scenario, (*self._settings, *changes))
+        except InputError as error:
+            raise NotRunnable(error.message, error.file, error.line) from None
 
     def check(self, asked: Question) -> None:
         """That the largest fleets can be run. Raises InputError."""

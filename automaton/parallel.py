@@ -12,12 +12,13 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from multiprocessing import connection, parent_process, resource_tracker
 from types import TracebackType
 from typing import Final, NamedTuple
 
+from automaton.errors import WorkerDied
 from automaton.headless import run_to_end, strategies_blamed
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
@@ -74,7 +75,8 @@ def run_all(
     """Run every scenario with every seed; results by scenario, then by seed, as they were given.
 
     `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
-    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt.
+    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
+    does a process that dies, which raises WorkerDied.
     """
     jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
     results = run_jobs(jobs, workers, on_done)
@@ -167,11 +169,14 @@ class Rounds:
         self._warm_up(chunks)
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
-        with children_ignore_interrupts():
-            futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
-        for future in as_completed(futures):
-            yield future.result()
+            self._pool = ProcessPoolExecutor(self._workers, context, initializer=attend)
+        try:
+            with children_ignore_interrupts():
+                futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenExecutor:
+            raise WorkerDied from None
 
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
         """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
@@ -181,6 +186,19 @@ class Rounds:
                 self._warm.add(names)
                 with strategies_blamed(resolved):
                     Simulation(resolved, seed)
+
+
+def attend() -> None:
+    """Begin a worker process: deaf to Ctrl-C, and gone when its coordinator is."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _leave_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, WorkerDied, nearest
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
@@ -69,6 +69,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _show_traceback(debug)
         print(f"automaton: {error}", file=sys.stderr)
         return BAD_INPUT
+    except WorkerDied as error:
+        print(f"automaton: {error}", file=sys.stderr)
+        return FAILED
     except Exception as error:
         _show_traceback(debug)
         what = " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,7 +1,7 @@
 """Find the smallest fleet that meets a target, and say how sure that is.
 
-Exit code 0: answered; 1: not reached, or undecided; 2: bad input; 130: interrupted, with what is
-known.
+Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted.
+What is known is printed in any case but bad input.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
+from automaton.errors import WorkerDied
 
 if TYPE_CHECKING:
     from automaton.sizing.candidates import Place
     from automaton.sizing.question import Question
     from automaton.sizing.runner import Fleets
     from automaton.sizing.session import Session
-
-INTERRUPTED = 130
 
 
 def positive(text: str) -> float:
@@ -69,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search and report; Ctrl-C reports what is known."""
+    """Search and report; Ctrl-C, and a worker that dies, report what is known."""
     if args.plots is not None:
         from automaton.reporting.plots import figure_class
 
@@ -82,19 +81,19 @@ def run(args: argparse.Namespace) -> int:
         asked = asked_of(args, fleets)
         tell_doubts(fleets.base)
         session = session_of(fleets, Checked(fleets, asked, tell_progress))
-        interrupted = False
+        cut: BaseException | None = None
         try:
             session.go()
-        except KeyboardInterrupt:
-            interrupted = True
+        except (KeyboardInterrupt, WorkerDied) as error:
+            cut = error
         finally:
             if sys.stderr.isatty():
                 print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         show(args, session, fleets)
         if args.plots is not None:
             draw(args.plots, session)
-        if interrupted:
-            raise KeyboardInterrupt
+        if cut is not None:
+            raise cut
     return 0 if session.settled else 1
 
 

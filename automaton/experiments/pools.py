@@ -13,8 +13,8 @@ from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from typing import Any, Protocol
 
 from automaton.errors import InputError
-from automaton.experiments.runs import Chunk, Row, attend, run_chunk
-from automaton.parallel import children_ignore_interrupts, cores
+from automaton.experiments.runs import Chunk, Row, run_chunk
+from automaton.parallel import attend, children_ignore_interrupts, cores
 
 
 class Promise(Protocol):

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from sweeping import end_all, of_session, started, wait_until
 
 LONG = ["tabletop-mini", "--target", "T_total<=1372", "--robots", "3", "--zone", "0.0005"]
@@ -75,3 +76,11 @@ def test_a_worker_that_dies_ends_a_reproduction_with_one_sentence() -> None:
     many = ["reproduce", "tabletop", "--seeds", "5000", "--workers", "2"]
     code, out, err = ended(many, kill_a_worker)
     assert (code, out) == (1, "") and err.endswith(DIED) and "Traceback" not in err
+
+
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["parent", "group"])
+def test_the_time_limit_of_a_job_prints_what_is_known(send: Callable[[int, int], None]) -> None:
+    code, out, err = ended(["size", *QUESTION], lambda process: send(process.pid, signal.SIGTERM))
+    assert code == 143 and err.endswith("automaton: terminated\n")
+    assert "leaked" not in err and "Traceback" not in err
+    assert "Interrupted: what follows is what was known then" in out

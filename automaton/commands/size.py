@@ -1,7 +1,7 @@
 """Find the smallest fleet that meets a target, and say how sure that is.
 
-Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted.
-What is known is printed in any case but bad input.
+Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted;
+143: ended by SIGTERM. What is known is printed in any case but bad input.
 """
 
 from __future__ import annotations

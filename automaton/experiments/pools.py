@@ -108,7 +108,7 @@ class LocalPool:
             pools, self._all = self._all, []
         processes = [process for pool in pools for process in (pool._processes or {}).values()]
         for process in processes if now else ():
-            process.terminate()
+            process.kill()
         for pool in pools:
             pool.shutdown(wait=not now, cancel_futures=True)
         for process in processes:

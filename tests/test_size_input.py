@@ -44,6 +44,10 @@ def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
         (["--error", "0.7"], "an error lies between 0 and 0.5"),
         (["--budget", "10"], "a fleet cannot pass in less than"),
         (["--budget", "none"], "is not a number of runs"),
+        (
+            ["--budget", "240", "--strategies", "independent,cooperative,adaptive"],
+            "cannot pass in less than 124; of 3 strategies each gets 80",
+        ),
         (["--strategies", "cooperativ"], "did you mean 'cooperative'?"),
         (["--strategies", "cooperative,cooperative"], "names a strategy twice"),
         (["--strategies", "routing=fastest"], "fastest"),

@@ -114,8 +114,12 @@ def question(
             share_test(share, zone, 0.01)
         except ValueError as problem:
             raise InputError(f"--share and --zone: {problem}") from None
-    if budget < asked.fewest:
-        raise InputError(f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}")
+    each, many = budget // len(strategies), len(strategies)
+    if each < asked.fewest:
+        parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
+        raise InputError(
+            f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}{parts}"
+        )
     return asked
 
 

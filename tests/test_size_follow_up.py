@@ -10,7 +10,8 @@ import pytest
 from statistics_trials import synthetic
 
 from automaton.commands import main
-from automaton.sizing.candidates import NotRunnable, Place, Run
+from automaton.sizing.candidates import Candidate, NotRunnable, Place, Run
+from automaton.sizing.follow_up import Purse, best_of
 from automaton.sizing.question import Target, question
 from automaton.sizing.session import Session
 
@@ -64,3 +65,21 @@ def test_ctrl_c_keeps_what_followed_so_far_and_counts_it() -> None:
         session.go()
     assert [one.percent for one in session.moved] == [-10]
     assert session.spent == made
+
+
+def test_strategies_that_drop_out_get_no_further_runs() -> None:
+    """Two are so much alike that they take many runs; the third is far off from the first on."""
+
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        mean = {"far": 150, "near": 101, "best": 100}[place.strategy]
+        rng = np.random.default_rng(mean)
+        values = rng.normal(mean, 10, first + number)[first:]
+        return [Run(True, {"T_total": value}) for value in values]
+
+    fleets = [Candidate(Place(1, strategy)) for strategy in ("far", "near", "best")]
+    asked = question(Target("T_total", True, 200.0), (1, 1), ("far", "near", "best"))
+    purse = Purse(run, 10_000)
+    best = best_of(fleets, purse, asked, zone=0.5)
+    assert best is not None and best.left == ("best",)
+    assert best.runs[0] == 200 < best.runs[1] == best.runs[2]
+    assert purse.spent == sum(best.runs) == sum(len(one.runs) for one in fleets)

@@ -39,7 +39,7 @@ class Best(NamedTuple):
     strategies: tuple[str, ...]  # compared
     left: tuple[str, ...]  # one: it is the best; several: the budget did not tell them apart
     means: tuple[float, ...]
-    runs: int  # of each
+    runs: tuple[int, ...]  # of each; those that drop out get no more
     zone: float  # differences of means below this do not matter
 
 
@@ -130,33 +130,32 @@ def best_of(
 ) -> Best | None:
     """The strategy with the best mean, all with the same number of robots (Kim & Nelson).
 
-    Strategies with runs that did not finish, or did not measure the metric, are left out. None if
-    fewer than two are left.
+    Strategies that drop out get no further runs. Those with runs that did not finish, or did not
+    measure the metric, are left out. None if fewer than two are left.
     """
     zone = zone or (asked.zone if asked.mean else MEAN_ZONE * abs(asked.target.value))
-    until = BATCH * FIRST
+    sign = 1.0 if asked.target.at_most else -1.0
+    left, until = list(candidates), BATCH * FIRST
     while True:
-        grown = [purse.grown(one, until, asked) for one in candidates]
+        grown = [purse.grown(one, until, asked) for one in left]
         rivals = [one for one in candidates if one.runs and whole(one, asked)]
         if len(rivals) < 2 or zone <= 0:
             return None
-        sign = 1.0 if asked.target.at_most else -1.0
         values = [sign * np.array(one.values(asked.target.metric)) for one in rivals]
-        runs = min(map(len, values))
-        if runs < BATCH * FIRST:
+        if min(map(len, values)) < BATCH * FIRST:
             return None
-        selected = select_least([batches(one[:runs]) for one in values], zone, asked.error)
-        if len(selected.left) == 1 or not all(grown):
-            names = [one.place.strategy for one in rivals]
+        selected = select_least([batches(one) for one in values], zone, asked.error)
+        left = [rivals[index] for index in selected.left]
+        if len(left) == 1 or not all(grown):
             return Best(
                 robots=rivals[0].place.robots,
-                strategies=tuple(names),
-                left=tuple(names[index] for index in selected.left),
-                means=tuple(sign * float(one[:runs].mean()) for one in values),
-                runs=runs,
+                strategies=tuple(one.place.strategy for one in rivals),
+                left=tuple(one.place.strategy for one in left),
+                means=tuple(sign * float(one.mean()) for one in values),
+                runs=tuple(map(len, values)),
                 zone=zone,
             )
-        candidates, until = rivals, runs + SELECTION_ROUND
+        until = BATCH * selected.batches + SELECTION_ROUND
 
 
 def around(answer: Place, asked: Question) -> list[int]:

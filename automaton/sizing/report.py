@@ -210,10 +210,12 @@ def best_lines(best: Best | None) -> list[str]:
     """Which strategy is best with the same number of robots."""
     if best is None:
         return []
-    pairs = zip(best.strategies, best.means, strict=True)
-    means = ", ".join(f"{label(name)} {number(mean)}" for name, mean in pairs)
-    runs = f"{count(best.runs, 'run')} each; differences below {number(best.zone)} do not matter"
-    head = f"With {count(best.robots, 'robot')} (Kim & Nelson, {runs}): {means}"
+    found = zip(best.strategies, best.means, best.runs, strict=True)
+    means = ", ".join(
+        f"{label(name)} {number(mean)} ({count(runs, 'run')})" for name, mean, runs in found
+    )
+    zone = f"differences below {number(best.zone)} do not matter"
+    head = f"With {count(best.robots, 'robot')} (Kim & Nelson; {zone}): {means}"
     if len(best.left) == 1:
         return [head, f"Best: {label(best.left[0])}"]
     return [head, f"Not told apart: {', '.join(map(label, best.left))}"]

@@ -18,7 +18,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import Rounds
 from automaton.scenario.resolve import resolve
-from automaton.sizing.candidates import Candidate, Place, Run
+from automaton.sizing.candidates import Candidate, Place, Run, judged
 from automaton.sizing.charts import picture
 from automaton.sizing.follow_up import Purse
 from automaton.sizing.question import Target, question, read_target
@@ -117,6 +117,13 @@ def test_means_are_judged_in_the_direction_of_the_target() -> None:
     search = Search(at_most, "", run, at_most.budget)
     search.go()
     assert search.answer.robots == 1
+
+
+def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
+    asked = question(Target("T_total", True, 100.0), (1, 1), mean=True)
+    good, cut = Run(True, {"T_total": 90.0}), Run(False, {"T_total": 90.0})
+    assert judged([good] * 250 + [cut], asked) == judged([good] * 250, asked) == ("meets", 200)
+    assert judged([good] * 150 + [cut] + [good] * 100, asked) == ("fails", 151)
 
 
 def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -96,13 +97,16 @@ def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
     """The verdict on a candidate from its runs in their order, and after how many it fell."""
     if not asked.mean:
         return asked.share_test.verdict(meets(run, asked) for run in runs)
-    for number, run in enumerate(runs, 1):
-        if not run.finished or asked.target.metric not in run.figures:
-            return "fails", number  # the mean of all runs is not known
+    metric = asked.target.metric
+    known = list(takewhile(lambda run: run.finished and metric in run.figures, runs))
     sign = 1.0 if asked.target.at_most else -1.0
-    values = np.array([float(run.figures[asked.target.metric]) for run in runs]) * sign
+    values = np.array([float(run.figures[metric]) for run in known]) * sign
     verdict, after = feasible(batches(values), sign * asked.target.value, asked.region)
-    return verdict, min(BATCH * after, len(runs)) if verdict != "undecided" else len(runs)
+    if verdict != "undecided":
+        return verdict, BATCH * after
+    if len(known) < len(runs):
+        return "fails", len(known) + 1  # the mean of all runs is not known
+    return verdict, len(runs)
 
 
 def lost_by_cause(candidate: Candidate) -> dict[str, float]:

@@ -6,12 +6,13 @@ from typing import Any
 
 import pytest
 
+from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import Rounds
-from automaton.sizing.question import Target, question, read_robots, read_target
+from automaton.sizing.question import Target, question, read_robots, read_target, robots_of
 from automaton.sizing.runner import Fleets, conducted_with_use
-from automaton.sizing.strategies import strategies_named
+from automaton.sizing.strategies import strategies_named, strategies_of
 from automaton.units import Unit
 
 HALF = Unit(0.5, "s")
@@ -132,3 +133,24 @@ def test_units_that_are_not_known_name_those_that_are(text: str, told: str) -> N
     with pytest.raises(InputError) as refused:
         read_target(text, HALF)
     assert told in str(refused.value)
+
+
+def test_fleets_and_strategies_from_python_may_be_given_in_several_ways() -> None:
+    assert robots_of("1..6") == robots_of((1, 6)) == robots_of([1, 6]) == (1, 6)
+    assert robots_of(4) == robots_of("4") == (4, 4)
+    named = strategies_named("independent,adaptive")
+    assert strategies_of(["independent", "adaptive"]) == strategies_of("independent,adaptive")
+    assert strategies_of(("independent", "adaptive")) == named
+    assert strategies_of(None) == ("",)
+
+
+@pytest.mark.parametrize("given", [None, 2.5, (1, 2, 3), [1], ("1", "2"), {1, 2}, range(1, 3)])
+def test_fleets_from_python_that_are_none_are_refused(given: Any) -> None:
+    with pytest.raises(InputError, match="expected a number"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=given)
+
+
+@pytest.mark.parametrize("given", [3, [1, 2], {"adaptive": 1}])
+def test_strategies_from_python_that_are_none_are_refused(given: Any) -> None:
+    with pytest.raises(InputError, match="expected names, such as 'independent,cooperative'"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=1, strategies=given)

@@ -100,10 +100,10 @@ def run(args: argparse.Namespace) -> int:
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     """The question that the arguments put. Raises InputError."""
     from automaton.sizing.question import question, read_robots, read_target
-    from automaton.sizing.strategies import strategies_named
+    from automaton.sizing.strategies import strategies_of
 
     target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
-    strategies = ("",) if args.strategies is None else strategies_named(args.strategies)
+    strategies = strategies_of(args.strategies)
     return question(
         target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
     )

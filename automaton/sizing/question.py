@@ -194,6 +194,16 @@ def read_robots(text: str) -> tuple[int, int]:
     return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
 
 
+def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]:
+    """Fleets as Python gives them: "1..12", 5, or (1, 12). Raises InputError."""
+    if isinstance(given, str):
+        return read_robots(given)
+    pair = list(given) if isinstance(given, (tuple, list)) else [given, given]
+    if len(pair) != 2 or not all(isinstance(one, int) for one in pair):
+        raise InputError(f"robots={given!r}: expected a number, (FIRST, LAST) or 'FIRST..LAST'")
+    return checked_robots(*pair)
+
+
 def checked_robots(first: int, last: int) -> tuple[int, int]:
     """The smallest and the largest fleet that may be an answer. Raises InputError."""
     if not 1 <= first <= last <= MOST_ROBOTS:

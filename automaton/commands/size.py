@@ -33,13 +33,24 @@ def positive(text: str) -> float:
     return number
 
 
+def positive_share(text: str) -> float:
+    """The type of an argument that is a share, such as .95 or 95%."""
+    return positive(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
     add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'T_total<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
-    add("--share", type=positive, default=0.95, metavar="P", help="of runs that must meet it (.95)")
+    add(
+        "--share",
+        type=positive_share,
+        default=0.95,
+        metavar="P",
+        help="of runs that must meet it (.95)",
+    )
     add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
     add(
         "--zone",

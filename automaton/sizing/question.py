@@ -110,6 +110,10 @@ def question(
     if mean and zone <= 0:
         raise InputError("--zone of a mean must be above 0, in the unit of the metric")
     if not mean:
+        if not 0 < share < 1:
+            raise InputError(
+                f"--share {share:g}: a share must lie between 0 and 1; say 0.95, or 95%"
+            )
         try:
             share_test(share, zone, 0.01)
         except ValueError as problem:

@@ -6,7 +6,8 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from automaton.metrics import executed_ticks, metrics_of
 from automaton.parallel import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.document import Override
+from automaton.scenario.overrides import keys_of, parse_setting
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
@@ -74,11 +76,9 @@ class Fleets:
         return [Run(result.finished, result.metrics) for result in results]
 
     def _resolved(self, place: Place) -> Resolved:
-        changes = [f"fleet.robots={place.robots}", *([place.strategy] if place.strategy else [])]
-        if place.percent:
-            changes += longer(self.base, place.percent)
+        changes = longer(self.base, place.percent) if place.percent else []
         try:
-            return resolve(self._scenario, (*self._settings, *changes))
+            return resolve(self._scenario, (*self._settings, *typed(place), *changes))
         except InputError as error:
             raise NotRunnable(error.message, error.file, error.line) from None
 
@@ -169,6 +169,14 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     if getattr(resolved.picks["zoning"].parameters, "design", None) is not None:
         settings.append("strategy.zoning.design=null")
     return settings
+
+
+def typed(place: Place) -> Iterator[Override]:
+    """Its settings under the options that gave them, which is where errors place them."""
+    yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
+    if place.strategy:
+        option = f"--strategies {place.strategy.removeprefix('strategy.')}"
+        yield replace(parse_setting(place.strategy), argument=option)
 
 
 def check_measured(target: Target, run: Run, tasks: bool) -> None:

@@ -176,6 +176,25 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
     assert "Zone 0.6 ticks (0.3 s): " in told
 
 
+def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        return [Run(r != 7, {"T_total": 0.0}) for r in range(first, first + number)]
+
+    session = Session(question(ZERO, (1, 1), budget=500), run)
+    session.go()
+    told = texts(session)
+    assert f"Answer: 1 robot; 1 of {session.spent} runs did not finish\n" in told
+    assert "did not finish" not in texts(Session(session.asked, run))
+
+
+def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> None:
+    listed = "orders={list: [{from: [1, 1], to: [3, 1]}]}"
+    given = ("tabletop-mini", "--target", "T_total<=100000", "--robots", "1", "--workers", "1")
+    same = "the demand is the same in all runs, since the orders are listed"
+    assert same not in size(capsys, *given)[1]
+    assert same in size(capsys, *given, "--set", listed)[1]
+
+
 def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> None:
     run = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1))
     session = Session(question(ZERO, (1, 2), budget=1000), run, {1: "too much work"})

@@ -20,15 +20,15 @@ LONGER = {-10: ["durations.turn=1"], 10: ["durations.turn=2"]}
 
 
 def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
-    """Three starts are listed: so two robots cannot be run."""
+    """Three starts are listed, so two robots cannot be run."""
     command = [
         "size", "tabletop-mini", "--target", "T_total<=1700", "--robots", "3", "--workers", "1",
         "--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]", "--share", "0.8",
     ]  # fmt: skip
     assert main(command) == 0
-    out, err = capsys.readouterr()
+    out = capsys.readouterr().out
     why = "not examined, fleet.robots is 2 but fleet.start lists 3 cells"
-    assert err == "" and "Answer: 3 robots\n" in out
+    assert "Answer: 3 robots; " in out  # of which some runs do not finish
     assert f"The last robot (2 -> 3): {why}\n" in out
     assert out.count(f"; 2: {why}\n") == 2
     assert main([*command, "--json"]) == 0

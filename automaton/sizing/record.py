@@ -78,6 +78,7 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
         "budget": asked.budget,
         "spent": session.spent,
         "complete": session.complete,
+        "same_orders": session.same_orders,
         "robots": None if place is None else place.robots,
         "strategy": None if place is None else place.strategy,
         "settled": session.settled,

@@ -61,7 +61,7 @@ def headline(session: Session, price: float) -> Iterator[str]:
     several = len(session.asked.strategies) > 1
     for search in session.searches:
         who = f"{label(search.strategy)}: " if several else "Answer: "
-        yield who + sentence(search, session) + priced(search, price)
+        yield who + sentence(search, session) + priced(search, price) + unfinished(search)
     place = session.place
     if several and place is not None:
         known = "" if session.settled else " known to meet it"
@@ -95,6 +95,14 @@ def priced(search: Search, price: float) -> str:
     if not price or search.answer.robots is None:
         return ""
     return f", {number(search.answer.robots * price)} at {number(price)} each"
+
+
+def unfinished(search: Search) -> str:
+    """How many runs of the answer did not finish."""
+    found = search.find(search.answer.robots or 0)
+    if found is None or not found.censored:
+        return ""
+    return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
 
 
 def print_search(out: Console, search: Search, session: Session, several: bool) -> None:
@@ -322,7 +330,13 @@ def method(session: Session, ends: str) -> Iterator[str]:
         f"Spent {session.spent:,} of {asked.budget:,} runs, {session.after:,} of them after the search. "
         + ends
     )
+    demand = "replication r has the same seed, and so the same demand, for every fleet"
+    if session.same_orders:
+        demand = (
+            "replication r has the same seed for every fleet; the demand is the same in all runs, "
+            "since the orders are listed, so the answer holds for these orders alone"
+        )
     yield (
-        "Assumed: runs with different seeds are independent; replication r has the same seed, and "
-        "so the same demand, for every fleet; durations and orders are as the scenario says."
+        f"Assumed: runs with different seeds are independent; {demand}; durations and orders are as "
+        "the scenario says."
     )

@@ -158,7 +158,13 @@ class Checked:
 def session_of(fleets: Fleets, runner: Checked) -> Session:
     """The session that answers the runner's question. Raises InputError if that cannot be asked."""
     fleets.check(runner.asked)
-    return Session(runner.asked, runner, fleets.excluded(runner.asked), fleets.changes)
+    return Session(
+        runner.asked,
+        runner,
+        fleets.excluded(runner.asked),
+        fleets.changes,
+        same_orders=fleets.base.scenario.orders.listed is not None,
+    )
 
 
 def for_any_fleet(resolved: Resolved) -> list[str]:

@@ -28,6 +28,7 @@ class Session:
     moved: list[Moved] = field(default_factory=list)
     purse: Purse | None = None  # for what follows the searches
     complete: bool = False  # nothing was cut off
+    same_orders: bool = False  # in all runs: those of a list or a file
 
     def go(self) -> None:
         """Search, then follow up."""

@@ -1,4 +1,4 @@
-"""The error for bad input: one sentence for the person who typed it, with its file and line."""
+"""Errors that are one sentence: bad input with its file and line, and workers that die."""
 
 from __future__ import annotations
 
@@ -26,6 +26,13 @@ class InputError(Exception):
         if self.file is not None:
             return self
         return InputError(self.message, file, line)
+
+
+class WorkerDied(Exception):
+    """A worker process ended by itself, or somebody ended it."""
+
+    def __init__(self) -> None:
+        super().__init__("a worker process died, or was killed; fewer --workers take less memory")
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:

@@ -12,18 +12,20 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
-from types import TracebackType
+from multiprocessing import connection, parent_process, resource_tracker
+from types import FrameType, TracebackType
 from typing import Final, NamedTuple
 
+from automaton.errors import WorkerDied
 from automaton.headless import run_to_end, strategies_blamed
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 
 PATIENCE_S: Final = 2.0
+GRACE_S: Final = 1.0  # for a coordinator to hear the signal that its workers hear
 CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sending costs nothing
 LARGEST_CHUNK = 25  # runs, so that progress is seen
 
@@ -74,7 +76,8 @@ def run_all(
     """Run every scenario with every seed; results by scenario, then by seed, as they were given.
 
     `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
-    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt.
+    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
+    does a process that dies, which raises WorkerDied.
     """
     jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
     results = run_jobs(jobs, workers, on_done)
@@ -147,7 +150,7 @@ class Rounds:
         processes = list((self._pool._processes or {}).values())  # its own, and no others
         self._pool.shutdown(wait=error is None, cancel_futures=True)
         for process in processes if error is not None else ():
-            process.terminate()
+            process.kill()
 
     def run(self, jobs: Sequence[Job], on_done: OnDone | None = None) -> list[Result]:
         """The results of one round, in the order of its jobs; as `run_all` otherwise."""
@@ -167,11 +170,14 @@ class Rounds:
         self._warm_up(chunks)
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
-        with children_ignore_interrupts():
-            futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
-        for future in as_completed(futures):
-            yield future.result()
+            self._pool = ProcessPoolExecutor(self._workers, context, initializer=attend)
+        try:
+            with children_ignore_interrupts():
+                futures = [self._pool.submit(run_chunk, chunk) for chunk in chunks]
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenExecutor:
+            raise WorkerDied from None
 
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
         """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
@@ -183,23 +189,50 @@ class Rounds:
                     Simulation(resolved, seed)
 
 
+def attend() -> None:
+    """Begin a worker process: deaf to Ctrl-C, slow to heed SIGTERM, gone when its coordinator is.
+
+    The end of a job is told to all its processes: it would look as if workers died.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _leave_later)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _leave_later(number: int, _: FrameType | None) -> None:
+    time.sleep(GRACE_S)
+    os._exit(128 + number)
+
+
+def _leave_with(sentinel: int) -> None:
+    connection.wait([sentinel])
+    os._exit(1)
+
+
 @contextmanager
 def children_ignore_interrupts() -> Iterator[None]:
     """Processes started in here are deaf to Ctrl-C from their first moment on: the parent ends them.
 
-    They inherit that the signal is blocked. The parent hears one that comes meanwhile at the end.
+    They inherit that the signal is blocked. The parent hears one that comes meanwhile at the end,
+    SIGTERM as well.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     resource_tracker.ensure_running()  # when it starts, it unblocks the signal
     heard: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    before = {
+        number: signal.signal(number, lambda number, _: heard.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         if heard:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(heard[0])

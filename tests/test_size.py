@@ -18,10 +18,10 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import Rounds
 from automaton.scenario.resolve import resolve
-from automaton.sizing.candidates import Candidate, Place, Run
+from automaton.sizing.candidates import Candidate, Place, Run, judged
 from automaton.sizing.charts import picture
 from automaton.sizing.follow_up import Purse
-from automaton.sizing.question import Target, question, read_robots, read_target
+from automaton.sizing.question import Target, question, read_target
 from automaton.sizing.report import print_answer
 from automaton.sizing.runner import (
     Checked,
@@ -32,7 +32,6 @@ from automaton.sizing.runner import (
 )
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
-from automaton.sizing.strategies import strategies_named
 from automaton.units import Unit
 
 ZERO = Target("T_total", True, 0.0)
@@ -120,6 +119,13 @@ def test_means_are_judged_in_the_direction_of_the_target() -> None:
     assert search.answer.robots == 1
 
 
+def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
+    asked = question(Target("T_total", True, 100.0), (1, 1), mean=True)
+    good, cut = Run(True, {"T_total": 90.0}), Run(False, {"T_total": 90.0})
+    assert judged([good] * 250 + [cut], asked) == judged([good] * 250, asked) == ("meets", 200)
+    assert judged([good] * 150 + [cut] + [good] * 100, asked) == ("fails", 151)
+
+
 def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
     def run(place: Place, first: int, number: int) -> list[Run]:
         rng = np.random.default_rng(len(place.strategy))
@@ -158,6 +164,35 @@ def texts(session: Session) -> str:
     print_answer(out, session, "made up", "", 0.0)
     assert isinstance(out.file, io.StringIO)
     return out.file.getvalue()
+
+
+def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
+    target = read_target("T_total<=30s", Unit(0.5, "s"))
+    session = Session(
+        question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
+    )
+    told = texts(session)
+    assert "so that T_total <= 60 ticks (30 s)?" in told
+    assert "Zone 0.6 ticks (0.3 s): " in told
+
+
+def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
+    def run(place: Place, first: int, number: int) -> list[Run]:
+        return [Run(r != 7, {"T_total": 0.0}) for r in range(first, first + number)]
+
+    session = Session(question(ZERO, (1, 1), budget=500), run)
+    session.go()
+    told = texts(session)
+    assert f"Answer: 1 robot; 1 of {session.spent} runs did not finish\n" in told
+    assert "did not finish" not in texts(Session(session.asked, run))
+
+
+def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> None:
+    listed = "orders={list: [{from: [1, 1], to: [3, 1]}]}"
+    given = ("tabletop-mini", "--target", "T_total<=100000", "--robots", "1", "--workers", "1")
+    same = "the demand is the same in all runs, since the orders are listed"
+    assert same not in size(capsys, *given)[1]
+    assert same in size(capsys, *given, "--set", listed)[1]
 
 
 def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> None:
@@ -316,75 +351,6 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
     assert code == 1
     assert "not reachable up to 4 robots" in out
     assert re.search(r"Time in use: robots at stations .* %, chargers .* %, robots .* %", out)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["--target", "T_totl<=3"], "no metric is called 'T_totl' (did you mean 'T_total'?)"),
-        (["--target", "T_total<3"], "say <= or >=, not <"),
-        (["--target", "T_total"], "expected METRIC<=VALUE"),
-        (["--target", "T_total<=5h"], "units.tick of the scenario is cycle; say ticks"),
-        (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
-        (["--target", "T_total<=soon"], "'soon' is not a number"),
-        (["--target", "T_total<=nan"], "'nan' is not a number"),
-        (["--target", "delay<=3"], "does not measure delay; say measure: {warm_up: N}"),
-        (["--robots", "5..2"], "1 <= FIRST <= LAST"),
-        (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
-        (["--robots", "1..400"], "fleet.robots is 400 but the floor has"),
-        (["--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]"], "--set fleet.start=random"),
-        (["--share", "0.99"], "must lie between 0 and 1"),
-        (["--share", "1.5"], "must lie between 0 and 1"),
-        (["--zone", "0"], "is not a number above 0"),
-        (["--error", "0.7"], "an error lies between 0 and 0.5"),
-        (["--budget", "10"], "a fleet cannot pass in less than"),
-        (["--budget", "none"], "is not a number of runs"),
-        (["--strategies", "cooperativ"], "did you mean 'cooperative'?"),
-        (["--strategies", "cooperative,cooperative"], "names a strategy twice"),
-        (["--strategies", "routing=fastest"], "fastest"),
-        (["--set", "fleet.robot=3"], "did you mean 'robots'?"),
-    ],
-)
-def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str) -> None:
-    usual = {"--target": "T_total<=1700", "--robots": "1..3"}
-    given = [text for pair in usual.items() if pair[0] not in arguments for text in pair]
-    code, out, err = size(capsys, "tabletop-mini", *given, *arguments)
-    assert code == 2
-    assert told in err and err.count("\n") == 1 and out == ""
-
-
-def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None:
-    options = ("--target", "T_total<=18000", "--robots", "1..5")
-    any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
-    code, _, err = size(capsys, "factory", *options)
-    settings = " ".join(f"--set {setting}" for setting in any_fleet)
-    assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
-    code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
-    assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
-    with Rounds(1, conducted_with_use) as rounds:
-        fleets = Fleets("factory", any_fleet, None, rounds)
-        asked = question(Target("T_total", True, 18_000.0), (1, 5))
-        fleets.check(asked)
-        excluded = fleets.excluded(asked)
-    assert list(excluded) == [1, 2, 3, 4, 5]
-    assert excluded[1] == "T_total is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"
-    assert excluded[5].startswith("T_total is at least 18,880 ticks: the busiest station works on")
-
-
-def test_targets_and_fleets_as_typed() -> None:
-    assert read_target("T_total <= 3,000") == Target("T_total", True, 3000.0)
-    assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
-    half = Unit(0.5, "s")
-    assert read_target("T_total<=2 h", half) == Target("T_total", True, 14_400.0, "2 h")
-    assert read_target("lead_time <= 90s", half).value == 180
-    assert read_robots("3..7") == (3, 7)
-    assert read_robots("4") == (4, 4)
-    assert strategies_named("adaptive, routing=astar") == (
-        "strategy.allocation=adaptive",
-        "strategy.routing=astar",
-    )
-    with pytest.raises(InputError, match="no strategy"):
-        strategies_named("none")
 
 
 def test_replications_have_the_seeds_of_a_sweep() -> None:

@@ -43,24 +43,33 @@ def resumed(study: Path, out: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def test_ctrl_c_keeps_what_is_done(
-    study: Path, expected: list[dict[str, Any]], tmp_path: Path
+@pytest.mark.parametrize(
+    ("number", "code", "told"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+)
+def test_a_signal_keeps_what_is_done(
+    number: int,
+    code: int,
+    told: str,
+    study: Path,
+    expected: list[dict[str, Any]],
+    tmp_path: Path,
 ) -> None:
     out = tmp_path / "out"
     process = started(hasty_command(study, out, "--workers", "2"))
     try:
         wait_until(lambda: row_files(out))
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
+        os.killpg(process.pid, number)  # as a terminal or a scheduler does: to all processes
         _, err = process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid))
     finally:
         end_all([process])
-    assert process.returncode == 130, err
+    assert process.returncode == code, err
     kept = len(Store(out).keys())
     assert 0 < kept < 4 * REPLICATIONS
     assert err == (
         f"automaton: stopped; {kept} of 400 runs are kept in {out}; the same command goes on\n"
-        "automaton: interrupted\n"
+        f"automaton: {told}\n"
     )
     assert resumed(study, out) == expected
 

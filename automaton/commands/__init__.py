@@ -6,15 +6,19 @@ Commands are imported when they are asked for, so that `automaton --help` answer
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import io
 import os
 import re
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from types import FrameType
 from typing import NoReturn
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, WorkerDied, nearest
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
@@ -37,7 +41,11 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
 }
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
-DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, such as at the time limit of a job: what minds Ctrl-C minds it, too."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -55,13 +63,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
     try:
-        code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
+        with _termination_heard():
+            code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
         sys.stdout.flush()
         return code
     except BrokenPipeError:
         # The reader of a pipe went away; what Python still holds back goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    except Terminated:
+        print("automaton: terminated", file=sys.stderr)
+        return TERMINATED
     except KeyboardInterrupt:
         print("automaton: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -69,12 +81,34 @@ def main(argv: Sequence[str] | None = None) -> int:
         _show_traceback(debug)
         print(f"automaton: {error}", file=sys.stderr)
         return BAD_INPUT
+    except WorkerDied as error:
+        print(f"automaton: {error}", file=sys.stderr)
+        return FAILED
     except Exception as error:
         _show_traceback(debug)
         what = " ".join(f"{type(error).__name__}: {error}".split())
         what = what if len(what) < LONGEST_ERROR else what[:LONGEST_ERROR] + " ..."
         print(f"automaton: internal error, {what} (--debug shows where)", file=sys.stderr)
         return FAILED
+
+
+@contextlib.contextmanager
+def _termination_heard() -> Iterator[None]:
+    """While inside, SIGTERM raises Terminated, unless somebody minds or ignores it already."""
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+
+    def on_signal(number: int, _: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
+        raise Terminated
+
+    signal.signal(signal.SIGTERM, on_signal)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _show_traceback(debug: bool) -> None:

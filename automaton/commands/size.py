@@ -1,7 +1,7 @@
 """Find the smallest fleet that meets a target, and say how sure that is.
 
-Exit code 0: answered; 1: not reached, or undecided; 2: bad input; 130: interrupted, with what is
-known.
+Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted;
+143: ended by SIGTERM. What is known is printed in any case but bad input.
 """
 
 from __future__ import annotations
@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
+from automaton.errors import WorkerDied
 
 if TYPE_CHECKING:
     from automaton.sizing.candidates import Place
     from automaton.sizing.question import Question
     from automaton.sizing.runner import Fleets
     from automaton.sizing.session import Session
-
-INTERRUPTED = 130
 
 
 def positive(text: str) -> float:
@@ -34,13 +33,24 @@ def positive(text: str) -> float:
     return number
 
 
+def positive_share(text: str) -> float:
+    """The type of an argument that is a share, such as .95 or 95%."""
+    return positive(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
     add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'T_total<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
-    add("--share", type=positive, default=0.95, metavar="P", help="of runs that must meet it (.95)")
+    add(
+        "--share",
+        type=positive_share,
+        default=0.95,
+        metavar="P",
+        help="of runs that must meet it (.95)",
+    )
     add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
     add(
         "--zone",
@@ -69,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search and report; Ctrl-C reports what is known."""
+    """Search and report; Ctrl-C, and a worker that dies, report what is known."""
     if args.plots is not None:
         from automaton.reporting.plots import figure_class
 
@@ -82,29 +92,29 @@ def run(args: argparse.Namespace) -> int:
         asked = asked_of(args, fleets)
         tell_doubts(fleets.base)
         session = session_of(fleets, Checked(fleets, asked, tell_progress))
-        interrupted = False
+        cut: BaseException | None = None
         try:
             session.go()
-        except KeyboardInterrupt:
-            interrupted = True
+        except (KeyboardInterrupt, WorkerDied) as error:
+            cut = error
         finally:
             if sys.stderr.isatty():
                 print("\r\x1b[K", end="", file=sys.stderr, flush=True)
         show(args, session, fleets)
         if args.plots is not None:
             draw(args.plots, session)
-        if interrupted:
-            raise KeyboardInterrupt
+        if cut is not None:
+            raise cut
     return 0 if session.settled else 1
 
 
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     """The question that the arguments put. Raises InputError."""
     from automaton.sizing.question import question, read_robots, read_target
-    from automaton.sizing.strategies import strategies_named
+    from automaton.sizing.strategies import strategies_of
 
     target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
-    strategies = ("",) if args.strategies is None else strategies_named(args.strategies)
+    strategies = strategies_of(args.strategies)
     return question(
         target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
     )

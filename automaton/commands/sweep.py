@@ -1,7 +1,7 @@
 """Do the runs of a study and keep their rows in a folder; the same command again goes on.
 
 Exit code 0: all runs are done; 1: some gave no figures, now or before; 2: bad input;
-130: stopped by Ctrl-C.
+130: stopped by Ctrl-C; 143: by SIGTERM.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ Importing this needs no Numba; `sweep` and the table of `size` need pyarrow (ext
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,9 +95,9 @@ def sweep(
 def size(
     scenario: str | Path | Scenario,
     target: str,
-    robots: tuple[int, int] | int,
+    robots: str | int | tuple[int, int] | list[int],
     *,
-    strategies: str | None = None,
+    strategies: str | Sequence[str] | None = None,
     share: float = 0.95,
     mean: bool = False,
     zone: float | None = None,
@@ -108,18 +109,18 @@ def size(
 ) -> Sized:
     """The smallest fleet that meets a target such as "T_total<=2400", as `automaton size` finds it.
 
-    `robots`: the smallest and the largest fleet that may be an answer, or one alone; the others are
-    the options of the command. `workers`: spawned processes, default one for each core; 1: none.
-    Overrides as of `simulate`. Raises InputError.
+    `robots`: the smallest and the largest fleet that may be an answer, as (1, 6) or "1..6", or one
+    alone; `strategies`: as "a,b" or ["a", "b"]; the others are the options of the command.
+    `workers`: spawned processes, default one for each core; 1: none. Overrides as of `simulate`.
+    Raises InputError, and WorkerDied where a process dies.
     """
     from automaton.parallel import Rounds
-    from automaton.sizing.question import checked_robots, question, read_target
+    from automaton.sizing.question import question, read_target, robots_of
     from automaton.sizing.record import sized
     from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
-    from automaton.sizing.strategies import strategies_named
+    from automaton.sizing.strategies import strategies_of
 
-    fleet = checked_robots(*(robots if isinstance(robots, tuple) else (robots, robots)))
-    compared = ("",) if strategies is None else strategies_named(strategies)
+    fleet, compared = robots_of(robots), strategies_of(strategies)
     with Rounds(workers, conducted_with_use) as rounds:
         fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
         wanted = read_target(target, fleets.tick)

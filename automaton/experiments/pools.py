@@ -13,8 +13,8 @@ from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from typing import Any, Protocol
 
 from automaton.errors import InputError
-from automaton.experiments.runs import Chunk, Row, attend, run_chunk
-from automaton.parallel import children_ignore_interrupts, cores
+from automaton.experiments.runs import Chunk, Row, run_chunk
+from automaton.parallel import attend, children_ignore_interrupts, cores
 
 
 class Promise(Protocol):
@@ -108,7 +108,7 @@ class LocalPool:
             pools, self._all = self._all, []
         processes = [process for pool in pools for process in (pool._processes or {}).values()]
         for process in processes if now else ():
-            process.terminate()
+            process.kill()
         for pool in pools:
             pool.shutdown(wait=not now, cancel_futures=True)
         for process in processes:

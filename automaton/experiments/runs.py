@@ -8,11 +8,8 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-import signal
-import threading
 import time
 from functools import lru_cache
-from multiprocessing import connection, parent_process
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -116,16 +113,3 @@ def figures_of(simulation: Simulation, window: int) -> Row:
         whole = done[done <= windows * window]
         row["series"] = np.bincount((whole - 1) // window, minlength=windows).tolist()
     return row
-
-
-def attend() -> None:
-    """Begin a worker process: deaf to Ctrl-C, and gone when its coordinator is."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=_leave_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _leave_with(sentinel: int) -> None:
-    connection.wait([sentinel])
-    os._exit(1)

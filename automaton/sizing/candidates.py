@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError
 from automaton.sizing.question import Question
 from automaton.statistics.intervals import Interval, mean_interval
 from automaton.statistics.selection import BATCH, batches, feasible
@@ -33,6 +35,10 @@ class Run(NamedTuple):
 Runner = Callable[[Place, int, int], Sequence[Run]]  # place, first replication, number of runs
 
 
+class NotRunnable(InputError):
+    """The scenario does not allow a place, such as another number of robots than starts."""
+
+
 @dataclass
 class Candidate:
     """One fleet with one strategy."""
@@ -42,6 +48,7 @@ class Candidate:
     verdict: Verdict = "undecided"
     after: int = 0  # runs when the verdict fell
     excluded: str = ""  # the bound that it cannot meet; no run was needed
+    refused: str = ""  # why it cannot be run
 
     def add(self, runs: Sequence[Run], asked: Question) -> None:
         """Take further runs, and judge unless that is done."""
@@ -90,13 +97,16 @@ def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
     """The verdict on a candidate from its runs in their order, and after how many it fell."""
     if not asked.mean:
         return asked.share_test.verdict(meets(run, asked) for run in runs)
-    for number, run in enumerate(runs, 1):
-        if not run.finished or asked.target.metric not in run.figures:
-            return "fails", number  # the mean of all runs is not known
+    metric = asked.target.metric
+    known = list(takewhile(lambda run: run.finished and metric in run.figures, runs))
     sign = 1.0 if asked.target.at_most else -1.0
-    values = np.array([float(run.figures[asked.target.metric]) for run in runs]) * sign
+    values = np.array([float(run.figures[metric]) for run in known]) * sign
     verdict, after = feasible(batches(values), sign * asked.target.value, asked.region)
-    return verdict, min(BATCH * after, len(runs)) if verdict != "undecided" else len(runs)
+    if verdict != "undecided":
+        return verdict, BATCH * after
+    if len(known) < len(runs):
+        return "fails", len(known) + 1  # the mean of all runs is not known
+    return verdict, len(runs)
 
 
 def lost_by_cause(candidate: Candidate) -> dict[str, float]:

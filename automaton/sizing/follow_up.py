@@ -6,13 +6,13 @@ All within what is left of the budget.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.sizing.candidates import Candidate, Place, Runner
+from automaton.sizing.candidates import Candidate, NotRunnable, Place, Runner
 from automaton.sizing.question import MEAN_ZONE, Question
 from automaton.statistics.effects import Effect, effect
 from automaton.statistics.intervals import ENOUGH
@@ -29,6 +29,7 @@ class Gain(NamedTuple):
 
     robots: int
     effect: Effect | None  # with it against without it, over runs that finished
+    refused: str = ""  # why one robot less cannot be run
 
 
 class Best(NamedTuple):
@@ -38,7 +39,7 @@ class Best(NamedTuple):
     strategies: tuple[str, ...]  # compared
     left: tuple[str, ...]  # one: it is the best; several: the budget did not tell them apart
     means: tuple[float, ...]
-    runs: int  # of each
+    runs: tuple[int, ...]  # of each; those that drop out get no more
     zone: float  # differences of means below this do not matter
 
 
@@ -51,13 +52,21 @@ class Purse:
     spent: int = 0
 
     def grown(self, candidate: Candidate, until: int, asked: Question) -> bool:
-        """Give a candidate runs until it has so many; False if there is too little left."""
+        """Give a candidate runs until it has so many.
+
+        False if there is too little left, or it cannot be run, which it then says.
+        """
         number = until - len(candidate.runs)
         if number <= 0:
             return True
         if number > self.left:
             return False
-        candidate.add(self.run(candidate.place, len(candidate.runs), number), asked)
+        try:
+            runs = self.run(candidate.place, len(candidate.runs), number)
+        except NotRunnable as error:
+            candidate.refused = error.message
+            return False
+        candidate.add(runs, asked)
         self.left, self.spent = self.left - number, self.spent + number
         return True
 
@@ -67,7 +76,12 @@ class Moved:
     """The fleets around the answer, under durations that are off."""
 
     percent: int
-    fleets: list[Candidate] = field(default_factory=list)
+    around: list[Candidate] = field(default_factory=list)
+
+    @property
+    def fleets(self) -> list[Candidate]:
+        """Those that can be run."""
+        return [one for one in self.around if not one.refused]
 
     def smallest(self, asked: Question) -> int | None:
         """The smallest of these fleets that seems to meet the target: by its share or mean so far."""
@@ -99,7 +113,7 @@ def gain_of(candidates: Sequence[Candidate], robots: int, purse: Purse, asked: Q
     place = with_it.place._replace(robots=robots - 1)
     without = by_robots.get(robots - 1) or Candidate(place)
     if not all(purse.grown(one, ENOUGH, asked) for one in (with_it, without)):
-        return Gain(robots, None)
+        return Gain(robots, None, without.refused)
     pairs = [
         (float(a.figures[metric]), float(b.figures[metric]))
         for a, b in zip(with_it.runs, without.runs, strict=False)
@@ -116,33 +130,32 @@ def best_of(
 ) -> Best | None:
     """The strategy with the best mean, all with the same number of robots (Kim & Nelson).
 
-    Strategies with runs that did not finish, or did not measure the metric, are left out. None if
-    fewer than two are left.
+    Strategies that drop out get no further runs. Those with runs that did not finish, or did not
+    measure the metric, are left out. None if fewer than two are left.
     """
     zone = zone or (asked.zone if asked.mean else MEAN_ZONE * abs(asked.target.value))
-    until = BATCH * FIRST
+    sign = 1.0 if asked.target.at_most else -1.0
+    left, until = list(candidates), BATCH * FIRST
     while True:
-        grown = [purse.grown(one, until, asked) for one in candidates]
+        grown = [purse.grown(one, until, asked) for one in left]
         rivals = [one for one in candidates if one.runs and whole(one, asked)]
         if len(rivals) < 2 or zone <= 0:
             return None
-        sign = 1.0 if asked.target.at_most else -1.0
         values = [sign * np.array(one.values(asked.target.metric)) for one in rivals]
-        runs = min(map(len, values))
-        if runs < BATCH * FIRST:
+        if min(map(len, values)) < BATCH * FIRST:
             return None
-        selected = select_least([batches(one[:runs]) for one in values], zone, asked.error)
-        if len(selected.left) == 1 or not all(grown):
-            names = [one.place.strategy for one in rivals]
+        selected = select_least([batches(one) for one in values], zone, asked.error)
+        left = [rivals[index] for index in selected.left]
+        if len(left) == 1 or not all(grown):
             return Best(
                 robots=rivals[0].place.robots,
-                strategies=tuple(names),
-                left=tuple(names[index] for index in selected.left),
-                means=tuple(sign * float(one[:runs].mean()) for one in values),
-                runs=runs,
+                strategies=tuple(one.place.strategy for one in rivals),
+                left=tuple(one.place.strategy for one in left),
+                means=tuple(sign * float(one.mean()) for one in values),
+                runs=tuple(map(len, values)),
                 zone=zone,
             )
-        candidates, until = rivals, runs + SELECTION_ROUND
+        until = BATCH * selected.batches + SELECTION_ROUND
 
 
 def around(answer: Place, asked: Question) -> list[int]:
@@ -152,15 +165,12 @@ def around(answer: Place, asked: Question) -> list[int]:
 
 def sensitivity(
     answer: Place, purse: Purse, asked: Question, percents: Sequence[int]
-) -> list[Moved]:
+) -> Iterator[Moved]:
     """The fleets from one robot less to one more, with durations so many percent longer."""
-    found: list[Moved] = []
     for percent in percents:
-        moved = Moved(percent)
-        for number in around(answer, asked):
-            candidate = Candidate(answer._replace(robots=number, percent=percent))
-            if not purse.grown(candidate, TRIAL, asked):
-                return found
-            moved.fleets.append(candidate)
-        found.append(moved)
-    return found
+        places = [answer._replace(robots=n, percent=percent) for n in around(answer, asked)]
+        moved = Moved(percent, [Candidate(place) for place in places])
+        for one in moved.around:
+            if not purse.grown(one, TRIAL, asked) and not one.refused:
+                return
+        yield moved

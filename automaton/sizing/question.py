@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Final, NamedTuple
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, alternatives, nearest
 from automaton.glossary import GLOSSARY
 from automaton.statistics.selection import BATCH, FIRST, Region, region
 from automaton.statistics.shares import ShareTest, share_test
@@ -15,7 +16,8 @@ SHARE, ZONE, ERROR, BUDGET = 0.95, 0.02, 0.05, 20_000
 MEAN_ZONE: Final = 0.01  # of the target, where a mean is asked for without a zone
 MOST_ROBOTS: Final = 1_000_000
 
-_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S+?)\s*(s|min|h)?\s*")
+_TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
+_VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
 SECONDS: Final = {"s": 1, "min": 60, "h": 3600}
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
 
@@ -26,7 +28,8 @@ class Target(NamedTuple):
     metric: str
     at_most: bool  # else at least
     value: float  # in the metric's unit
-    typed: str = ""  # "5 h", where the value was given as a time
+    time: str = ""  # "h", where the value was given as a time
+    ticks: float = 1.0  # of that time
 
     def met(self, value: float) -> bool:
         """Whether a run with this value meets it."""
@@ -41,6 +44,12 @@ class Target(NamedTuple):
     def unit(self) -> str:
         """The unit of the metric; of what strategies count: times."""
         return GLOSSARY.get(self.metric, ("times", ""))[0]
+
+    def in_unit(self, value: float) -> str:
+        """What follows a value: "ticks (5 h)" where the target was given as a time; shares: ""."""
+        if self.unit == "share":
+            return ""
+        return self.unit + (f" ({shown(value / self.ticks)} {self.time})" if self.time else "")
 
 
 def shown(value: float) -> str:
@@ -101,12 +110,20 @@ def question(
     if mean and zone <= 0:
         raise InputError("--zone of a mean must be above 0, in the unit of the metric")
     if not mean:
+        if not 0 < share < 1:
+            raise InputError(
+                f"--share {share:g}: a share must lie between 0 and 1; say 0.95, or 95%"
+            )
         try:
             share_test(share, zone, 0.01)
         except ValueError as problem:
             raise InputError(f"--share and --zone: {problem}") from None
-    if budget < asked.fewest:
-        raise InputError(f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}")
+    each, many = budget // len(strategies), len(strategies)
+    if each < asked.fewest:
+        parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
+        raise InputError(
+            f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}{parts}"
+        )
     return asked
 
 
@@ -118,14 +135,48 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
     found = _TARGET.fullmatch(text)
     if found is None:
         raise InputError(f"--target '{text}' is none; expected METRIC<=VALUE or METRIC>=VALUE")
-    metric, sign, number, time = found.groups()
+    metric, sign, given = found.groups()
     if sign not in ("<=", ">="):
         raise InputError(f"--target '{text}': say <= or >=, not {sign}")
     if metric not in GLOSSARY:
         hint = nearest(metric, GLOSSARY) or f"; there are {', '.join(GLOSSARY)}"
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
-    target = Target(metric, sign == "<=", _number(number, text))
-    return target if time is None else _in_ticks(target, time, tick, text)
+    value, unit = _value(given, text)
+    if value < 0:
+        raise InputError(f"--target '{text}': {metric} is never below 0")
+    target = Target(metric, sign == "<=", value)
+    if target.unit == "share":
+        return target._replace(value=_share(target, unit, text))
+    if unit in SECONDS:
+        return _in_ticks(target, unit, tick, text)
+    if unit:
+        allowed = f", or a time in {alternatives(SECONDS)}" if target.unit == "ticks" else ""
+        raise InputError(
+            f"--target '{text}': '{unit}' is not understood; {metric} is in {target.unit}{allowed}"
+        )
+    return target
+
+
+def _value(given: str, text: str) -> tuple[float, str]:
+    """The number of a target and what stands behind it. Raises InputError."""
+    found = _VALUE.fullmatch(given)
+    try:
+        value = float(found[1].replace(",", "").replace("_", "")) if found else math.nan
+    except ValueError:
+        value = math.nan
+    if found is None or not math.isfinite(value):
+        raise InputError(f"--target '{text}': '{given}' is not a number")
+    return value, found[2] or ""
+
+
+def _share(target: Target, unit: str, text: str) -> float:
+    """The value of a target that is a share. Raises InputError."""
+    share = target.value / 100 if unit == "%" else target.value
+    if unit not in ("", "%") or share > 1:
+        raise InputError(
+            f"--target '{text}': {target.metric} is a share between 0 and 1; say 10% or 0.1"
+        )
+    return share
 
 
 def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
@@ -135,19 +186,8 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
     if tick is None or tick.name not in SECOND:
         name = "unknown" if tick is None else tick.name
         raise InputError(f"--target '{text}': units.tick of the scenario is {name}; say ticks")
-    seconds = target.value * SECONDS[time]
-    return target._replace(value=seconds / tick.size, typed=f"{shown(target.value)} {time}")
-
-
-def _number(text: str, whole: str) -> float:
-    digits = text.removesuffix("%").replace(",", "").replace("_", "")
-    try:
-        value = float(digits)
-    except ValueError:
-        raise InputError(f"--target '{whole}': '{text}' is not a number") from None
-    if value != value or value in (float("inf"), float("-inf")):
-        raise InputError(f"--target '{whole}': '{text}' is not a number")
-    return value / 100 if text.endswith("%") else value
+    value = target.value * SECONDS[time] / tick.size
+    return target._replace(value=value, time=time, ticks=SECONDS[time] / tick.size)
 
 
 def read_robots(text: str) -> tuple[int, int]:
@@ -156,6 +196,16 @@ def read_robots(text: str) -> tuple[int, int]:
     if found is None:
         raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
     return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
+
+
+def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]:
+    """Fleets as Python gives them: "1..12", 5, or (1, 12). Raises InputError."""
+    if isinstance(given, str):
+        return read_robots(given)
+    pair = list(given) if isinstance(given, (tuple, list)) else [given, given]
+    if len(pair) != 2 or not all(isinstance(one, int) for one in pair):
+        raise InputError(f"robots={given!r}: expected a number, (FIRST, LAST) or 'FIRST..LAST'")
+    return checked_robots(*pair)
 
 
 def checked_robots(first: int, last: int) -> tuple[int, int]:

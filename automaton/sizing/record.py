@@ -78,6 +78,7 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
         "budget": asked.budget,
         "spent": session.spent,
         "complete": session.complete,
+        "same_orders": session.same_orders,
         "robots": None if place is None else place.robots,
         "strategy": None if place is None else place.strategy,
         "settled": session.settled,
@@ -112,6 +113,7 @@ def candidate_as_json(candidate: Candidate, asked: Question) -> dict[str, Any]:
         "verdict": candidate.verdict,
         "after": candidate.after,
         "excluded": candidate.excluded or None,
+        "refused": candidate.refused or None,
         "share": interval_as_json(share) if candidate.runs else None,
         "mean": None if mean is None else interval_as_json(mean),
         "lost": lost_by_cause(candidate),
@@ -132,6 +134,7 @@ def gain_as_json(gain: Gain) -> dict[str, Any]:
     """What the last robot gains."""
     return {
         "robots": gain.robots,
+        "refused": gain.refused or None,
         "effect": None if gain.effect is None else effect_as_json(gain.effect),
     }
 
@@ -150,5 +153,5 @@ def moved_as_json(moved: Moved, asked: Question) -> dict[str, Any]:
     return {
         "percent": moved.percent,
         "smallest": moved.smallest(asked),
-        "fleets": [candidate_as_json(one, asked) for one in moved.fleets],
+        "fleets": [candidate_as_json(one, asked) for one in moved.around],
     }

@@ -37,7 +37,8 @@ WIDTH = 100  # a table of figures is no text to be folded
 def print_answer(out: Console, session: Session, name: str, ends: str, price: float) -> None:
     """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
     asked = session.asked
-    out.print(f"{name}: how many robots so that {asked.target.text} {unit_of(asked)}?")
+    unit = asked.target.in_unit(asked.target.value)
+    out.print(f"{name}: how many robots so that {asked.target.text} {unit}?")
     out.print()
     for line in headline(session, price):
         out.print(line, soft_wrap=True)
@@ -55,18 +56,12 @@ def print_answer(out: Console, session: Session, name: str, ends: str, price: fl
         out.print(line, soft_wrap=True)
 
 
-def unit_of(asked: Question) -> str:
-    """The unit of the metric; shares have none."""
-    unit, typed = asked.target.unit, asked.target.typed
-    return "" if unit == "share" else unit + (f" ({typed})" if typed else "")
-
-
 def headline(session: Session, price: float) -> Iterator[str]:
     """The answer for each strategy, in a sentence."""
     several = len(session.asked.strategies) > 1
     for search in session.searches:
         who = f"{label(search.strategy)}: " if several else "Answer: "
-        yield who + sentence(search, session) + priced(search, price)
+        yield who + sentence(search, session) + priced(search, price) + unfinished(search)
     place = session.place
     if several and place is not None:
         known = "" if session.settled else " known to meet it"
@@ -100,6 +95,14 @@ def priced(search: Search, price: float) -> str:
     if not price or search.answer.robots is None:
         return ""
     return f", {number(search.answer.robots * price)} at {number(price)} each"
+
+
+def unfinished(search: Search) -> str:
+    """How many runs of the answer did not finish."""
+    found = search.find(search.answer.robots or 0)
+    if found is None or not found.censored:
+        return ""
+    return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
 
 
 def print_search(out: Console, search: Search, session: Session, several: bool) -> None:
@@ -192,6 +195,8 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
 
 def gain_lines(gain: Gain, asked: Question) -> Iterator[str]:
     """What the last robot does for the metric."""
+    if gain.refused:
+        yield f"The last robot ({gain.robots - 1} -> {gain.robots}): not examined, {gain.refused}"
     if gain.effect is None:
         return
     effect, metric = gain.effect, asked.target.metric
@@ -213,10 +218,12 @@ def best_lines(best: Best | None) -> list[str]:
     """Which strategy is best with the same number of robots."""
     if best is None:
         return []
-    pairs = zip(best.strategies, best.means, strict=True)
-    means = ", ".join(f"{label(name)} {number(mean)}" for name, mean in pairs)
-    runs = f"{count(best.runs, 'run')} each; differences below {number(best.zone)} do not matter"
-    head = f"With {count(best.robots, 'robot')} (Kim & Nelson, {runs}): {means}"
+    found = zip(best.strategies, best.means, best.runs, strict=True)
+    means = ", ".join(
+        f"{label(name)} {number(mean)} ({count(runs, 'run')})" for name, mean, runs in found
+    )
+    zone = f"differences below {number(best.zone)} do not matter"
+    head = f"With {count(best.robots, 'robot')} (Kim & Nelson; {zone}): {means}"
     if len(best.left) == 1:
         return [head, f"Best: {label(best.left[0])}"]
     return [head, f"Not told apart: {', '.join(map(label, best.left))}"]
@@ -264,6 +271,11 @@ def changed(settings: Sequence[str]) -> str:
 
 def moved_line(moved: Moved, asked: Question) -> str:
     """One sentence for a change of durations."""
+    refused = [
+        f"{one.place.robots}: not examined, {one.refused}" for one in moved.around if one.refused
+    ]
+    if not moved.fleets:
+        return "; ".join(refused)
     found = moved.smallest(asked)
     shares = ", ".join(
         f"{one.place.robots}: "
@@ -280,7 +292,8 @@ def moved_line(moved: Moved, asked: Question) -> str:
         answer += " or fewer"
     runs = len(moved.fleets[0].runs)
     what = "mean" if asked.mean else "share"
-    return f"{answer} ({what} by robots, {runs} runs each: {shares})"
+    told = f"{answer} ({what} by robots, {runs} runs each: {shares})"
+    return "; ".join([told, *refused])
 
 
 def method(session: Session, ends: str) -> Iterator[str]:
@@ -289,7 +302,7 @@ def method(session: Session, ends: str) -> Iterator[str]:
     sure = percent(1 - asked.error, 0)
     if asked.mean:
         yield f"Estimand: the mean of {asked.target.metric} over runs with seeds of their own."
-        zone = f"{shown(asked.zone)} {unit_of(asked)}".strip()
+        zone = f"{shown(asked.zone)} {asked.target.in_unit(asked.zone)}".strip()
         yield (
             f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
             "target by that much passes and every one worse by that much fails; between them either "
@@ -317,7 +330,13 @@ def method(session: Session, ends: str) -> Iterator[str]:
         f"Spent {session.spent:,} of {asked.budget:,} runs, {session.after:,} of them after the search. "
         + ends
     )
+    demand = "replication r has the same seed, and so the same demand, for every fleet"
+    if session.same_orders:
+        demand = (
+            "replication r has the same seed for every fleet; the demand is the same in all runs, "
+            "since the orders are listed, so the answer holds for these orders alone"
+        )
     yield (
-        "Assumed: runs with different seeds are independent; replication r has the same seed, and "
-        "so the same demand, for every fleet; durations and orders are as the scenario says."
+        f"Assumed: runs with different seeds are independent; {demand}; durations and orders are as "
+        "the scenario says."
     )

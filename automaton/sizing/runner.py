@@ -6,7 +6,8 @@ Replication r has the same seed for every fleet and strategy, hash(seed, r): the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from automaton.metrics import executed_ticks, metrics_of
 from automaton.parallel import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.document import Override
+from automaton.scenario.overrides import keys_of, parse_setting
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
-from automaton.sizing.candidates import Place, Run
+from automaton.sizing.candidates import NotRunnable, Place, Run
 from automaton.sizing.follow_up import MOVES_LATE, OFF
 from automaton.sizing.question import Question, Target
 from automaton.sizing.session import Session
@@ -52,7 +54,7 @@ def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
 
 
 class Fleets:
-    """A `Runner` of one scenario. Raises InputError for a place that cannot be run."""
+    """A `Runner` of one scenario. Raises NotRunnable for a place that cannot be run."""
 
     def __init__(
         self,
@@ -74,10 +76,11 @@ class Fleets:
         return [Run(result.finished, result.metrics) for result in results]
 
     def _resolved(self, place: Place) -> Resolved:
-        changes = [f"fleet.robots={place.robots}", *([place.strategy] if place.strategy else [])]
-        if place.percent:
-            changes += longer(self.base, place.percent)
-        return resolve(self._scenario, (*self._settings, *changes))
+        changes = longer(self.base, place.percent) if place.percent else []
+        try:
+            return resolve(self._scenario, (*self._settings, *typed(place), *changes))
+        except InputError as error:
+            raise NotRunnable(error.message, error.file, error.line) from None
 
     def check(self, asked: Question) -> None:
         """That the largest fleets can be run. Raises InputError."""
@@ -155,7 +158,13 @@ class Checked:
 def session_of(fleets: Fleets, runner: Checked) -> Session:
     """The session that answers the runner's question. Raises InputError if that cannot be asked."""
     fleets.check(runner.asked)
-    return Session(runner.asked, runner, fleets.excluded(runner.asked), fleets.changes)
+    return Session(
+        runner.asked,
+        runner,
+        fleets.excluded(runner.asked),
+        fleets.changes,
+        same_orders=fleets.base.scenario.orders.listed is not None,
+    )
 
 
 def for_any_fleet(resolved: Resolved) -> list[str]:
@@ -166,6 +175,14 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     if getattr(resolved.picks["zoning"].parameters, "design", None) is not None:
         settings.append("strategy.zoning.design=null")
     return settings
+
+
+def typed(place: Place) -> Iterator[Override]:
+    """Its settings under the options that gave them, which is where errors place them."""
+    yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
+    if place.strategy:
+        option = f"--strategies {place.strategy.removeprefix('strategy.')}"
+        yield replace(parse_setting(place.strategy), argument=option)
 
 
 def check_measured(target: Target, run: Run, tasks: bool) -> None:

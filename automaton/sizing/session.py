@@ -26,8 +26,9 @@ class Session:
     gains: dict[str, Gain] = field(default_factory=dict)  # by strategy
     best: Best | None = None
     moved: list[Moved] = field(default_factory=list)
-    after: int = 0  # runs spent after the searches
+    purse: Purse | None = None  # for what follows the searches
     complete: bool = False  # nothing was cut off
+    same_orders: bool = False  # in all runs: those of a list or a file
 
     def go(self) -> None:
         """Search, then follow up."""
@@ -42,22 +43,20 @@ class Session:
         self.complete = True
 
     def _follow_up(self, purse: Purse) -> None:
-        asked = self.asked
+        asked, self.purse = self.asked, purse
         for search in self.searches:
             last = search.answer.robots or self._largest(search)
             if search.answer.robots is None:
                 self._show(search, purse)
             if last is not None:
                 self.gains[search.strategy] = gain_of(search.candidates, last, purse, asked)
-            self.after = purse.spent
         place = self.place  # these runs may have decided a fleet that the search had left undecided
         if place is None:
             return
         if len(asked.strategies) > 1:
             self.best = best_of(self._rivals(place.robots), purse, asked)
-            self.after = purse.spent
-        self.moved = sensitivity(self.place or place, purse, asked, list(self.changes))
-        self.after = purse.spent
+        for moved in sensitivity(self.place or place, purse, asked, list(self.changes)):
+            self.moved.append(moved)
 
     def _show(self, search: Search, purse: Purse) -> None:
         """Runs of the largest fleet, so that one sees what keeps it from the target."""
@@ -72,6 +71,11 @@ class Session:
         """The strategies with so many robots, but for those known to fail."""
         found = [search.find(robots) for search in self.searches]
         return [one for one in found if one is not None and one.verdict == "meets"]
+
+    @property
+    def after(self) -> int:
+        """Runs made after the searches."""
+        return 0 if self.purse is None else self.purse.spent
 
     @property
     def spent(self) -> int:

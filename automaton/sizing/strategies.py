@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from automaton.errors import InputError, nearest
 from automaton.scenario.schema import LAYERS
 from automaton.strategy import lookup
+
+
+def strategies_of(given: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Strategies as Python gives them: "a,b" or ["a", "b"]; None: the scenario's own alone.
+
+    Raises InputError.
+    """
+    if given is None:
+        return ("",)
+    names = [given] if isinstance(given, str) else given
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"strategies={given!r}: expected names, such as 'independent,cooperative'")
+    return strategies_named(",".join(names))
 
 
 def strategies_named(text: str) -> tuple[str, ...]:

@@ -1,0 +1,159 @@
+"""What `automaton size` is asked: targets, fleets and strategies as typed, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from automaton import experiments
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.parallel import Rounds
+from automaton.sizing.question import Target, question, read_robots, read_target, robots_of
+from automaton.sizing.runner import Fleets, conducted_with_use
+from automaton.sizing.strategies import strategies_named, strategies_of
+from automaton.units import Unit
+
+HALF = Unit(0.5, "s")
+
+
+def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
+    code = main(["size", *arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--target", "T_totl<=3"], "no metric is called 'T_totl' (did you mean 'T_total'?)"),
+        (["--target", "T_total<3"], "say <= or >=, not <"),
+        (["--target", "T_total"], "expected METRIC<=VALUE"),
+        (["--target", "T_total<=5h"], "units.tick of the scenario is cycle; say ticks"),
+        (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
+        (["--target", "T_total<=soon"], "'soon' is not a number"),
+        (["--target", "T_total<=nan"], "'nan' is not a number"),
+        (["--target", "delay<=3"], "does not measure delay; say measure: {warm_up: N}"),
+        (["--robots", "5..2"], "1 <= FIRST <= LAST"),
+        (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
+        (["--robots", "1..400"], "automaton: --robots 400: fleet.robots is 400 but the floor has"),
+        (["--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]"], "--set fleet.start=random"),
+        (["--share", "0.99"], "must lie between 0 and 1"),
+        (["--share", "1.5"], "must lie between 0 and 1"),
+        (["--share", "95"], "--share 95: a share must lie between 0 and 1; say 0.95, or 95%"),
+        (["--share", "99%"], "must lie between 0 and 1: 0.99 and 0.02"),
+        (["--share", "much%"], "'much' is not a number above 0"),
+        (["--zone", "0"], "is not a number above 0"),
+        (["--error", "0.7"], "an error lies between 0 and 0.5"),
+        (["--budget", "10"], "a fleet cannot pass in less than"),
+        (["--budget", "none"], "is not a number of runs"),
+        (
+            ["--budget", "240", "--strategies", "independent,cooperative,adaptive"],
+            "cannot pass in less than 124; of 3 strategies each gets 80",
+        ),
+        (["--strategies", "cooperativ"], "did you mean 'cooperative'?"),
+        (["--strategies", "cooperative,cooperative"], "names a strategy twice"),
+        (["--strategies", "routing=fastest"], "automaton: --strategies routing=fastest: "),
+        (["--set", "fleet.robot=3"], "did you mean 'robots'?"),
+    ],
+)
+def test_bad_input_is_one_sentence(capsys: Any, arguments: list[str], told: str) -> None:
+    usual = {"--target": "T_total<=1700", "--robots": "1..3"}
+    given = [text for pair in usual.items() if pair[0] not in arguments for text in pair]
+    code, out, err = size(capsys, "tabletop-mini", *given, *arguments)
+    assert code == 2
+    assert told in err and err.count("\n") == 1 and out == ""
+
+
+def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None:
+    options = ("--target", "T_total<=18000", "--robots", "1..5")
+    any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
+    code, _, err = size(capsys, "factory", *options)
+    settings = " ".join(f"--set {setting}" for setting in any_fleet)
+    assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
+    code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
+    assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
+    with Rounds(1, conducted_with_use) as rounds:
+        fleets = Fleets("factory", any_fleet, None, rounds)
+        asked = question(Target("T_total", True, 18_000.0), (1, 5))
+        fleets.check(asked)
+        excluded = fleets.excluded(asked)
+    assert list(excluded) == [1, 2, 3, 4, 5]
+    assert excluded[1] == "T_total is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"
+    assert excluded[5].startswith("T_total is at least 18,880 ticks: the busiest station works on")
+
+
+def test_targets_and_fleets_as_typed() -> None:
+    assert read_target("T_total <= 3,000") == Target("T_total", True, 3000.0)
+    assert read_target("utilization>=60%") == Target("utilization", False, 0.6)
+    assert read_target("T_total<=2 h", HALF) == Target("T_total", True, 14_400.0, "h", 7200.0)
+    assert read_target("lead_time <= 90s", HALF).value == 180
+    assert read_robots("3..7") == (3, 7)
+    assert read_robots("4") == (4, 4)
+    assert strategies_named("adaptive, routing=astar") == (
+        "strategy.allocation=adaptive",
+        "strategy.routing=astar",
+    )
+    with pytest.raises(InputError, match="no strategy"):
+        strategies_named("none")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("blocked<=10", "blocked is a share between 0 and 1; say 10% or 0.1"),
+        ("utilization>=90", "utilization is a share between 0 and 1"),
+        ("blocked<=101%", "blocked is a share between 0 and 1"),
+        ("blocked<=5h", "blocked is a share between 0 and 1"),
+        ("blocked<=-1%", "blocked is never below 0"),
+        ("T_total<=-1", "T_total is never below 0"),
+        ("throughput>=100%", "'%' is not understood; throughput is in orders/1000 ticks"),
+        ("T_total<=100%", "'%' is not understood; T_total is in ticks"),
+    ],
+)
+def test_shares_are_typed_as_shares_and_nothing_else_is(text: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_target(text)
+    assert str(refused.value).startswith(f"--target '{text}': {told}")
+
+
+def test_a_share_may_be_typed_either_way() -> None:
+    for text in ("blocked<=10%", "blocked <= 10 %", "blocked<=0.1", "blocked<=1e-1"):
+        assert read_target(text) == Target("blocked", True, 0.1)
+    assert read_target("utilization>=1").value == read_target("utilization>=100%").value == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("T_total<=8 hours", "'hours' is not understood; T_total is in ticks, or a time in s, min or h"),
+        ("T_total<=8parsec", "'parsec' is not understood; T_total is in ticks, or a time in"),
+        ("travel<=700m", "'m' is not understood; travel is in cells"),
+    ],
+)  # fmt: skip
+def test_units_that_are_not_known_name_those_that_are(text: str, told: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_target(text, HALF)
+    assert told in str(refused.value)
+
+
+def test_fleets_and_strategies_from_python_may_be_given_in_several_ways() -> None:
+    assert robots_of("1..6") == robots_of((1, 6)) == robots_of([1, 6]) == (1, 6)
+    assert robots_of(4) == robots_of("4") == (4, 4)
+    named = strategies_named("independent,adaptive")
+    assert strategies_of(["independent", "adaptive"]) == strategies_of("independent,adaptive")
+    assert strategies_of(("independent", "adaptive")) == named
+    assert strategies_of(None) == ("",)
+
+
+@pytest.mark.parametrize("given", [None, 2.5, (1, 2, 3), [1], ("1", "2"), {1, 2}, range(1, 3)])
+def test_fleets_from_python_that_are_none_are_refused(given: Any) -> None:
+    with pytest.raises(InputError, match="expected a number"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=given)
+
+
+@pytest.mark.parametrize("given", [3, [1, 2], {"adaptive": 1}])
+def test_strategies_from_python_that_are_none_are_refused(given: Any) -> None:
+    with pytest.raises(InputError, match="expected names, such as 'independent,cooperative'"):
+        experiments.size("tabletop-mini", "T_total<=1700", robots=1, strategies=given)

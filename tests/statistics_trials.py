@@ -1,6 +1,6 @@
 """Whether the statistics keep their promises: long trials, run by hand.
 
-    python tests/statistics_trials.py coverage | steady | batches | search | pairing [STUDIES]
+    python tests/statistics_trials.py coverage | families | steady | batches | search | pairing [STUDIES]
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -22,7 +22,8 @@ from automaton.sizing.question import Question, Target, question
 from automaton.sizing.runner import replication_seeds
 from automaton.sizing.search import Search
 from automaton.statistics.effects import effect
-from automaton.statistics.intervals import ENOUGH, mean_interval
+from automaton.statistics.families import bonferroni
+from automaton.statistics.intervals import ENOUGH, LEVEL, mean_interval
 from automaton.statistics.selection import batches, feasible, region, select_least
 from automaton.statistics.steady import (
     Refused,
@@ -78,10 +79,31 @@ def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: boo
     return found
 
 
-def coverage(draw: Callable[[int, int], Values], truth: float, n: int, studies: int) -> float:
-    """The share of studies of n runs whose 95 % interval holds the truth."""
+def coverage(
+    draw: Callable[[int, int], Values], truth: float, n: int, studies: int, level: float = LEVEL
+) -> float:
+    """The share of studies of n runs whose interval holds the truth."""
     values = draw(studies, n)
-    return float(np.mean([mean_interval(row).holds(truth) for row in values]))
+    return float(np.mean([mean_interval(row, level).holds(truth) for row in values]))
+
+
+def false_families(n: int, comparisons: int, families: int, seed: int = 9) -> float:
+    """The share of families of intervals of n normal runs in which any misses the truth."""
+    rng, level = np.random.default_rng(seed), bonferroni(LEVEL, comparisons)
+    drawn = rng.normal(size=(families, comparisons, n))
+    held = [all(mean_interval(row, level).holds(0.0) for row in one) for one in drawn]
+    return 1 - float(np.mean(held))
+
+
+def families(studies: int = STUDIES) -> bool:
+    """Families of intervals of which any misses; at most 5 %, and 2 standard errors, is promised."""
+    kept = True
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    for n, comparisons in ((5, 1), (5, 10), (10, 2), (10, 20), (20, 20), (30, 20)):
+        found = false_families(n, comparisons, studies)
+        shown(f"normal, n = {n}: families of {comparisons} with a miss", found, studies)
+        kept &= found <= most
+    return kept
 
 
 def drawn_from(pool: Values, seed: int) -> Callable[[int, int], Values]:
@@ -292,6 +314,7 @@ def pairing(number: int = STUDIES) -> bool:
 def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
     yield from {
         "coverage": coverages,
+        "families": families,
         "steady": steady_coverages,
         "batches": batch_coverages,
         "search": searches,

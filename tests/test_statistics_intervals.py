@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from statistics_trials import coverage, drawn_from
+from statistics_trials import coverage, drawn_from, false_families
 
 from automaton.statistics.addressed import resamples, uniforms
 from automaton.statistics.effects import effect, share_interval
@@ -124,6 +124,38 @@ def test_coverage_of_normal_runs_in_small(n: int) -> None:
     rng = np.random.default_rng(3)
     found = coverage(lambda studies, size: rng.normal(5, 1, (studies, size)), 5.0, n, 400)
     assert 0.925 <= found <= 0.98  # 95 % +- 2 standard errors of 400 studies, at least
+
+
+def test_coverage_of_very_few_runs_in_small() -> None:
+    rng = np.random.default_rng(3)
+    for n in (2, 3, 5, 7):
+        found = coverage(lambda studies, size: rng.normal(5, 1, (studies, size)), 5.0, n, 1000)
+        assert 0.93 <= found <= 0.97
+
+
+@pytest.mark.parametrize(("n", "comparisons"), [(5, 10), (10, 20), (20, 20)])
+def test_the_intervals_of_a_family_hold_together_in_small(n: int, comparisons: int) -> None:
+    assert false_families(n, comparisons, 200) <= 0.05 + 2 * math.sqrt(0.05 * 0.95 / 200)
+
+
+def test_differences_hold_at_the_level_of_a_family_in_small() -> None:
+    rng, level = np.random.default_rng(6), bonferroni(0.95, 20)
+    drawn = rng.normal(10, 1, (1000, 2, 5))
+    missed = sum(not effect(a, b, level=level).difference.holds(0.0) for a, b in drawn)
+    assert missed <= 1000 * 0.0025 + 3 * math.sqrt(1000 * 0.0025)  # 3 standard errors
+
+
+def test_the_method_says_where_resamples_cannot_show_the_ends() -> None:
+    values = [1.0, 2.0, 4.0, 7.0, 9.0, 12.0, 13.0, 20.0]
+    assert mean_interval(values).method == "BCa"
+    assert effect(values, values[::-1]).difference.method == "BCa"
+    for few, level in ((values[:7], 0.95), (values, 0.99)):
+        found, apart = mean_interval(few, level), effect(few, few[::-1], level=level).difference
+        assert (found.method, apart.method) == ("t", "Welch")
+        assert found.half == pytest.approx(
+            student(len(few) - 1, level) * np.std(few, ddof=1) / math.sqrt(len(few))
+        )
+        assert f"only {len(few)} runs" in found.warning and found.warning == apart.warning
 
 
 def test_coverage_of_skewed_runs_in_small() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from automaton.reporting.comparing import (
     Compared,
@@ -19,8 +20,12 @@ from automaton.reporting.results import (
     level_text,
     levels_apart,
 )
-from automaton.statistics.intervals import ENOUGH, SAME, Interval
+from automaton.statistics.intervals import ENOUGH, FEWEST, SAME, Interval
 from automaton.units import count, percent
+
+INTERVALS: Final = (
+    f"Student's; BCa with {FEWEST} to {ENOUGH - 1} runs unless a family puts the ends too far out"
+)
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -41,7 +46,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
         ["warm-up", warm_up],
-        ["intervals", f"{percent(1 - analysis.error, 0)}; Student's from 60 runs on, below BCa"],
+        ["intervals", f"{percent(1 - analysis.error, 0)}; {INTERVALS}"],
         ["comparisons", family(results)],
         ["durations", f"varied: {', '.join(varied)}" if varied else "not varied by this study"],
         [

@@ -229,6 +229,12 @@ def test_effects_turn_round(a: list[float], b: list[float]) -> None:
     assert 0 <= one.p <= 1
 
 
+def test_a_ratio_that_may_be_anything_has_no_upper_end() -> None:
+    found = effect([1.0, 2.0], [1.0, 3.0], level=bonferroni(0.95, 200)).relative
+    assert found is not None and (found.low, found.high) == (pytest.approx(-1), None)
+    assert found.value == pytest.approx(-0.25)
+
+
 def test_unequal_numbers_are_no_pairs() -> None:
     with pytest.raises(ValueError, match="no pairs"):
         effect([1, 2, 3], [1, 2], paired=True)

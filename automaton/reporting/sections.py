@@ -208,7 +208,7 @@ def needed_cells(one: Compared, planned: bool) -> list[str]:
 
 def relative_text(relative: Interval | None) -> str:
     """A relative effect with its interval, in percent."""
-    if relative is None or relative.low is None or relative.high is None:
+    if relative is None:
         return "-"
-    low, high = 100 * relative.low, 100 * relative.high
-    return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
+    ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
+    return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"

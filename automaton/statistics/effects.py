@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,8 @@ from automaton.statistics.intervals import (
     resampled,
 )
 from automaton.statistics.student import normal_quantile, student, tails
+
+FARTHEST: Final = math.log(1e6)  # from a ratio to the upper end of its interval, as a logarithm
 
 
 class Effect(NamedTuple):
@@ -108,7 +110,10 @@ def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
 
 
 def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:
-    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0."""
+    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0.
+
+    Without an upper end where it would be a million times the ratio.
+    """
     a, b, n = float(x.mean()), float(y.mean()), min(len(x), len(y))
     if a <= 0 or b <= 0:
         return None
@@ -118,7 +123,8 @@ def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interv
     else:
         error, degrees = _welch(x / a, y / b)
     half, ratio = student(degrees, level) * error, a / b
-    low, high = ratio * math.exp(-half) - 1, ratio * math.exp(half) - 1
+    low = ratio * math.exp(-half) - 1
+    high = ratio * math.exp(half) - 1 if half < FARTHEST else None
     return Interval(ratio - 1, low, high, n, "delta", level)
 
 

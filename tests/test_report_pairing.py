@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_up_results import made_up, study_of
+from made_up_results import made_up, noise, study_of
+from msgspec.structs import replace
 
 from automaton.experiments.study import Study
 from automaton.reporting.comparing import comparisons, pairing_remark
@@ -73,6 +74,19 @@ def test_where_pairs_do_not_help_the_report_says_so_for_the_precision_too() -> N
     none = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
     texts, table = told(made_up(none, against))
     assert "needs paired" not in table.head and not any("unpaired" in text for text in texts)
+
+
+def test_runs_with_seeds_of_their_own_are_no_pairs() -> None:
+    def together(point: int, replication: int) -> float:
+        return 100.0 + 10 * point + (replication % 2 * 20 - 10) + noise(point, replication) / 100
+
+    own_seeds = replace(precise(), common_random_numbers=False)
+    texts, table = told(made_up(own_seeds, together))
+    cells = dict(zip(table.head, table.rows[0], strict=True))
+    assert [cells[name] for name in ("correlation", "var. ratio", "needs paired")] == ["-"] * 3
+    assert int(cells["unpaired"]) > 100
+    assert not any("pairing" in text for text in texts)
+    assert any(f"take {cells['unpaired']} runs of each point unpaired" in text for text in texts)
 
 
 def test_runs_for_a_precision_by_hand_and_by_the_interval_they_give() -> None:

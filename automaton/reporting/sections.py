@@ -203,7 +203,8 @@ def needed_cells(one: Compared, planned: bool) -> list[str]:
     """Runs that the declared precision takes, paired and not; nothing if none is declared."""
     if not planned:
         return []
-    return ["-"] * 2 if one.needed is None else [f"{runs:,}" for runs in one.needed]
+    needed = (None, None) if one.needed is None else one.needed
+    return ["-" if runs is None else f"{runs:,}" for runs in needed]
 
 
 def relative_text(relative: Interval | None) -> str:

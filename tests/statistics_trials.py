@@ -38,6 +38,11 @@ STUDIES = 2000
 SIZES = (10, 20, 30, ENOUGH, 100)
 LOAD = 0.8
 CUSTOMERS = 1000
+HIDDEN = (  # runs, observations, r, share of the variance
+    (1, 1000, 0.98, 0.05), (1, 1000, 0.99, 0.05), (1, 1000, 0.99, 0.1), (1, 1000, 0.995, 0.05),
+    (1, 1000, 0.995, 0.1), (1, 3000, 0.995, 0.05), (5, 1000, 0.99, 0.1), (5, 1000, 0.995, 0.1),
+    (1, 10_000, 0.99, 0.02), (1, 20_000, 0.98, 0.05),
+)  # fmt: skip
 
 
 def finishing_time(simulation: Any) -> dict[str, float | int]:
@@ -168,20 +173,24 @@ def steady_coverages(studies: int = STUDIES) -> bool:
 
 
 def batch_coverages(studies: int = STUDIES) -> bool:
-    """Coverage of batch means of single series: AR(1) with mean 0, and the delay of M/M/1."""
+    """Coverage of batch means: AR(1) with mean 0, alone and under noise, and the delay of M/M/1."""
     rng = np.random.default_rng(4)
     for r in (0.9, 0.95, 0.98):
         for n in (1000, 3000, 10_000):
             told(f"AR(1) {r:g}, {n:,}", autoregressive(rng, studies, n, r), 0.0)
     for customers in (5000, 20_000):
         told(f"M/M/1, {customers:,}", waits(rng, studies, customers, False), LOAD / (1 - LOAD))
+    for runs, n, r, share in HIDDEN:
+        name = f"{runs} x {n:,}, {100 * share:g} % AR(1) {r:g}, noise"
+        told(name, under_noise(rng, studies, runs, n, r, share), 0.0)
     return True
 
 
 def told(name: str, series: Values, truth: float) -> None:
     """Print the coverage of batch means."""
     found, given = batch_coverage(series, truth)
-    what = f"{name}: batch means ({len(series) - given} refused)"
+    wrong = round((1 - found) * given) if given else 0
+    what = f"{name}: batch means ({len(series) - given} refused, {wrong} wrong)"
     if given:
         shown(what, found, given)
     else:
@@ -195,6 +204,15 @@ def autoregressive(rng: np.random.Generator, studies: int, n: int, r: float) -> 
     for t in range(1, n):
         y[t] += r * y[t - 1]
     return y.T
+
+
+def under_noise(
+    rng: np.random.Generator, studies: int, runs: int, n: int, r: float, share: float
+) -> Values:
+    """(studies, runs, n) AR(1) series with this share of the variance, the rest independent noise."""
+    slow = autoregressive(rng, studies * runs, n, r) * np.sqrt(1 - r * r)
+    mixed = np.sqrt(share) * slow + np.sqrt(1 - share) * rng.normal(size=slow.shape)
+    return mixed.reshape(studies, runs, n)
 
 
 def batch_coverage(series: Values, truth: float) -> tuple[float, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 import sys
@@ -25,11 +24,9 @@ from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
 from automaton.reporting.comparing import comparisons, declared_pairs
 from automaton.reporting.compose import compose
-from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.figures import metric_section
 from automaton.reporting.html import as_html
-from automaton.reporting.results import point_name
 from automaton.reporting.sections import comparison_section, remarks
 from automaton.reporting.steady_state import steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
@@ -337,15 +334,6 @@ def replace_study(**more: Any) -> Study:
     )
 
 
-def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
-    factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
-    results = made_up(study_of(factors), lambda p, r: 100.0 * p + r)
-    (drawn,) = curves(results, {})
-    assert [line.name for line in drawn.lines] == ["a", "b"]
-    assert list(drawn.lines[1].x) == [1, 2, 4]
-    assert drawn.lines[1].value == pytest.approx([329.5, 429.5, 529.5])
-
-
 def test_a_chart_by_hand() -> None:
     line = Line("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
     drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), width=9, height=6))
@@ -390,11 +378,3 @@ def test_columns_of_a_table_are_aligned() -> None:
         "a              1",
         "long name  1,000",
     ]
-
-
-def test_points_are_named_by_their_levels() -> None:
-    study = study_of(
-        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "ties": "fifo"},)}
-    )
-    assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
-    assert json.dumps(point_name(study, study.points[0]))

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from automaton.experiments.study import SCENARIO, Levels, Point
-from automaton.reporting.results import Results
+from automaton.reporting.results import Results, levels_beside
 from automaton.statistics.effects import Effect, effect
 from automaton.statistics.families import bonferroni, holm
 from automaton.statistics.precision import paired_runs, unpaired_runs
@@ -61,9 +61,9 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
     if analysis.comparisons != "baseline" or not analysis.baseline:
         return
     varied = set(analysis.baseline)
-    bases = {_rest(p, varied): p for p in points if _is(p, analysis.baseline)}
+    bases = {levels_beside(p, varied): p for p in points if _is(p, analysis.baseline)}
     for point in points:
-        base = bases.get(_rest(point, varied))
+        base = bases.get(levels_beside(point, varied))
         if base is not None and base is not point:
             yield point, base
 
@@ -74,14 +74,6 @@ def _level(point: Point, key: str) -> object:
 
 def _is(point: Point, levels: Levels) -> bool:
     return all(_level(point, key) == level for key, level in levels.items())
-
-
-def _rest(point: Point, varied: set[str]) -> str:
-    """What identifies the points that differ in the varied factors alone."""
-    rest = {key: level for key, level in point.levels.items() if key not in varied}
-    if SCENARIO not in varied:
-        rest[SCENARIO] = point.scenario
-    return repr(sorted(rest.items()))
 
 
 def _family(

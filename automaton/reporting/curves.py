@@ -8,7 +8,13 @@ from collections.abc import Iterator
 from automaton.experiments.study import Point
 from automaton.reporting.document import Curves, Line
 from automaton.reporting.figures import Scenarios, summary
-from automaton.reporting.results import Results, described, factor_cells, factor_heads
+from automaton.reporting.results import (
+    Results,
+    described,
+    factor_cells,
+    factor_heads,
+    levels_beside,
+)
 
 ROBOTS = "fleet.robots"
 WANTED = ("throughput", "T_total", "delay", "lead_time")  # beside the metrics of the analysis
@@ -44,12 +50,10 @@ def curve(results: Results, scenarios: Scenarios, metric: str, factor: str) -> C
     groups: dict[str, list[Point]] = {}
     for point in results.points:
         if factor in point.levels:
-            groups.setdefault(_others(results, point, factor), []).append(point)
+            groups.setdefault(levels_beside(point, (factor,)), []).append(point)
     lines = [
-        line(
-            results, scenarios, metric, name, sorted(points, key=lambda p: p.levels[factor]), factor
-        )
-        for name, points in list(groups.items())[:MOST_LINES]
+        line(results, scenarios, metric, sorted(points, key=lambda p: p.levels[factor]), factor)
+        for points in list(groups.values())[:MOST_LINES]
     ]
     left_out = len(groups) - len(lines)
     title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")
@@ -69,7 +73,6 @@ def line(
     results: Results,
     scenarios: Scenarios,
     metric: str,
-    name: str,
     points: list[Point],
     factor: str,
 ) -> Line:
@@ -78,4 +81,5 @@ def line(
     value = [math.nan if one is None else one.value for one in found]
     low = [math.nan if one is None or one.low is None else one.low for one in found]
     high = [math.nan if one is None or one.high is None else one.high for one in found]
+    name = _others(results, points[0], factor)
     return Line(name, [float(point.levels[factor]) for point in points], value, low, high)

@@ -62,7 +62,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     yield Heading("Design")
     yield Table(("what", "how"), rows, left=2)
     for name in study.factor_names:
-        levels = ", ".join(level_text(level) for level in study.levels(name))
+        levels = ", ".join(level_text(study, name, level) for level in study.levels(name))
         yield Text(f"Factor {name}: {levels}")
 
 

@@ -7,7 +7,9 @@ import json
 import pytest
 from made_up_results import made_up, study_of
 
+from automaton.reporting.charts import SIGNS
 from automaton.reporting.curves import curves
+from automaton.reporting.html import COLOURS
 from automaton.reporting.results import point_name
 
 
@@ -27,6 +29,13 @@ def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_th
     assert [line.name for line in drawn.lines] == ["withdraw limit 3", "withdraw after 3", "wait"]
     assert [list(line.x) for line in drawn.lines] == [[1, 2]] * 3
     assert drawn.lines[1].value == pytest.approx([100, 400])
+
+
+def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
+    factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
+    (drawn,) = curves(made_up(study_of(factors, 2), lambda p, r: 100.0 * p), {})
+    assert len(drawn.lines) == len(SIGNS) == len(COLOURS)
+    assert drawn.title == "T_total by fleet.robots, 2 more not shown"
 
 
 def test_points_are_named_by_their_levels() -> None:

@@ -18,7 +18,7 @@ from automaton.reporting.results import (
 
 ROBOTS = "fleet.robots"
 WANTED = ("throughput", "T_total", "delay", "lead_time")  # beside the metrics of the analysis
-MOST_LINES = 9
+MOST_LINES = 8  # signs and colours that there are
 
 
 def curves(results: Results, scenarios: Scenarios) -> Iterator[Curves]:

@@ -151,7 +151,8 @@ def _welch(x: Values, y: Values) -> tuple[float, float]:
 def _p_value(x: Values, y: Values, paired: bool) -> float:
     """Student's or Welch's; without spread, where they say 0, that of a permutation test.
 
-    Of all ways to exchange runs, two set them apart as clearly as they were found.
+    Of all ways to exchange runs, two set them apart as clearly as they were found: this one and its
+    reverse, which samples of unequal size have not.
     """
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
@@ -160,5 +161,5 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     difference = float(x.mean() - y.mean())
     if error <= 1e-12 * abs(difference) or error == 0:
         ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
-        return 1.0 if difference == 0 else 2 / ways
+        return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
     return tails(difference / error, degrees)

@@ -324,7 +324,8 @@ def pairing(number: int = STUDIES) -> bool:
         assert relative is not None and relative.low is not None and relative.high is not None
         print(
             f"N = {robots}: T_total {a.mean():.1f} against {b.mean():.1f}: {100 * relative.value:.2f} % "
-            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; {found.pairing}"
+            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; "
+            f"correlation {found.correlation:+.2f}, variance ratio {found.variance_ratio:.2f}"
         )
     return True
 

@@ -33,7 +33,7 @@ from automaton.statistics.intervals import (
     mean_interval,
     resampled,
 )
-from automaton.statistics.student import normal_quantile, student, tails
+from automaton.statistics.student import student, tails
 
 FARTHEST: Final = math.log(1e6)  # from a ratio to the upper end of its interval, as a logarithm
 
@@ -47,15 +47,6 @@ class Effect(NamedTuple):
     paired: bool
     correlation: float | None  # of runs with the same seed; None if they are no pairs
     variance_ratio: float | None  # below 1: pairing helps
-
-    @property
-    def pairing(self) -> str:
-        """One phrase on what pairing does; "" if the runs are no pairs."""
-        if self.correlation is None or self.variance_ratio is None:
-            return ""
-        figures = f"correlation {self.correlation:+.2f}, variance ratio {self.variance_ratio:.2f}"
-        helps = "pairing helps" if self.variance_ratio < 0.95 else "pairing does not help"
-        return f"{figures}: {helps}"
 
 
 def effect(
@@ -126,17 +117,6 @@ def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interv
     low = ratio * math.exp(-half) - 1
     high = ratio * math.exp(half) - 1 if half < FARTHEST else None
     return Interval(ratio - 1, low, high, n, "delta", level)
-
-
-def share_interval(met: int, n: int, level: float = LEVEL) -> Interval:
-    """A share of n independent runs, n fixed beforehand (Wilson 1927)."""
-    if n < 1 or not 0 <= met <= n:
-        raise ValueError(f"{met} of {n} runs are no share")
-    z, p = normal_quantile((1 + level) / 2), met / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low = 0.0 if met == 0 else centre - half
-    return Interval(p, low, 1.0 if met == n else centre + half, n, "Wilson", level)
 
 
 def _welch(x: Values, y: Values) -> tuple[float, float]:

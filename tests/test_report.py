@@ -251,6 +251,16 @@ def test_few_runs_are_warned_of() -> None:
     assert "only 10 runs, skew" in listed[0].items[0]
 
 
+def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
+    study = study_of({"fleet.robots": (1, 2, 3, 4, 5)}, replications=10)
+    results = made_up(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
+    (listed,) = (b for b in metric_section(results, {}, "T_total") if isinstance(b, Listed))
+    assert (
+        "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]
+    )
+    assert "skew -2.7" in listed.items[0]
+
+
 def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
     study = replace_study(replications=20, warm_up="mser-5")
 

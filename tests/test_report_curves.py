@@ -31,6 +31,12 @@ def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_th
     assert drawn.lines[1].value == pytest.approx([100, 400])
 
 
+def test_curves_find_no_bounds_since_they_show_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr("automaton.reporting.figures.bound")
+    (drawn,) = curves(made_up(study_of({"fleet.robots": (1, 2)}, 2), lambda p, r: 100.0 * p), {})
+    assert list(drawn.lines[0].value) == [0, 100]
+
+
 def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
     (drawn,) = curves(made_up(study_of(factors, 2), lambda p, r: 100.0 * p), {})

@@ -168,7 +168,10 @@ def correlation_time(y: npt.NDArray[np.float64], longest: int = 1) -> float:
 
 
 def succession(y: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """The correlation of successive values of each row, and what independent ones exceed in 5 %."""
+    """The correlation of successive values in rows, about the mean of all of them.
+
+    Beside it stands what independent values exceed in 5 %.
+    """
     apart = y - y.mean()
     spread = float((apart**2).sum())
     r = float((apart[:, 1:] * apart[:, :-1]).sum()) / spread if spread > 0 else 0.0

@@ -1,6 +1,6 @@
 """Whether the statistics keep their promises: long trials, run by hand.
 
-    python tests/statistics_trials.py coverage | steady | batches | search | pairing [STUDIES]
+    python tests/statistics_trials.py coverage | families | steady | batches | search | pairing [STUDIES]
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -22,7 +22,8 @@ from automaton.sizing.question import Question, Target, question
 from automaton.sizing.runner import replication_seeds
 from automaton.sizing.search import Search
 from automaton.statistics.effects import effect
-from automaton.statistics.intervals import ENOUGH, mean_interval
+from automaton.statistics.families import bonferroni
+from automaton.statistics.intervals import ENOUGH, LEVEL, mean_interval
 from automaton.statistics.selection import batches, feasible, region, select_least
 from automaton.statistics.steady import (
     Refused,
@@ -37,6 +38,11 @@ STUDIES = 2000
 SIZES = (10, 20, 30, ENOUGH, 100)
 LOAD = 0.8
 CUSTOMERS = 1000
+HIDDEN = (  # runs, observations, r, share of the variance
+    (1, 1000, 0.98, 0.05), (1, 1000, 0.99, 0.05), (1, 1000, 0.99, 0.1), (1, 1000, 0.995, 0.05),
+    (1, 1000, 0.995, 0.1), (1, 3000, 0.995, 0.05), (5, 1000, 0.99, 0.1), (5, 1000, 0.995, 0.1),
+    (1, 10_000, 0.99, 0.02), (1, 20_000, 0.98, 0.05),
+)  # fmt: skip
 
 
 def finishing_time(simulation: Any) -> dict[str, float | int]:
@@ -78,10 +84,31 @@ def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: boo
     return found
 
 
-def coverage(draw: Callable[[int, int], Values], truth: float, n: int, studies: int) -> float:
-    """The share of studies of n runs whose 95 % interval holds the truth."""
+def coverage(
+    draw: Callable[[int, int], Values], truth: float, n: int, studies: int, level: float = LEVEL
+) -> float:
+    """The share of studies of n runs whose interval holds the truth."""
     values = draw(studies, n)
-    return float(np.mean([mean_interval(row).holds(truth) for row in values]))
+    return float(np.mean([mean_interval(row, level).holds(truth) for row in values]))
+
+
+def false_families(n: int, comparisons: int, families: int, seed: int = 9) -> float:
+    """The share of families of intervals of n normal runs in which any misses the truth."""
+    rng, level = np.random.default_rng(seed), bonferroni(LEVEL, comparisons)
+    drawn = rng.normal(size=(families, comparisons, n))
+    held = [all(mean_interval(row, level).holds(0.0) for row in one) for one in drawn]
+    return 1 - float(np.mean(held))
+
+
+def families(studies: int = STUDIES) -> bool:
+    """Families of intervals of which any misses; at most 5 %, and 2 standard errors, is promised."""
+    kept = True
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    for n, comparisons in ((5, 1), (5, 10), (10, 2), (10, 20), (20, 20), (30, 20)):
+        found = false_families(n, comparisons, studies)
+        shown(f"normal, n = {n}: families of {comparisons} with a miss", found, studies)
+        kept &= found <= most
+    return kept
 
 
 def drawn_from(pool: Values, seed: int) -> Callable[[int, int], Values]:
@@ -146,20 +173,24 @@ def steady_coverages(studies: int = STUDIES) -> bool:
 
 
 def batch_coverages(studies: int = STUDIES) -> bool:
-    """Coverage of batch means of single series: AR(1) with mean 0, and the delay of M/M/1."""
+    """Coverage of batch means: AR(1) with mean 0, alone and under noise, and the delay of M/M/1."""
     rng = np.random.default_rng(4)
     for r in (0.9, 0.95, 0.98):
         for n in (1000, 3000, 10_000):
             told(f"AR(1) {r:g}, {n:,}", autoregressive(rng, studies, n, r), 0.0)
     for customers in (5000, 20_000):
         told(f"M/M/1, {customers:,}", waits(rng, studies, customers, False), LOAD / (1 - LOAD))
+    for runs, n, r, share in HIDDEN:
+        name = f"{runs} x {n:,}, {100 * share:g} % AR(1) {r:g}, noise"
+        told(name, under_noise(rng, studies, runs, n, r, share), 0.0)
     return True
 
 
 def told(name: str, series: Values, truth: float) -> None:
     """Print the coverage of batch means."""
     found, given = batch_coverage(series, truth)
-    what = f"{name}: batch means ({len(series) - given} refused)"
+    wrong = round((1 - found) * given) if given else 0
+    what = f"{name}: batch means ({len(series) - given} refused, {wrong} wrong)"
     if given:
         shown(what, found, given)
     else:
@@ -173,6 +204,15 @@ def autoregressive(rng: np.random.Generator, studies: int, n: int, r: float) -> 
     for t in range(1, n):
         y[t] += r * y[t - 1]
     return y.T
+
+
+def under_noise(
+    rng: np.random.Generator, studies: int, runs: int, n: int, r: float, share: float
+) -> Values:
+    """(studies, runs, n) AR(1) series with this share of the variance, the rest independent noise."""
+    slow = autoregressive(rng, studies * runs, n, r) * np.sqrt(1 - r * r)
+    mixed = np.sqrt(share) * slow + np.sqrt(1 - share) * rng.normal(size=slow.shape)
+    return mixed.reshape(studies, runs, n)
 
 
 def batch_coverage(series: Values, truth: float) -> tuple[float, int]:
@@ -284,7 +324,8 @@ def pairing(number: int = STUDIES) -> bool:
         assert relative is not None and relative.low is not None and relative.high is not None
         print(
             f"N = {robots}: T_total {a.mean():.1f} against {b.mean():.1f}: {100 * relative.value:.2f} % "
-            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; {found.pairing}"
+            f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; "
+            f"correlation {found.correlation:+.2f}, variance ratio {found.variance_ratio:.2f}"
         )
     return True
 
@@ -292,6 +333,7 @@ def pairing(number: int = STUDIES) -> bool:
 def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
     yield from {
         "coverage": coverages,
+        "families": families,
         "steady": steady_coverages,
         "batches": batch_coverages,
         "search": searches,

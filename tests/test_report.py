@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 import sys
@@ -25,11 +24,9 @@ from automaton.experiments.study import Analysis, Study
 from automaton.reporting.charts import chart, coarse, shaded
 from automaton.reporting.comparing import comparisons, declared_pairs
 from automaton.reporting.compose import WITH_WARM_UP, compose
-from automaton.reporting.curves import curves
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
 from automaton.reporting.figures import metric_section
 from automaton.reporting.html import as_html
-from automaton.reporting.results import point_name
 from automaton.reporting.sections import comparison_section, remarks
 from automaton.reporting.steady_state import steady_section
 from automaton.reporting.writing import as_markdown, as_text, table_lines
@@ -269,6 +266,16 @@ def test_few_runs_are_warned_of() -> None:
     assert "only 10 runs, skew" in listed[0].items[0]
 
 
+def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
+    study = study_of({"fleet.robots": (1, 2, 3, 4, 5)}, replications=10)
+    results = made_up(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
+    (listed,) = (b for b in metric_section(results, {}, "T_total") if isinstance(b, Listed))
+    assert (
+        "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]
+    )
+    assert "skew -2.7" in listed.items[0]
+
+
 def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
     study = replace_study(replications=20, warm_up="mser-5")
 
@@ -359,15 +366,6 @@ def replace_study(**more: Any) -> Study:
     )
 
 
-def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
-    factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
-    results = made_up(study_of(factors), lambda p, r: 100.0 * p + r)
-    (drawn,) = curves(results, {})
-    assert [line.name for line in drawn.lines] == ["a", "b"]
-    assert list(drawn.lines[1].x) == [1, 2, 4]
-    assert drawn.lines[1].value == pytest.approx([329.5, 429.5, 529.5])
-
-
 def test_a_chart_by_hand() -> None:
     line = Line("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
     drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), width=9, height=6))
@@ -412,11 +410,3 @@ def test_columns_of_a_table_are_aligned() -> None:
         "a              1",
         "long name  1,000",
     ]
-
-
-def test_points_are_named_by_their_levels() -> None:
-    study = study_of(
-        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "ties": "fifo"},)}
-    )
-    assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
-    assert json.dumps(point_name(study, study.points[0]))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_up_results import made_up, study_of
+from made_up_results import made_up, noise, study_of
+from msgspec.structs import replace
 
 from automaton.experiments.study import Study
 from automaton.reporting.comparing import comparisons, pairing_remark
@@ -75,6 +76,19 @@ def test_where_pairs_do_not_help_the_report_says_so_for_the_precision_too() -> N
     assert "needs paired" not in table.head and not any("unpaired" in text for text in texts)
 
 
+def test_runs_with_seeds_of_their_own_are_no_pairs() -> None:
+    def together(point: int, replication: int) -> float:
+        return 100.0 + 10 * point + (replication % 2 * 20 - 10) + noise(point, replication) / 100
+
+    own_seeds = replace(precise(), common_random_numbers=False)
+    texts, table = told(made_up(own_seeds, together))
+    cells = dict(zip(table.head, table.rows[0], strict=True))
+    assert [cells[name] for name in ("correlation", "var. ratio", "needs paired")] == ["-"] * 3
+    assert int(cells["unpaired"]) > 100
+    assert not any("pairing" in text for text in texts)
+    assert any(f"take {cells['unpaired']} runs of each point unpaired" in text for text in texts)
+
+
 def test_runs_for_a_precision_by_hand_and_by_the_interval_they_give() -> None:
     # t(17) 2 / sqrt(18) = 0.995, t(16) 2 / sqrt(17) = 1.028
     assert fewest(variance=4.0, degrees=1.0, half=1.0, level=0.95) == 18
@@ -89,3 +103,10 @@ def test_runs_for_a_precision_by_hand_and_by_the_interval_they_give() -> None:
         assert half is not None and needed(a, b, half) == pytest.approx(400, abs=1)
     saved = paired_runs(a, b, 0.1) / unpaired_runs(a, b, 0.1)
     assert saved == pytest.approx(effect(a, b).variance_ratio, rel=0.01)
+
+
+def test_a_relative_effect_without_an_upper_end_is_told() -> None:
+    study = study_of({"fleet.robots": tuple(range(1, 21))}, replications=2, comparisons="pairs")
+    _, table = told(made_up(study, lambda p, r: 1.0 + p + r * (1 + p % 3)))
+    relative = [row[table.head.index("relative")] for row in table.rows]
+    assert any(cell.endswith("(-100.0 to -)") for cell in relative)

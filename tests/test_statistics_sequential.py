@@ -12,6 +12,7 @@ from statistics_trials import (
     LOAD,
     autoregressive,
     batch_coverage,
+    under_noise,
     waits,
     wrong_answers,
     wrong_means,
@@ -22,6 +23,7 @@ from automaton.statistics.shares import confidence_sequence, share_test
 from automaton.statistics.steady import (
     Refused,
     batch_means,
+    correlation_time,
     independent,
     mser5,
     replication_deletion,
@@ -202,3 +204,24 @@ def test_batch_means_hold_the_truth_or_are_refused() -> None:
         held, given = batch_coverage(autoregressive(rng, 200, n, r), 0.0)
         assert given >= least
         assert given == 0 or (1 - held) * given <= 0.05 * 200 + 3
+
+
+def test_a_slow_series_under_noise_is_refused_until_its_batches_outlast_it() -> None:
+    rng = np.random.default_rng(10)
+    for runs, n, r, share in ((5, 1000, 0.99, 0.1), (1, 3000, 0.995, 0.05)):
+        _, given = batch_coverage(under_noise(rng, 200, runs, n, r, share), 0.0)
+        assert given <= 10
+    held, given = batch_coverage(under_noise(rng, 100, 1, 20_000, 0.98, 0.05), 0.0)
+    assert given >= 75 and (1 - held) * given <= 0.05 * 100 + 3
+    _, given = batch_coverage(rng.normal(size=(200, 300)), 0.0)
+    assert given >= 160  # independent observations, although of few batches
+
+
+def test_over_how_many_observations_a_series_depends_on_itself() -> None:
+    rng = np.random.default_rng(11)
+    alone = autoregressive(rng, 1, 100_000, 0.9)
+    for longest in (1, 19):
+        assert correlation_time(alone, longest) == pytest.approx(19, rel=0.1)  # (1 + r) / (1 - r)
+    hidden = under_noise(rng, 1, 1, 100_000, 0.98, 0.05)[0]
+    assert correlation_time(hidden) < 1.3 and correlation_time(hidden, 3000) > 50
+    assert correlation_time(rng.normal(size=(7, 350)), 50) < 10

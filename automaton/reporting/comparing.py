@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from automaton.experiments.study import SCENARIO, Levels, Point
-from automaton.reporting.results import Results
+from automaton.reporting.results import Results, levels_beside
 from automaton.statistics.effects import Effect, effect
 from automaton.statistics.families import bonferroni, holm
 from automaton.statistics.precision import paired_runs, unpaired_runs
@@ -26,7 +26,7 @@ HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below whi
 class Needed(NamedTuple):
     """Runs of each point that the declared precision takes, by the variances of the runs made."""
 
-    paired: int
+    paired: int | None  # None: no runs share a seed
     unpaired: int
 
 
@@ -61,9 +61,9 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
     if analysis.comparisons != "baseline" or not analysis.baseline:
         return
     varied = set(analysis.baseline)
-    bases = {_rest(p, varied): p for p in points if _is(p, analysis.baseline)}
+    bases = {levels_beside(p, varied): p for p in points if _is(p, analysis.baseline)}
     for point in points:
-        base = bases.get(_rest(point, varied))
+        base = bases.get(levels_beside(point, varied))
         if base is not None and base is not point:
             yield point, base
 
@@ -74,14 +74,6 @@ def _level(point: Point, key: str) -> object:
 
 def _is(point: Point, levels: Levels) -> bool:
     return all(_level(point, key) == level for key, level in levels.items())
-
-
-def _rest(point: Point, varied: set[str]) -> str:
-    """What identifies the points that differ in the varied factors alone."""
-    rest = {key: level for key, level in point.levels.items() if key not in varied}
-    if SCENARIO not in varied:
-        rest[SCENARIO] = point.scenario
-    return repr(sorted(rest.items()))
 
 
 def _family(
@@ -103,35 +95,49 @@ def _family(
     if not usable:
         return
     level = bonferroni(1 - analysis.error, len(usable))
-    effects = [_effect(x, y, analysis.paired, level) for _, _, _, x, y in usable]
+    common = results.study.common_random_numbers
+    effects = [_effect(x, y, analysis.paired, level, common) for _, _, _, x, y in usable]
     adjusted = holm([one.p for one in effects])
     for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
-        needed = runs_needed(x, y, analysis.precision, level)
+        needed = runs_needed(x, y, analysis.precision, level, common)
         yield Compared(metric, a, b, found, p, len(usable), (len(x), len(y)), needed)
 
 
 def runs_needed(
-    x: dict[int, float], y: dict[int, float], precision: float | None, level: float
+    x: dict[int, float], y: dict[int, float], precision: float | None, level: float, common: bool
 ) -> Needed | None:
-    """Runs until the interval of the difference reaches so far to each side, as a share of mean y."""
-    both = sorted(set(x) & set(y))
+    """Runs until the interval of the difference reaches so far to each side, as a share of mean y.
+
+    `common`: whether runs of the same replication share a seed.
+    """
     half = (precision or 0.0) * abs(math.fsum(y.values()) / len(y))
-    if len(both) < 2 or half <= 0:
+    if half <= 0:
         return None
+    pairs = _pairs(x, y, common)
     return Needed(
-        paired_runs([x[r] for r in both], [y[r] for r in both], half, level),
+        paired_runs(*pairs, half, level) if pairs else None,
         unpaired_runs(list(x.values()), list(y.values()), half, level),
     )
 
 
-def _effect(x: dict[int, float], y: dict[int, float], paired: bool, level: float) -> Effect:
-    """The effect; correlation and variance ratio always from runs of the same replication."""
+def _effect(
+    x: dict[int, float], y: dict[int, float], paired: bool, level: float, common: bool
+) -> Effect:
+    """The effect; correlation and variance ratio always from runs with the same seed."""
     found = effect(list(x.values()), list(y.values()), paired, level)
-    both = sorted(set(x) & set(y))
-    if len(both) < 2:
+    pairs = _pairs(x, y, common)
+    if pairs is None:
         return found._replace(correlation=None, variance_ratio=None)
-    pairs = effect([x[r] for r in both], [y[r] for r in both], True, level)
-    return found._replace(correlation=pairs.correlation, variance_ratio=pairs.variance_ratio)
+    same = effect(*pairs, True, level)
+    return found._replace(correlation=same.correlation, variance_ratio=same.variance_ratio)
+
+
+def _pairs(
+    x: dict[int, float], y: dict[int, float], common: bool
+) -> tuple[list[float], list[float]] | None:
+    """The runs with the same seed, one below the other; None for fewer than two."""
+    both = sorted(set(x) & set(y)) if common else []
+    return ([x[r] for r in both], [y[r] for r in both]) if len(both) > 1 else None
 
 
 def pairing_remark(compared: list[Compared], paired: bool) -> str:
@@ -159,11 +165,14 @@ def precision_remark(compared: list[Compared], precision: float | None) -> str:
     needed = [one.needed for one in compared if one.needed is not None]
     if precision is None or not needed:
         return ""
-    paired, unpaired = (max(getattr(one, way) for one in needed) for way in Needed._fields)
-    what = (
-        f"Differences to within {percent(precision)} of the mean that is compared with, all of them, "
-        f"take {paired:,} runs of each point paired and {unpaired:,} unpaired (by the variances found)"
-    )
+    unpaired = max(one.unpaired for one in needed)
+    wanted = f"Differences to within {percent(precision)} of the mean that is compared with, all of them,"
+    by = "(by the variances found)"
+    pairs = [one.paired for one in needed if one.paired is not None]
+    if len(pairs) < len(needed):
+        return f"{wanted} take {unpaired:,} runs of each point unpaired {by}."
+    paired = max(pairs)
+    what = f"{wanted} take {paired:,} runs of each point paired and {unpaired:,} unpaired {by}"
     if paired < HELPS * unpaired:
         return f"{what}: pairing saves {percent(1 - paired / unpaired, 0)} of the runs."
     return f"{what}: pairing does not help."

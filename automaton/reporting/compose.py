@@ -57,7 +57,7 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     windows = {number: point.window for number, point in enumerate(store.manifest.points)}
     document.add(*steady_section(results, windows), *comparison_section(results))
-    drawn = list(curves(results, scenarios))
+    drawn = list(curves(results))
     if drawn:
         document.add(Heading("Curves"), *drawn)
     add_floors(document, results, scenarios, floors, lacking)

@@ -7,15 +7,21 @@ from collections.abc import Iterator
 
 from automaton.experiments.study import Point
 from automaton.reporting.document import Curves, Line
-from automaton.reporting.figures import Scenarios, summary
-from automaton.reporting.results import Results, described, factor_cells, factor_heads
+from automaton.reporting.figures import interval_of
+from automaton.reporting.results import (
+    Results,
+    described,
+    factor_cells,
+    factor_heads,
+    levels_beside,
+)
 
 ROBOTS = "fleet.robots"
 WANTED = ("throughput", "T_total", "delay", "lead_time")  # beside the metrics of the analysis
-MOST_LINES = 9
+MOST_LINES = 8  # signs and colours that there are
 
 
-def curves(results: Results, scenarios: Scenarios) -> Iterator[Curves]:
+def curves(results: Results) -> Iterator[Curves]:
     """For each metric its curve over a factor of numbers: the robots if they vary."""
     factor = factor_of(results)
     if factor is None:
@@ -25,7 +31,7 @@ def curves(results: Results, scenarios: Scenarios) -> Iterator[Curves]:
         wanted = tuple(metric for metric in WANTED if metric != "T_total")
     for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
         if results.has(metric):
-            yield curve(results, scenarios, metric, factor)
+            yield curve(results, metric, factor)
 
 
 def factor_of(results: Results) -> str | None:
@@ -39,17 +45,15 @@ def factor_of(results: Results) -> str | None:
     return None
 
 
-def curve(results: Results, scenarios: Scenarios, metric: str, factor: str) -> Curves:
+def curve(results: Results, metric: str, factor: str) -> Curves:
     """A metric over a factor."""
     groups: dict[str, list[Point]] = {}
     for point in results.points:
         if factor in point.levels:
-            groups.setdefault(_others(results, point, factor), []).append(point)
+            groups.setdefault(levels_beside(point, (factor,)), []).append(point)
     lines = [
-        line(
-            results, scenarios, metric, name, sorted(points, key=lambda p: p.levels[factor]), factor
-        )
-        for name, points in list(groups.items())[:MOST_LINES]
+        line(results, metric, sorted(points, key=lambda p: p.levels[factor]), factor)
+        for points in list(groups.values())[:MOST_LINES]
     ]
     left_out = len(groups) - len(lines)
     title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")
@@ -65,17 +69,12 @@ def _others(results: Results, point: Point, factor: str) -> str:
     return ", ".join(cell for index, cell in enumerate(cells) if index != at)
 
 
-def line(
-    results: Results,
-    scenarios: Scenarios,
-    metric: str,
-    name: str,
-    points: list[Point],
-    factor: str,
-) -> Line:
+def line(results: Results, metric: str, points: list[Point], factor: str) -> Line:
     """One curve."""
-    found = [summary(results, scenarios, point, metric).interval for point in points]
+    runs = [list(results.values(point, metric).values()) for point in points]
+    found = [interval_of(results, values) for values in runs]
     value = [math.nan if one is None else one.value for one in found]
     low = [math.nan if one is None or one.low is None else one.low for one in found]
     high = [math.nan if one is None or one.high is None else one.high for one in found]
+    name = _others(results, points[0], factor)
     return Line(name, [float(point.levels[factor]) for point in points], value, low, high)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from automaton.experiments.study import Point
@@ -18,7 +18,7 @@ from automaton.reporting.results import (
 )
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved
-from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval
+from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval, skewness
 from automaton.units import count, number, percent
 
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
@@ -32,17 +32,25 @@ class Summary(NamedTuple):
     counts: Counts
     interval: Interval | None  # None: no run has a figure
     sd: float | None
+    skew: float  # of the runs
     bound: str  # what no strategy can beat, or ""
 
 
 def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
     """The mean of a metric over the runs that finished, and what became of the others."""
     values = list(results.values(point, metric).values())
-    interval = mean_interval(values, 1 - results.analysis.error) if values else None
-    sd = None
+    interval, sd = interval_of(results, values), None
     if interval is not None and len(values) > 1:
         sd = math.sqrt(math.fsum((v - interval.value) ** 2 for v in values) / (len(values) - 1))
-    return Summary(point, results.counts(point), interval, sd, bound(scenarios, point, metric))
+    skew = skewness(values) if values else 0.0
+    return Summary(
+        point, results.counts(point), interval, sd, skew, bound(scenarios, point, metric)
+    )
+
+
+def interval_of(results: Results, values: Sequence[float]) -> Interval | None:
+    """The mean of these figures of runs; None without any."""
+    return mean_interval(values, 1 - results.analysis.error) if values else None
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
@@ -102,27 +110,20 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
 def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
     """The warnings of a table's intervals: equal ones once."""
     told: dict[str, list[str]] = {}
+    skews: dict[str, float] = {}
     for one in found:
-        if one.interval is not None and one.interval.warning:
-            told.setdefault(one.interval.warning, []).append(point_name(results.study, one.point))
+        if one.interval is not None and (text := one.interval.warning):
+            told.setdefault(text, []).append(point_name(results.study, one.point))
+            skews.setdefault(text, abs(one.skew))
     if len(told.keys() - {SAME}) > 3:
         few = min(one.interval.n for one in found if one.interval is not None)
-        worst = max(told, key=lambda text: abs(skew_in(text)))
+        worst = max(told, key=skews.__getitem__)
         many = sum(one.interval is not None and one.interval.n < ENOUGH for one in found)
         rest = f"{many} points have fewer than {ENOUGH} runs (least {few}); the most skewed: "
         same = [f"warning: {', '.join(told[SAME])}: {SAME}"] if SAME in told else []
         yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
     elif told:
         yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
-
-
-def skew_in(warning: str) -> float:
-    """The skew that a warning names."""
-    after = warning.partition("skew ")[2].partition(":")[0]
-    try:
-        return float(after)
-    except ValueError:
-        return 0.0
 
 
 def run_cells(counts: Counts) -> list[str]:

@@ -7,7 +7,7 @@ would have come to: means leave it out, and every table counts it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.experiments.keys import declared_by
-from automaton.experiments.study import Analysis, Point, Study
+from automaton.experiments.study import SCENARIO, Analysis, Point, Study
 from automaton.glossary import GLOSSARY
 
 if TYPE_CHECKING:
@@ -154,13 +154,27 @@ def described(metric: str) -> tuple[str, str]:
     return GLOSSARY.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
 
 
-def level_text(level: Any) -> str:
-    """A level of a factor as text."""
+def level_text(study: Study, factor: str, level: Any) -> str:
+    """A level of a factor as text; with its keys and all digits if it needs them to be told apart."""
+    text = _values_of(level)
+    if not isinstance(level, float | Mapping):
+        return text
+    others = (other for other in study.levels(factor) if other != level)
+    return _in_full(level) if any(_values_of(other) == text for other in others) else text
+
+
+def _values_of(level: Any) -> str:
     if isinstance(level, Mapping):
         return " ".join(str(value) for value in level.values())
     if isinstance(level, float):
         return f"{level:g}"
     return "null" if level is None else str(level)
+
+
+def _in_full(level: Any) -> str:
+    if not isinstance(level, Mapping):
+        return repr(level)
+    return " ".join(str(v) if key == "name" else f"{key} {v}" for key, v in level.items())
 
 
 def factor_heads(study: Study) -> list[str]:
@@ -176,10 +190,16 @@ def factor_cells(study: Study, point: Point) -> list[str]:
     several = [point.scenario] if len(study.scenarios) > 1 else []
     missing = "-"
     levels = (
-        level_text(point.levels[name]) if name in point.levels else missing
+        level_text(study, name, point.levels[name]) if name in point.levels else missing
         for name in study.factor_names
     )
     return [*several, *levels]
+
+
+def levels_beside(point: Point, factors: Collection[str]) -> str:
+    """What identifies the points that differ in these factors alone."""
+    beside = {SCENARIO: point.scenario, **point.levels}
+    return repr(sorted((key, level) for key, level in beside.items() if key not in factors))
 
 
 def point_name(study: Study, point: Point) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from automaton.reporting.comparing import (
     Compared,
@@ -20,8 +21,12 @@ from automaton.reporting.results import (
     levels_apart,
 )
 from automaton.scenario.measures import TASK_METRICS
-from automaton.statistics.intervals import ENOUGH, SAME, Interval
+from automaton.statistics.intervals import ENOUGH, FEWEST, SAME, Interval
 from automaton.units import count, percent
+
+INTERVALS: Final = (
+    f"Student's; BCa with {FEWEST} to {ENOUGH - 1} runs unless a family puts the ends too far out"
+)
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -45,7 +50,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
         ["warm-up", warm_up],
-        ["intervals", f"{percent(1 - analysis.error, 0)}; Student's from 60 runs on, below BCa"],
+        ["intervals", f"{percent(1 - analysis.error, 0)}; {INTERVALS}"],
         ["comparisons", family(results)],
         ["durations", f"varied: {', '.join(varied)}" if varied else "not varied by this study"],
         [
@@ -61,7 +66,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     yield Heading("Design")
     yield Table(("what", "how"), rows, left=2)
     for name in study.factor_names:
-        levels = ", ".join(level_text(level) for level in study.levels(name))
+        levels = ", ".join(level_text(study, name, level) for level in study.levels(name))
         yield Text(f"Factor {name}: {levels}")
 
 
@@ -202,12 +207,13 @@ def needed_cells(one: Compared, planned: bool) -> list[str]:
     """Runs that the declared precision takes, paired and not; nothing if none is declared."""
     if not planned:
         return []
-    return ["-"] * 2 if one.needed is None else [f"{runs:,}" for runs in one.needed]
+    needed = (None, None) if one.needed is None else one.needed
+    return ["-" if runs is None else f"{runs:,}" for runs in needed]
 
 
 def relative_text(relative: Interval | None) -> str:
     """A relative effect with its interval, in percent."""
-    if relative is None or relative.low is None or relative.high is None:
+    if relative is None:
         return "-"
-    low, high = 100 * relative.low, 100 * relative.high
-    return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
+    ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
+    return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"

@@ -26,7 +26,6 @@ class Steady(NamedTuple):
     """The steady throughput of a point, or why there is none."""
 
     cut: int | None  # ticks left out
-    rule: str
     interval: Interval | None  # orders by 1000 ticks
     refused: str = ""
 
@@ -39,7 +38,6 @@ def steady_throughput(results: Results, point: Point, window: int) -> Steady | N
     length = min(map(len, series))
     y = np.array([one[:length] for one in series], np.float64) * (1000 / window)
     declared = results.study.warm_up
-    rule = "MSER-5" if declared == "mser-5" else "as declared"
     try:
         cut = mser5(y).cut if declared == "mser-5" else math.ceil((declared or 0) / window)
         if len(y) >= ENOUGH_REPLICATIONS:
@@ -47,10 +45,10 @@ def steady_throughput(results: Results, point: Point, window: int) -> Steady | N
         else:
             interval = batch_means(y[:, cut:], 1 - results.analysis.error)
     except Refused as why:
-        return Steady(None, rule, None, str(why))
+        return Steady(None, None, str(why))
     except ValueError as why:
-        return Steady(None, rule, None, f"too short: {why}")
-    return Steady(cut * window, rule, interval)
+        return Steady(None, None, f"too short: {why}")
+    return Steady(cut * window, interval)
 
 
 def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Block]:

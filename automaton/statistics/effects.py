@@ -1,7 +1,8 @@
 """Effects: by how much one set of runs differs from another, with an interval.
 
 paired     mean and interval of the differences of runs with the same seed
-unpaired   difference of means; Welch's interval with the degrees of freedom of Satterthwaite (1946)
+unpaired   difference of means; Welch's interval with the degrees of freedom of Satterthwaite (1946),
+           BCa where a mean would have it
 relative   a / b - 1; by the delta method on log a - log b, which stays correct for skewed ratios
 
 Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
@@ -12,14 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from automaton.statistics.addressed import resamples
 from automaton.statistics.intervals import (
     BOOTSTRAP_SEED,
-    ENOUGH,
     LEVEL,
     RESAMPLES,
     SAME,
@@ -31,8 +31,11 @@ from automaton.statistics.intervals import (
     expanded,
     few,
     mean_interval,
+    resampled,
 )
-from automaton.statistics.student import normal_quantile, student, tails
+from automaton.statistics.student import student, tails
+
+FARTHEST: Final = math.log(1e6)  # from a ratio to the upper end of its interval, as a logarithm
 
 
 class Effect(NamedTuple):
@@ -44,15 +47,6 @@ class Effect(NamedTuple):
     paired: bool
     correlation: float | None  # of runs with the same seed; None if they are no pairs
     variance_ratio: float | None  # below 1: pairing helps
-
-    @property
-    def pairing(self) -> str:
-        """One phrase on what pairing does; "" if the runs are no pairs."""
-        if self.correlation is None or self.variance_ratio is None:
-            return ""
-        figures = f"correlation {self.correlation:+.2f}, variance ratio {self.variance_ratio:.2f}"
-        helps = "pairing helps" if self.variance_ratio < 0.95 else "pairing does not help"
-        return f"{figures}: {helps}"
 
 
 def effect(
@@ -91,22 +85,26 @@ def variance_ratio(x: Values, y: Values) -> float:
 
 
 def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
-    """mean x - mean y of independent samples: Welch from ENOUGH runs each, else BCa."""
+    """mean x - mean y of independent samples: BCa where resamples show its ends, else Welch."""
     difference, n = float(x.mean() - y.mean()), min(len(x), len(y))
     error, degrees = _welch(x, y)
-    if n >= ENOUGH or error == 0:
+    reach = expanded(n, degrees, level)
+    if error == 0 or not resampled(n, reach):
         half = student(degrees, level) * error
         ends = difference - half, difference + half
-        return Interval(difference, *ends, n, "Welch", level, SAME if error == 0 else "")
+        return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else SAME)
     means = x[resamples(BOOTSTRAP_SEED, RESAMPLES, len(x))].mean(axis=1)
     means = means - y[resamples(BOOTSTRAP_SEED + 1, RESAMPLES, len(y))].mean(axis=1)
     influence = np.concatenate([(x - x.mean()) / len(x), (y.mean() - y) / len(y)])
-    low, high = bca(difference, means, influence, expanded(n, degrees, level))
+    low, high = bca(difference, means, influence, reach)
     return Interval(difference, low, high, n, "BCa", level, few(x, y))
 
 
 def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:
-    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0."""
+    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0.
+
+    Without an upper end where it would be a million times the ratio.
+    """
     a, b, n = float(x.mean()), float(y.mean()), min(len(x), len(y))
     if a <= 0 or b <= 0:
         return None
@@ -116,19 +114,9 @@ def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interv
     else:
         error, degrees = _welch(x / a, y / b)
     half, ratio = student(degrees, level) * error, a / b
-    low, high = ratio * math.exp(-half) - 1, ratio * math.exp(half) - 1
+    low = ratio * math.exp(-half) - 1
+    high = ratio * math.exp(half) - 1 if half < FARTHEST else None
     return Interval(ratio - 1, low, high, n, "delta", level)
-
-
-def share_interval(met: int, n: int, level: float = LEVEL) -> Interval:
-    """A share of n independent runs, n fixed beforehand (Wilson 1927)."""
-    if n < 1 or not 0 <= met <= n:
-        raise ValueError(f"{met} of {n} runs are no share")
-    z, p = normal_quantile((1 + level) / 2), met / n
-    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low = 0.0 if met == 0 else centre - half
-    return Interval(p, low, 1.0 if met == n else centre + half, n, "Wilson", level)
 
 
 def _welch(x: Values, y: Values) -> tuple[float, float]:
@@ -143,7 +131,8 @@ def _welch(x: Values, y: Values) -> tuple[float, float]:
 def _p_value(x: Values, y: Values, paired: bool) -> float:
     """Student's or Welch's; without spread, where they say 0, that of a permutation test.
 
-    Of all ways to exchange runs, two set them apart as clearly as they were found.
+    Of all ways to exchange runs, two set them apart as clearly as they were found: this one and its
+    reverse, which samples of unequal size have not.
     """
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
@@ -152,5 +141,5 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     difference = float(x.mean() - y.mean())
     if error <= 1e-12 * abs(difference) or error == 0:
         ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
-        return 1.0 if difference == 0 else 2 / ways
+        return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
     return tails(difference / error, degrees)

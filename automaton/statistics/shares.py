@@ -5,7 +5,8 @@ Wald (1945): after s runs that meet the target and f that do not,
     L = s log(p1 / p0) + f log((1 - p1) / (1 - p0)),   p0 = share - zone, p1 = share + zone
 
 the share is large enough as soon as L >= log((1 - e) / e), too small as soon as L <= -that.
-A share of p0 or less passes with probability e at most, one of p1 or more fails so.
+A share of p0 or less passes with probability e / (1 - e) at most, one of p1 or more fails so: 5.3 % for
+e = 0.05. Both together have 2 e at most.
 
 Confidence sequence, from the beta mixture of all alternatives (Robbins 1970; the beta-binomial
 boundary of Howard, Ramdas, McAuliffe & Sekhon 2021): all p with

@@ -5,7 +5,6 @@ A worker is told everything by the coordinator, and gives rows back; it reads an
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
 import signal
@@ -59,21 +58,28 @@ def _version(plugins: tuple[str, ...]) -> str:
     return hashed(sources_of(plugins))
 
 
-_SCENARIOS: dict[str, Resolved] = {}
+_SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
 KEPT_SCENARIOS = 16
 
 
 def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
-    """The scenario of a chunk: the same object again for chunks of the same point."""
-    if fingerprint not in _SCENARIOS:
+    """The scenario of a chunk: the same object again for chunks of the same point.
+
+    Threads do this at the same time, and one may let go of what another one has just put there.
+    """
+    resolved = _SCENARIOS.get(fingerprint)
+    if resolved is None:
         first = not _SCENARIOS
-        while len(_SCENARIOS) >= KEPT_SCENARIOS:
-            _SCENARIOS.pop(next(iter(_SCENARIOS)), None)
-        _SCENARIOS[fingerprint] = pickle.loads(pickled)
+        for oldest in list(_SCENARIOS)[: 1 - KEPT_SCENARIOS]:
+            _SCENARIOS.pop(oldest, None)
+        resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
         if first:  # loads the compiled loop, so that no run's time counts it
-            with contextlib.suppress(Exception):
-                Simulation(_SCENARIOS[fingerprint])
-    return _SCENARIOS[fingerprint]
+            try:
+                Simulation(resolved)
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
+    return resolved
 
 
 def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
@@ -87,11 +93,20 @@ def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
             row |= figures_of(simulation, window)
     except InputError as error:
         row["failed"] = str(error)[:LONGEST_REASON]
-    except Exception as error:  # whatever goes wrong is told beside the other runs
+    except BaseException as error:  # whatever goes wrong is told beside the other runs
+        if is_ctrl_c(error):
+            raise
         row["failed"] = f"{type(error).__name__}: {error}"[:LONGEST_REASON]
     row["wall_s"] = time.perf_counter() - wall
     row["cpu_s"] = time.process_time() - cpu
     return row
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is the user's Ctrl-C: workers are deaf to it, and only main threads hear it."""
+    heard = threading.current_thread() is threading.main_thread()
+    deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return isinstance(error, KeyboardInterrupt) and heard and not deaf
 
 
 def blank(run: Run, failed: str | None = None) -> Row:

@@ -128,5 +128,5 @@ def warm(plan: Plan) -> None:
         names = tuple(pick.name for pick in resolved.picks.values())
         if names not in seen:
             seen.add(names)
-            with contextlib.suppress(Exception):  # rows will say what a strategy raises
+            with contextlib.suppress(Exception, SystemExit):  # rows will say what a strategy raises
                 Simulation(resolved)

@@ -9,6 +9,8 @@ import subprocess
 import sys
 import threading
 import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from automaton.errors import InputError
 from automaton.experiments import session, sweeping, writing
 from automaton.experiments.keys import Run
 from automaton.experiments.plan import Plan, plan_of
+from automaton.experiments.pools import GivenExecutor
 from automaton.experiments.runs import Row
 from automaton.experiments.store import Damaged, Store, read_rows
 from automaton.experiments.writing import Writer, locked
@@ -170,6 +173,41 @@ def test_damaged_files_are_set_aside_and_their_runs_done_again(
         path.with_suffix(".bad").name for path in (cut, flipped)
     )
     assert not cut.exists()
+
+
+def damaging(out: Path, times: int) -> Callable[[list[Row]], None]:
+    """Flips a bit in a file of rows, so many times, while a sweep goes on."""
+    hit: list[Path] = []
+
+    def flip(rows: list[Row]) -> None:
+        for path in set(row_files(out)) - set(hit):
+            if len(hit) < times:
+                content = bytearray(path.read_bytes())
+                content[len(content) // 2] ^= 1
+                path.write_bytes(bytes(content))
+                hit.append(path)
+
+    return flip
+
+
+def test_files_that_are_damaged_while_a_sweep_goes_on_are_noticed_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "BATCH_ROWS", 2)
+    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    plan, out = plan_of(small_study(tmp_path)), tmp_path / "out"
+    expected = plain(swept_here(small_study(tmp_path)))
+    with ThreadPoolExecutor(1) as executor:
+        crew, heard = GivenExecutor(executor), []
+        swept = session.sweep_into(
+            out, plan, lambda: crew, on_begun=heard.append, on_rows=damaging(out, times=1)
+        )
+        assert plain(swept.store.rows()) == expected and swept.tally.done == 26
+        assert [(begun.done, len(begun.aside)) for begun in heard] == [(0, 0), (22, 1)]
+        with pytest.raises(InputError, match=r"lacks .* of 24, since files of rows were damaged"):
+            session.sweep_into(
+                tmp_path / "bad", plan, lambda: crew, on_rows=damaging(tmp_path / "bad", 99)
+            )
 
 
 def test_a_full_disk_is_told_and_loses_nothing(

@@ -105,7 +105,7 @@ class LocalPool:
 
     def close(self, now: bool) -> None:
         with self._lock:
-            pools, self._all = self._all, []
+            pools = list(self._all)  # they stay, as Ctrl-C may come while we wait for them
         processes = [process for pool in pools for process in (pool._processes or {}).values()]
         for process in processes if now else ():
             process.terminate()

@@ -18,6 +18,7 @@ from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
 from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
+from automaton.units import count
 
 ADVICE = (
     "take another folder, or --recompute: rows of other code, scenarios or seeds then count no more"
@@ -58,21 +59,57 @@ def sweep_into(
     arrow()
     with locked(folder):
         store, reanalysed = opened(folder, plan, recompute)
-        aside = tuple(set_damaged_aside(store))
-        done = store.keys(with_failed=not retry_failed)
-        begun = Begun(plan.study.runs, len(done), aside, reanalysed)
-        if on_begun is not None:
-            on_begun(begun)
+        begun, done = stock_of(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
-        tally = Tally(0, 0, 0, 0)
         try:
-            if len(done) < plan.study.runs:
-                warm(plan)
-                tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
-            writer.close()
+            tally = carried_out(plan, crew, writer, done, on_rows)
+            if lacking(store):  # files were damaged meanwhile
+                _, done = stock_of(store, False, False, on_begun)
+                tally = tally.and_then(carried_out(plan, crew, writer, done, on_rows))
+            check_complete(store)
         finally:
             writer.release()
         return Swept(store, begun, tally, len(store.failed()))
+
+
+def stock_of(
+    store: Store, reanalysed: bool, retry_failed: bool, on_begun: Callable[[Begun], None] | None
+) -> tuple[Begun, set[str]]:
+    """What a folder holds, and the keys of the runs that are done; damaged files are set aside."""
+    aside = tuple(set_damaged_aside(store))
+    done = store.keys(with_failed=not retry_failed)
+    begun = Begun(store.study.runs, len(done), aside, reanalysed)
+    if on_begun is not None:
+        on_begun(begun)
+    return begun, done
+
+
+def carried_out(
+    plan: Plan, crew: Callable[[], Crew], writer: Writer, done: set[str], on_rows: OnRows | None
+) -> Tally:
+    """Do the runs that are not done, and put all rows into one file."""
+    tally = Tally(0, 0, 0, 0)
+    if len(done) < plan.study.runs:
+        warm(plan)
+        tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
+    writer.close()
+    return tally
+
+
+def lacking(store: Store) -> int:
+    """Runs of which a folder has no row."""
+    return store.study.runs - len(store.keys())
+
+
+def check_complete(store: Store) -> None:
+    """Raises InputError if runs have no row, though all were done and written."""
+    lost = lacking(store)
+    if lost:
+        raise InputError(
+            f"lacks {count(lost, 'row')} of {store.study.runs:,}, since files of rows were damaged "
+            "twice after they had been written; the same command does their runs again",
+            str(store.folder),
+        )
 
 
 def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:

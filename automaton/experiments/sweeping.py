@@ -38,6 +38,10 @@ class Tally(NamedTuple):
     unfinished: int  # of these reached their limit
     repeated: int  # runs begun a second time, since a worker died
 
+    def and_then(self, other: Tally) -> Tally:
+        """What both did."""
+        return Tally(*map(sum, zip(self, other, strict=True)))
+
 
 class Coordinator:
     """Carries out the runs of a plan that are not done yet."""
@@ -62,14 +66,14 @@ class Coordinator:
         try:
             while self._fed():
                 self._take()
+            self.writer.flush()
+            self.crew.close(now=False)
         except BaseException:
             with contextlib.suppress(Exception):  # what has gone wrong already is what is told
                 self._take_finished()
                 self.writer.flush()
             self.crew.close(now=True)
             raise
-        self.crew.close(now=False)
-        self.writer.flush()
         return self.tally
 
     @property

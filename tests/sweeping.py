@@ -207,3 +207,12 @@ class Interrupts(Raises):
         if len(view.robots.cell) == 2:
             raise KeyboardInterrupt
         super().decide(view, asked, answers, memory, space)
+
+
+class SaysSomethingOdd(Raises):
+    """Allocation: raises with a name of a file that is no UTF-8, whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            raise ValueError(os.fsdecode(b"no caf\xe9.csv"))
+        super().decide(view, asked, answers, memory, space)

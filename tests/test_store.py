@@ -267,6 +267,21 @@ def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
         Store(tmp_path)
 
 
+@pytest.mark.parametrize("value", [2**53 + 1, "many"])
+def test_a_row_that_cannot_be_written_has_failed_and_the_others_are_kept(
+    value: object, tmp_path: Path
+) -> None:
+    plan, store = declared(tmp_path)
+    writer = Writer(store)
+    rows = [made_up(run) for run in plan.manifest.runs()]
+    rows[3]["metrics"] = {"T_total": value}
+    writer.hold(rows)
+    writer.close()
+    assert len(store.keys()) == 200 and store.failed() == {rows[3]["key"]}
+    (why,) = (why for why in store.rows().column("failed").to_pylist() if why)
+    assert why.startswith("its row cannot be written: ")
+
+
 def test_rows_are_read_by_the_thread_that_asks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

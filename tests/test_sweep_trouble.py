@@ -30,6 +30,12 @@ def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> No
     assert "3 runs reached the limit" in out
 
 
+def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> None:
+    failed = swept_here(troubled(tmp_path, "SaysSomethingOdd")).column("failed").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all("no caf?.csv" in why for why in failed[3:])
+
+
 def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
     command = sweep_command(
         troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"

@@ -92,11 +92,11 @@ def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
             run_to_end(simulation)
             row |= figures_of(simulation, window)
     except InputError as error:
-        row["failed"] = str(error)[:LONGEST_REASON]
+        row["failed"] = reason(str(error))
     except BaseException as error:  # whatever goes wrong is told beside the other runs
         if is_ctrl_c(error):
             raise
-        row["failed"] = f"{type(error).__name__}: {error}"[:LONGEST_REASON]
+        row["failed"] = reason(f"{type(error).__name__}: {error}")
     row["wall_s"] = time.perf_counter() - wall
     row["cpu_s"] = time.process_time() - cpu
     return row
@@ -107,6 +107,11 @@ def is_ctrl_c(error: BaseException) -> bool:
     heard = threading.current_thread() is threading.main_thread()
     deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     return isinstance(error, KeyboardInterrupt) and heard and not deaf
+
+
+def reason(text: str) -> str:
+    """Why a run has no figures, as a row keeps it: not too long, and text that files can hold."""
+    return text[:LONGEST_REASON].encode(errors="replace").decode()
 
 
 def blank(run: Run, failed: str | None = None) -> Row:

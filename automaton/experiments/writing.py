@@ -20,9 +20,9 @@ from typing import Any, Final
 import msgspec
 
 from automaton.errors import InputError
-from automaton.experiments.keys import MANIFEST, Manifest
+from automaton.experiments.keys import MANIFEST, Manifest, Run
 from automaton.experiments.names import COLUMNS, SERIES
-from automaton.experiments.runs import Row
+from automaton.experiments.runs import Row, blank, reason
 from automaton.experiments.store import (
     KEY_COLUMNS,
     ROWS,
@@ -45,6 +45,7 @@ GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
 RESERVE: Final = ".reserve"
 RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
 LOCK: Final = ".lock"
+UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
 SMALL, MERGED = "part", "rows"
 NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
 
@@ -112,7 +113,7 @@ class Writer:
 
     def _write(self) -> None:
         pa = arrow()
-        table = table_of(self.held, self.store, self.schema)
+        table = self._table()
         sink = pa.BufferOutputStream()
         pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
         content = sink.getvalue().to_pybytes()
@@ -121,6 +122,22 @@ class Writer:
         write_whole(place, content)
         self.small += 1
         self.held.clear()
+
+    def _table(self) -> Any:
+        """The rows in hand; those that cannot be written have failed."""
+        try:
+            return table_of(self.held, self.store, self.schema)
+        except UNFIT:
+            self.held = [self._fit(row) for row in self.held]
+            return table_of(self.held, self.store, self.schema)
+
+    def _fit(self, row: Row) -> Row:
+        try:
+            table_of([row], self.store, self.schema)
+        except UNFIT as error:
+            run = Run(*(row[name] for name in Run._fields))
+            return blank(run, reason(f"its row cannot be written: {error}"))
+        return row
 
     def _rescued(self, error: OSError) -> InputError:
         """What to say when rows cannot be written, after giving back the room that was kept."""

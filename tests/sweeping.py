@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -216,3 +217,16 @@ class SaysSomethingOdd(Raises):
         if len(view.robots.cell) == 2:
             raise ValueError(os.fsdecode(b"no caf\xe9.csv"))
         super().decide(view, asked, answers, memory, space)
+
+
+class NeedsAllMemory(Raises):
+    """Allocation: there is room for one such run at a time; another one's process is killed."""
+
+    def reset(self, view):
+        with (Path(os.environ[TROUBLE]) / "room").open("a") as room:
+            try:
+                fcntl.flock(room, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(0.5)
+        return super().reset(view)

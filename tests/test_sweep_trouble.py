@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import pickle
 import signal
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from sweeping import TROUBLE, row_files, started, sweep_command, swept_here, troubled
+from sweeping import TROUBLE, row_files, small_study, started, sweep_command, swept_here, troubled
 
 from automaton.commands import main
 from automaton.experiments import runs, sweep
@@ -46,6 +47,29 @@ def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
     found = json.loads(told)
     assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
     assert Store(tmp_path / "out").rows().num_rows == 6
+
+
+def test_runs_that_need_all_memory_are_done_one_after_the_other(tmp_path: Path) -> None:
+    study, out = troubled(tmp_path, "NeedsAllMemory"), tmp_path / "out"
+    study.write_text(study.read_text().replace("[1, 2]", "[1]"))
+    process = started(sweep_command(study, out, "--workers", "2"), **{TROUBLE: str(tmp_path)})
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    assert Store(out).rows().column("failed").to_pylist() == [None] * 3
+
+
+def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path) -> None:
+    script = tmp_path / "unguarded.py"
+    study, out = small_study(tmp_path), tmp_path / "out"
+    script.write_text(
+        "from automaton.experiments import sweep\n"
+        f"sweep({str(study)!r}, out={str(out)!r}, workers=2)\n"
+    )
+    process = started([sys.executable, str(script)])
+    _, err = process.communicate(timeout=120)
+    last = err.splitlines()[-1]
+    assert last.startswith("automaton.errors.InputError: the workers cannot start"), err
+    assert Store(out).rows().num_rows == 0
 
 
 def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(

@@ -59,10 +59,10 @@ class DaskCluster:
 
     @property
     def slots(self) -> int:
-        return self.lanes + 1 + self.lanes // 4
+        threads = self._threads_now()
+        return threads + 1 + threads // 4
 
-    @property
-    def lanes(self) -> int:
+    def _threads_now(self) -> int:
         if time.monotonic() - self._looked > LOOK_S:
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
@@ -81,6 +81,9 @@ class DaskCluster:
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, self._killed)
+
+    def starts(self) -> bool:
+        return True
 
     def renew(self) -> None:
         """The scheduler has gone on already."""

@@ -61,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out DIR is missing: the folder in which results are kept")
     if args.workers is not None and args.scheduler is not None:
         raise InputError("--workers are processes here; the scheduler has its own: leave one out")
+    from automaton.experiments.copies import copies_of
     from automaton.experiments.plan import plan_of
     from automaton.experiments.session import sweep_into
 
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
             listener.begin,
             listener.rows,
             args.retry_failed,
+            copies_of(args.study, plan),
         )
     tell(args, swept, time.monotonic() - begun_at)
     return 1 if swept.failed else 0

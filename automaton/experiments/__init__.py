@@ -69,6 +69,7 @@ def sweep(
     `if __name__ == "__main__":`). Raises InputError as `automaton sweep` does; what is done when
     something is raised is kept in `out`.
     """
+    from automaton.experiments.copies import copies_of
     from automaton.experiments.plan import plan_of
     from automaton.experiments.pools import Crew, GivenExecutor, LocalPool
     from automaton.experiments.session import sweep_into
@@ -85,7 +86,10 @@ def sweep(
 
     plan = plan_of(study)
     if out is not None:
-        swept = sweep_into(Path(out), plan, crew, recompute, retry_failed=retry_failed)
+        copies = copies_of(study, plan)
+        swept = sweep_into(
+            Path(out), plan, crew, recompute, retry_failed=retry_failed, copies=copies
+        )
         return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
         return sweep_into(Path(folder), plan, crew).store.rows()

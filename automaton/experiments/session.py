@@ -10,13 +10,14 @@ from typing import NamedTuple
 import msgspec
 
 from automaton.errors import InputError
+from automaton.experiments.copies import Copies
 from automaton.experiments.keys import Manifest, changed_sources, declared_by, read_manifest
 from automaton.experiments.plan import Plan, told
 from automaton.experiments.pools import Crew
 from automaton.experiments.store import Store, arrow, declared_in
 from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
-from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
+from automaton.experiments.writing import Writer, check_free, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
 from automaton.units import count
 
@@ -51,14 +52,15 @@ def sweep_into(
     on_begun: Callable[[Begun], None] | None = None,
     on_rows: OnRows | None = None,
     retry_failed: bool = False,
+    copies: Copies | None = None,
 ) -> Swept:
     """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
 
-    `retry_failed`: runs that failed are lacking, too.
+    `retry_failed`: runs that failed are lacking, too. `copies`: of the study's own files, to keep.
     """
     arrow()
     with locked(folder):
-        store, reanalysed = opened(folder, plan, recompute)
+        store, reanalysed = opened(folder, plan, recompute, copies)
         begun, done = stock_of(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
         try:
@@ -112,7 +114,9 @@ def check_complete(store: Store) -> None:
         )
 
 
-def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:
+def opened(
+    folder: Path, plan: Plan, recompute: bool = False, copies: Copies | None = None
+) -> tuple[Store, bool]:
     """The folder's results, if they are of this plan; whether its analysis was another one.
 
     What was declared before stays in the manifest where any of its runs count. Raises InputError if
@@ -121,16 +125,17 @@ def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bo
     manifest = plan.manifest
     before = read_manifest(folder)
     if before is None:
-        return declare(folder, manifest), False
+        check_free(folder, copies or {})
+        return declare(folder, manifest, copies), False
     objection = "" if recompute else difference(before, manifest)
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
     if not Store(folder, manifest).keys():
-        return declare(folder, manifest), False
+        return declare(folder, manifest, copies), False
     earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
     history = before.earlier if earlier == now else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
-    return declare(folder, manifest), not earlier.analysed_as(now)
+    return declare(folder, manifest, copies), not earlier.analysed_as(now)
 
 
 def difference(before: Manifest, now: Manifest) -> str:

@@ -2,6 +2,7 @@
 
     DIR/sweep.json      what the rows follow from: the study, points, seeds, hashes of the code
     DIR/study.yaml      the study as declared, for you and for another sweep
+    DIR/my-floor.yaml   the study's own scenarios and their files, placed as seen from the study
     DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
     DIR/rows/*.bad      files that were damaged; their runs are done again
 

@@ -20,6 +20,7 @@ from typing import Any, Final
 import msgspec
 
 from automaton.errors import InputError
+from automaton.experiments.copies import Copies
 from automaton.experiments.keys import MANIFEST, Manifest, Run
 from automaton.experiments.names import COLUMNS, SERIES
 from automaton.experiments.runs import Row, blank, reason
@@ -238,13 +239,30 @@ def set_damaged_aside(store: Store) -> list[Path]:
     return aside
 
 
-def declare(folder: Path, manifest: Manifest) -> Store:
+def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
     """Write what a folder's results follow from. Raises InputError."""
     with _told(folder):
+        for place, content in (copies or {}).items():
+            if not holds(folder / place, content):
+                (folder / place).parent.mkdir(parents=True, exist_ok=True)
+                write_whole(folder / place, content)
         write_whole(folder / STUDY_FILE, manifest.text.encode())
         pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
         write_whole(folder / MANIFEST, pretty + b"\n")
     return Store(folder)
+
+
+def check_free(folder: Path, copies: Copies) -> None:
+    """Raises InputError if a folder that is no folder of results yet has other files in their place."""
+    for place, content in copies.items():
+        if (folder / place).exists() and not holds(folder / place, content):
+            text = f"holds another file {place} than the study: take another folder"
+            raise InputError(text, str(folder))
+
+
+def holds(path: Path, content: bytes) -> bool:
+    """Whether there is a file with this content."""
+    return path.is_file() and path.read_bytes() == content
 
 
 def table_of(rows: list[Row], store: Store, schema: Any) -> Any:

@@ -81,8 +81,22 @@ def test_a_reader_between_two_writes_has_the_study_that_its_manifest_has(tmp_pat
     read = Store(store.folder)
     assert read.study == plan.study and read.rows().num_rows == 200
     (store.folder / "sweep.json").write_text('{"format": 1}')
-    with pytest.raises(InputError, match="is of format 1, not 2: take another folder"):
+    with pytest.raises(InputError, match="is of format 1, not 3: take another folder"):
         Store(store.folder)
+
+
+@pytest.mark.parametrize("part", ["[1, 2]", "replications", "fingerprint", "checksum", "tabletop"])
+def test_a_damaged_manifest_is_refused(part: str, tmp_path: Path) -> None:
+    study, out = small_study(tmp_path, 1), tmp_path / "out"
+    rows = swept_here(study, out)
+    manifest = out / "sweep.json"
+    content = bytearray(manifest.read_bytes())
+    content[content.index(part.encode()) + 4] ^= 4
+    manifest.write_bytes(content)
+    with pytest.raises(InputError, match=r"sweep\.json: (is damaged: |cannot be read: )"):
+        Store(out)
+    manifest.unlink()
+    assert swept_here(study, out).equals(rows)
 
 
 def test_files_are_merged_and_no_row_is_there_twice(tmp_path: Path) -> None:

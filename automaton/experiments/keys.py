@@ -24,7 +24,7 @@ from automaton.strategy import lookup
 
 DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 2
+FORMAT: Final = 3
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -79,6 +79,7 @@ class Manifest(msgspec.Struct, frozen=True):
     counted: tuple[str, ...]  # metrics that the strategies count themselves
     earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
     format: int = FORMAT
+    checksum: str = ""  # of all else, in a file; "" in memory
 
     @property
     def version(self) -> str:
@@ -227,11 +228,30 @@ def read_manifest(folder: Path) -> Manifest | None:
         form = msgspec.json.decode(content, type=Form).format
         if form != FORMAT:
             raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
-        return msgspec.json.decode(content, type=Manifest)
+        manifest = msgspec.json.decode(content, type=Manifest)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (msgspec.DecodeError, OSError) as error:
         raise InputError(f"cannot be read: {error}", str(path)) from None
+    plain = msgspec.structs.replace(manifest, checksum="")
+    if manifest.checksum != checksum_of(plain):
+        raise InputError(
+            "is damaged: it is not what was written; remove it, and the sweep of the same study into "
+            "this folder writes it anew and keeps the rows",
+            str(path),
+        )
+    return plain
+
+
+def manifest_json(manifest: Manifest) -> bytes:
+    """A manifest as its file holds it, with its checksum."""
+    sealed = msgspec.structs.replace(manifest, checksum=checksum_of(manifest))
+    return msgspec.json.format(msgspec.json.encode(sealed), indent=1) + b"\n"
+
+
+def checksum_of(manifest: Manifest) -> str:
+    """32 hex digits of all that a manifest says."""
+    return digest(msgspec.json.encode(manifest).decode())[:32]
 
 
 def declared_by(study: Study) -> Declared:

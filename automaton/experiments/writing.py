@@ -17,11 +17,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import msgspec
-
 from automaton.errors import InputError
 from automaton.experiments.copies import Copies
-from automaton.experiments.keys import MANIFEST, Manifest, Run
+from automaton.experiments.keys import MANIFEST, Manifest, Run, manifest_json
 from automaton.experiments.names import COLUMNS, SERIES
 from automaton.experiments.runs import Row, blank, reason
 from automaton.experiments.store import (
@@ -247,8 +245,7 @@ def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> S
                 (folder / place).parent.mkdir(parents=True, exist_ok=True)
                 write_whole(folder / place, content)
         write_whole(folder / STUDY_FILE, manifest.text.encode())
-        pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
-        write_whole(folder / MANIFEST, pretty + b"\n")
+        write_whole(folder / MANIFEST, manifest_json(manifest))
     return Store(folder)
 
 

@@ -12,6 +12,7 @@ import pytest
 from sweeping import environment, plain, swept_here
 
 from automaton.errors import InputError
+from automaton.experiments import keys, runs
 from automaton.experiments.keys import sources_of
 from automaton.experiments.store import Store
 from automaton.reporting.compose import scenarios_of
@@ -163,3 +164,29 @@ def test_a_file_that_is_in_the_way_of_a_copy_stays(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds another file floor\.txt than the study"):
         swept_here(study, out)
     assert (out / "floor.txt").read_text() == "mine"
+
+
+def test_a_worker_that_lives_on_says_which_code_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "lasting_plug_in.py").touch()
+    runs._packages.cache_clear()
+    mine = runs._version(())
+    with monkeypatch.context() as later:  # the disk has other code now
+        later.setattr(keys, "DATA", ())
+        changed = keys.hashed(sources_of(("lasting_plug_in",)))
+        assert runs._version(("lasting_plug_in",)) != changed and runs._version(()) == mine
+    assert runs._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
+
+
+def test_a_link_that_leads_nowhere_is_no_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as an editor leaves beside a file that is open in it."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "edited_plug_in.py").touch()
+    (tmp_path / ".#edited_plug_in.py").symlink_to("somebody@somewhere.1")
+    assert set(sources_of(("edited_plug_in",))) - set(sources_of()) == {
+        "edited_plug_in: edited_plug_in.py"
+    }

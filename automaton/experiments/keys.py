@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -169,17 +169,36 @@ def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
     Of a plug-in that is a package all its files count but caches, of a single module the Python
     files beside it.
     """
+    found = package_sources()
+    for plugin in plugins:
+        found |= plugin_sources(plugin)
+    return dict(sorted(found.items()))
+
+
+def package_sources() -> Sources:
+    """Those of automaton's packages."""
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
         deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA)
-        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in deciding}
-    for plugin in plugins:
-        top = plugin.partition(".")[0]
-        root, whole = _home(top)
-        files = _own_files(root) if whole else root.glob("*.py")
-        found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
-    return dict(sorted(found.items()))
+        found |= _contents(deciding, root.parent, "")
+    return found
+
+
+def plugin_sources(plugin: str) -> Sources:
+    """Those of a plug-in, given by its module."""
+    top = plugin.partition(".")[0]
+    root, whole = _home(top)
+    return _contents(_own_files(root) if whole else root.glob("*.py"), root, f"{top}: ")
+
+
+def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
+    """Names as seen from a folder, with something first; links that lead nowhere are no files."""
+    return {
+        first + path.relative_to(root).as_posix(): _content(path)
+        for path in files
+        if path.is_file()
+    }
 
 
 def _own_files(root: Path) -> Iterator[Path]:

@@ -10,14 +10,14 @@ import pickle
 import signal
 import threading
 import time
-from functools import lru_cache
+from functools import cache
 from multiprocessing import connection, parent_process
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.experiments.keys import Run, hashed, sources_of
+from automaton.experiments.keys import Run, Sources, hashed, package_sources, plugin_sources
 from automaton.headless import is_finished, run_to_end, strategies_blamed
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
@@ -53,9 +53,22 @@ def run_chunk(chunk: Chunk) -> list[Row]:
     return [run_one(resolved, run, chunk.window) for run in chunk.runs]
 
 
-@lru_cache(maxsize=4)
 def _version(plugins: tuple[str, ...]) -> str:
-    return hashed(sources_of(plugins))
+    """The version of the code that this process has, and not of what the disk may have by now."""
+    found = _packages()
+    for plugin in plugins:
+        found = found | _plugin(plugin)
+    return hashed(found)
+
+
+@cache
+def _packages() -> Sources:
+    return package_sources()
+
+
+@cache
+def _plugin(module: str) -> Sources:
+    return plugin_sources(module)
 
 
 _SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import random
 import subprocess
@@ -27,6 +28,7 @@ from automaton.experiments.pools import GivenExecutor
 from automaton.experiments.runs import Row
 from automaton.experiments.store import Damaged, Store, read_rows
 from automaton.experiments.writing import Writer, locked
+from automaton.whole_file import written
 
 
 def made_up(run: Run) -> Row:
@@ -294,6 +296,49 @@ def test_a_row_that_cannot_be_written_has_failed_and_the_others_are_kept(
     assert len(store.keys()) == 200 and store.failed() == {rows[3]["key"]}
     (why,) = (why for why in store.rows().column("failed").to_pylist() if why)
     assert why.startswith("its row cannot be written: ")
+
+
+@pytest.mark.parametrize(
+    ("place", "call", "code", "said"),
+    [
+        (fcntl, "flock", errno.ENOLCK, "out: cannot write results: no locks available"),
+        (Path, "unlink", errno.EROFS, "out: cannot write results: read-only file system"),
+        (os, "replace", errno.EACCES, r"\.bad: cannot write results: permission denied"),
+        (Path, "read_bytes", errno.EIO, "cannot be read: input/output error"),
+    ],
+)
+def test_what_the_disk_refuses_is_told_in_one_sentence(
+    place: Any, call: str, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, store = filled(tmp_path, batch=200)
+    (store.folder / "rows" / "left.writing").touch()
+    (path,) = row_files(store.folder)
+    path.write_bytes(path.read_bytes()[1:])
+    real = getattr(place, call)
+
+    kind = ".writing" if call == "unlink" else ".parquet"
+
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        if call == "flock" or Path(arguments[0]).suffix == kind:
+            raise OSError(code, os.strerror(code))
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(place, call, refuse)
+    with pytest.raises(InputError, match=f"(?i){said}"):
+        session.sweep_into(store.folder, plan, lambda: pytest.fail("nothing is to be done"))
+
+
+def test_a_file_on_a_read_only_file_system_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    said = r"r\.html: cannot write it: Read-only file system"
+    with pytest.raises(InputError, match=said), written(tmp_path / "r.html"):
+        pass
 
 
 def test_rows_are_read_by_the_thread_that_asks(

@@ -14,6 +14,7 @@ import re
 import socket
 import time
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,20 +55,25 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
     with _told(folder):
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK).open("a+")
+        file = (folder / LOCK).open("a+b", buffering=0)
     with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.seek(0)
-            who = file.read().strip() or "another process"
-            raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}")
-        file.flush()
-        for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
-            left.unlink()  # of a sweep that was killed
+        with _told(folder):
+            _claim(file, folder)
         yield
+
+
+def _claim(file: FileIO, folder: Path) -> None:
+    """Lock a folder by this file, which says who did; take away what a killed sweep has left."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        who = file.read().decode(errors="replace").strip() or "another process"
+        raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
+    file.truncate(0)
+    file.write(f"process {os.getpid()} on {socket.gethostname()}".encode())
+    for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
+        left.unlink()
 
 
 class Writer:
@@ -158,7 +164,8 @@ class Writer:
 
     def release(self) -> None:
         """Give back the room that was kept."""
-        (self.folder / RESERVE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # what has gone wrong already is what is told
+            (self.folder / RESERVE).unlink(missing_ok=True)
 
     def merge(self, only_small: bool = False) -> None:
         """Put files together, each run once. Files of other columns or that are damaged stay."""
@@ -177,9 +184,11 @@ class Writer:
         except OSError:
             return  # no room for a second copy: many files are as good
         finally:
-            part.unlink(missing_ok=True)
-        for path in merged:
-            path.unlink()
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+        with _told(self.folder):
+            for path in merged:
+                path.unlink()
         self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
 
     def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
@@ -233,7 +242,8 @@ def set_damaged_aside(store: Store) -> list[Path]:
     aside = []
     for path in store.damaged:
         aside.append(path.with_suffix(".bad"))
-        os.replace(path, aside[-1])
+        with _told(aside[-1]):
+            os.replace(path, aside[-1])
     return aside
 
 
@@ -251,10 +261,11 @@ def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> S
 
 def check_free(folder: Path, copies: Copies) -> None:
     """Raises InputError if a folder that is no folder of results yet has other files in their place."""
-    for place, content in copies.items():
-        if (folder / place).exists() and not holds(folder / place, content):
-            text = f"holds another file {place} than the study: take another folder"
-            raise InputError(text, str(folder))
+    with _told(folder):
+        for place, content in copies.items():
+            if (folder / place).exists() and not holds(folder / place, content):
+                text = f"holds another file {place} than the study: take another folder"
+                raise InputError(text, str(folder))
 
 
 def holds(path: Path, content: bytes) -> bool:

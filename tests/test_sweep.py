@@ -274,6 +274,9 @@ def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
     row = table.to_pylist()[1]
     outcome = simulate("tabletop-mini", row["seed"], fleet__robots=2, **{"durations.turn": 5})
     assert outcome.digest == row["digest"]
+    for workers in (-1, 0, 1025):
+        with pytest.raises(InputError, match=f"workers must be from 1 to 1,024, found {workers}"):
+            sweep(study, workers=workers)
     with pytest.raises(InputError, match="did you mean 'robots'"):
         simulate("tabletop-mini", fleet__robot=2)
 

@@ -71,11 +71,13 @@ def sweep(
     """
     from automaton.experiments.copies import copies_of
     from automaton.experiments.plan import plan_of
-    from automaton.experiments.pools import Crew, GivenExecutor, LocalPool
+    from automaton.experiments.pools import MAX_WORKERS, Crew, GivenExecutor, LocalPool
     from automaton.experiments.session import sweep_into
 
     if sum(given is not None for given in (executor, workers, scheduler)) > 1:
         raise InputError("sweep() takes one of executor, workers and scheduler")
+    if workers is not None and not 1 <= workers <= MAX_WORKERS:
+        raise InputError(f"workers must be from 1 to {MAX_WORKERS:,}, found {workers}")
 
     def crew() -> Crew:
         if scheduler is not None:

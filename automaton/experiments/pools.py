@@ -16,6 +16,8 @@ from automaton.errors import InputError
 from automaton.experiments.runs import Chunk, Row, attend, run_chunk
 from automaton.parallel import children_ignore_interrupts, cores
 
+MAX_WORKERS = 1024
+
 
 class Promise(Protocol):
     """What crews give for a chunk: a future of concurrent.futures, or of Dask."""
@@ -54,7 +56,7 @@ class LocalPool:
     """Spawned processes on this machine, one for each core unless told otherwise."""
 
     def __init__(self, workers: int | None = None) -> None:
-        self.workers = workers or cores()
+        self.workers = cores() if workers is None else workers
         self.repeated = 0
         self._all: list[ProcessPoolExecutor] = []
         self._pool = self._started(self.workers)

@@ -8,14 +8,17 @@ import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 
 import pytest
 from sweeping import TROUBLE, row_files, small_study, started, sweep_command, swept_here, troubled
 
 from automaton.commands import main
-from automaton.experiments import runs, sweep
+from automaton.errors import InputError
+from automaton.experiments import pools, runs, sweep
 from automaton.experiments.forecast import done_in
 from automaton.experiments.plan import plan_of
+from automaton.experiments.session import sweep_into
 from automaton.experiments.store import Store, read_rows
 
 
@@ -128,3 +131,26 @@ def test_a_scenario_that_another_thread_lets_go_is_still_run(
     monkeypatch.setattr(runs, "Simulation", lambda resolved: runs._SCENARIOS.clear())
     given = plan_of(troubled(tmp_path, "Raises")).scenarios[0]
     assert runs._scenario("one", pickle.dumps(given)).scenario == given.scenario
+
+
+def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, over = [], Event()
+
+    def run_chunk(chunk: runs.Chunk) -> list[runs.Row]:
+        begun.append(chunk)
+        assert len(begun) == 1 or over.wait(20)
+        return runs.run_chunk(chunk)
+
+    def stop(rows: list[runs.Row]) -> None:
+        raise InputError("stopped")
+
+    monkeypatch.setattr(pools, "run_chunk", run_chunk)
+    plan = plan_of(troubled(tmp_path, "Raises"))
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(InputError, match="stopped"):
+            crew = pools.GivenExecutor(executor)
+            sweep_into(tmp_path / "out", plan, lambda: crew, on_rows=stop)
+        over.set()
+    assert len(begun) <= 2  # one that was done, and one that was under way

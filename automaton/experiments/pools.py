@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from typing import Any, Protocol
 
 from automaton.errors import InputError
@@ -116,14 +116,17 @@ class GivenExecutor:
 
     def __init__(self, executor: Executor) -> None:
         self.executor = executor
+        self.under_way: set[Future[list[Row]]] = set()
         self.repeated = 0
         self.slots = 2 + int(getattr(executor, "_max_workers", None) or cores())
 
     def submit(self, chunk: Chunk) -> Promise:
-        return self.executor.submit(run_chunk, chunk)
+        future = self.executor.submit(run_chunk, chunk)
+        self.under_way.add(future)
+        future.add_done_callback(self.under_way.discard)
+        return future
 
-    def submit_alone(self, chunk: Chunk) -> Promise:
-        return self.executor.submit(run_chunk, chunk)
+    submit_alone = submit
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
@@ -138,4 +141,6 @@ class GivenExecutor:
         )
 
     def close(self, now: bool) -> None:
-        """Leave it as it is."""
+        """Leave it as it is, but for the chunks that nobody waits for any more."""
+        for future in list(self.under_way):
+            future.cancel()

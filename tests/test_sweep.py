@@ -259,7 +259,20 @@ def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
     assert not out.exists()
     assert main(["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["runs"], found["done"], found["wall_s"]) == (24, 24, 0)
+    assert (found["runs"], found["done"], found["wall_s"], found["bytes"]) == (24, 24, 0, 0)
+
+
+def test_a_dry_run_counts_what_recompute_would_leave_as_it_is(
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = small_study(tmp_path)
+    study.write_text(study.read_text().replace("[1, 2]", "[2, 3]"))
+    command = ["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]
+    told = []
+    for options in ([], ["--recompute"]):
+        assert main([*command, *options]) == 0
+        told.append(json.loads(capsys.readouterr().out)["done"])
+    assert told == [0, 12]
 
 
 def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
@@ -311,6 +324,7 @@ def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:
         ((), "--out DIR is missing"),
         (("--out", "x", "--workers", "0"), "'0' is not a number of processes"),
         (("--out", "x", "--workers", "2", "--scheduler", "tcp://a:1"), "leave one out"),
+        (("--dry-run", "--scheduler", "tcp://a:1"), "not with a cluster: leave one out"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(

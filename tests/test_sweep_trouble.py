@@ -54,11 +54,12 @@ def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
 
 def test_runs_that_need_all_memory_are_done_one_after_the_other(tmp_path: Path) -> None:
     study, out = troubled(tmp_path, "NeedsAllMemory"), tmp_path / "out"
-    study.write_text(study.read_text().replace("[1, 2]", "[1]"))
+    text = study.read_text().replace("[1, 2]", "[1]")
+    study.write_text(text.replace("replications: 3", "replications: 6"))
     process = started(sweep_command(study, out, "--workers", "2"), **{TROUBLE: str(tmp_path)})
     _, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
-    assert Store(out).rows().column("failed").to_pylist() == [None] * 3
+    assert Store(out).rows().column("failed").to_pylist() == [None] * 6
 
 
 def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path) -> None:

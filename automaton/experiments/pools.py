@@ -91,8 +91,12 @@ class LocalPool:
         self._pool = self._instead_of(self._pool, self.workers)
 
     def _instead_of(self, broken: ProcessPoolExecutor, workers: int) -> ProcessPoolExecutor:
+        """A new pool, when all processes of one that broke have ended, and their memory is free."""
         self._all.remove(broken)
+        processes = list((broken._processes or {}).values())
         broken.shutdown(wait=False)
+        for process in processes:
+            process.join(5)
         return self._started(workers)
 
     def close(self, now: bool) -> None:

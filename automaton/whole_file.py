@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,7 +22,8 @@ def written(path: Path) -> Iterator[BinaryIO]:
     except OSError as error:
         raise refusal(error.strerror or str(error), path) from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # of a file system that is read-only
+            part.unlink(missing_ok=True)
 
 
 def refusal(why: str, path: Path) -> InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -31,6 +32,15 @@ replications: {replications}
 seed: {seed}
 """
 
+TROUBLED = """name: troubled
+scenario: tabletop-mini
+factors:
+  fleet.robots: [1, 2]
+  strategy.allocation: ["sweeping:{strategy}"]
+  stop.at_most: [50]
+replications: 3
+"""
+
 
 def small_study(folder: Path, replications: int = 6, seed: int = 1, **changes: str) -> Path:
     """A study of 4 points; `changes`: what stands instead of what."""
@@ -39,6 +49,13 @@ def small_study(folder: Path, replications: int = 6, seed: int = 1, **changes: s
         text = text.replace(before, after)
     path = folder / "small.yaml"
     path.write_text(text)
+    return path
+
+
+def troubled(folder: Path, strategy: str) -> Path:
+    """A study of 3 runs with one robot and 3 with two, by a strategy of this module."""
+    path = folder / "troubled.yaml"
+    path.write_text(TROUBLED.format(strategy=strategy))
     return path
 
 
@@ -173,3 +190,43 @@ class Raises(Strategy):
         if len(view.robots.cell) == 2:
             raise ValueError("two are too many")
         answers.allocation.verb[: asked.count[0]] = PARK
+
+
+class Quits(Raises):
+    """Allocation: leaves Python whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            sys.exit(0)
+        super().decide(view, asked, answers, memory, space)
+
+
+class Interrupts(Raises):
+    """Allocation: raises what Ctrl-C raises whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            raise KeyboardInterrupt
+        super().decide(view, asked, answers, memory, space)
+
+
+class SaysSomethingOdd(Raises):
+    """Allocation: raises with a name of a file that is no UTF-8, whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            raise ValueError(os.fsdecode(b"no caf\xe9.csv"))
+        super().decide(view, asked, answers, memory, space)
+
+
+class NeedsAllMemory(Raises):
+    """Allocation: there is room for one such run at a time; another one's process is killed."""
+
+    def reset(self, view):
+        with (Path(os.environ[TROUBLE]) / "room").open("a") as room:
+            try:
+                fcntl.flock(room, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(0.5)
+        return super().reset(view)

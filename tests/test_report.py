@@ -311,7 +311,7 @@ def test_a_steady_state_of_a_few_runs_rests_on_all_of_them() -> None:
 
 @pytest.fixture
 def steady(tmp_path: Path) -> Path:
-    """A folder of a steady state, of which the scenario lies beside the study, not in the folder."""
+    """A folder of a steady state, with a copy of its scenario; the study's own lies beside that."""
     shipped = find("warehouse-100").read_text()
     (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 1200"))
     (tmp_path / "steady.yaml").write_text(
@@ -324,6 +324,7 @@ def steady(tmp_path: Path) -> Path:
 
 
 def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
+    (steady / "own.yaml").unlink()
     store = Store(steady)
     document = compose(store)
     told = [item for block in document.blocks if isinstance(block, Listed) for item in block.items]
@@ -341,9 +342,8 @@ def test_figures_of_whole_runs_say_so_in_a_steady_state(steady: Path) -> None:
 
 
 def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsys: Any) -> None:
-    """Beside the folder's own study, where the report looks first, lies a scenario of that name."""
+    """Beside the folder's own study, where the report looks first, lies a copy of the scenario."""
     own = steady.parent.parent / "own.yaml"
-    (steady / "own.yaml").write_text(own.read_text())
     code, out, _ = report(capsys, str(steady), "--floor", "0")
     assert code == 0 and "most: no strategy can do better" in out and "Visits, point 0" in out
     (steady / "own.yaml").write_text(own.read_text().replace("count: 2000", "count: 1999"))

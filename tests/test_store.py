@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import random
 import subprocess
 import sys
 import threading
 import zlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +24,11 @@ from automaton.errors import InputError
 from automaton.experiments import session, sweeping, writing
 from automaton.experiments.keys import Run
 from automaton.experiments.plan import Plan, plan_of
+from automaton.experiments.pools import GivenExecutor
 from automaton.experiments.runs import Row
 from automaton.experiments.store import Damaged, Store, read_rows
 from automaton.experiments.writing import Writer, locked
+from automaton.whole_file import written
 
 
 def made_up(run: Run) -> Row:
@@ -78,8 +83,22 @@ def test_a_reader_between_two_writes_has_the_study_that_its_manifest_has(tmp_pat
     read = Store(store.folder)
     assert read.study == plan.study and read.rows().num_rows == 200
     (store.folder / "sweep.json").write_text('{"format": 1}')
-    with pytest.raises(InputError, match="is of format 1, not 2: take another folder"):
+    with pytest.raises(InputError, match="is of format 1, not 3: take another folder"):
         Store(store.folder)
+
+
+@pytest.mark.parametrize("part", ["[1, 2]", "replications", "fingerprint", "checksum", "tabletop"])
+def test_a_damaged_manifest_is_refused(part: str, tmp_path: Path) -> None:
+    study, out = small_study(tmp_path, 1), tmp_path / "out"
+    rows = swept_here(study, out)
+    manifest = out / "sweep.json"
+    content = bytearray(manifest.read_bytes())
+    content[content.index(part.encode()) + 4] ^= 4
+    manifest.write_bytes(content)
+    with pytest.raises(InputError, match=r"sweep\.json: (is damaged: |cannot be read: )"):
+        Store(out)
+    manifest.unlink()
+    assert swept_here(study, out).equals(rows)
 
 
 def test_files_are_merged_and_no_row_is_there_twice(tmp_path: Path) -> None:
@@ -172,6 +191,41 @@ def test_damaged_files_are_set_aside_and_their_runs_done_again(
     assert not cut.exists()
 
 
+def damaging(out: Path, times: int) -> Callable[[list[Row]], None]:
+    """Flips a bit in a file of rows, so many times, while a sweep goes on."""
+    hit: list[Path] = []
+
+    def flip(rows: list[Row]) -> None:
+        for path in set(row_files(out)) - set(hit):
+            if len(hit) < times:
+                content = bytearray(path.read_bytes())
+                content[len(content) // 2] ^= 1
+                path.write_bytes(bytes(content))
+                hit.append(path)
+
+    return flip
+
+
+def test_files_that_are_damaged_while_a_sweep_goes_on_are_noticed_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "BATCH_ROWS", 2)
+    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    plan, out = plan_of(small_study(tmp_path)), tmp_path / "out"
+    expected = plain(swept_here(small_study(tmp_path)))
+    with ThreadPoolExecutor(1) as executor:
+        crew, heard = GivenExecutor(executor), []
+        swept = session.sweep_into(
+            out, plan, lambda: crew, on_begun=heard.append, on_rows=damaging(out, times=1)
+        )
+        assert plain(swept.store.rows()) == expected and swept.tally.done == 26
+        assert [(begun.done, len(begun.aside)) for begun in heard] == [(0, 0), (22, 1)]
+        with pytest.raises(InputError, match=r"lacks .* of 24, since files of rows were damaged"):
+            session.sweep_into(
+                tmp_path / "bad", plan, lambda: crew, on_rows=damaging(tmp_path / "bad", 99)
+            )
+
+
 def test_a_full_disk_is_told_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,6 +281,64 @@ def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
         Store(tmp_path / "nothing")
     with pytest.raises(InputError, match="holds no results of a sweep"):
         Store(tmp_path)
+
+
+@pytest.mark.parametrize("value", [2**53 + 1, "many"])
+def test_a_row_that_cannot_be_written_has_failed_and_the_others_are_kept(
+    value: object, tmp_path: Path
+) -> None:
+    plan, store = declared(tmp_path)
+    writer = Writer(store)
+    rows = [made_up(run) for run in plan.manifest.runs()]
+    rows[3]["metrics"] = {"T_total": value}
+    writer.hold(rows)
+    writer.close()
+    assert len(store.keys()) == 200 and store.failed() == {rows[3]["key"]}
+    (why,) = (why for why in store.rows().column("failed").to_pylist() if why)
+    assert why.startswith("its row cannot be written: ")
+
+
+@pytest.mark.parametrize(
+    ("place", "call", "code", "said"),
+    [
+        (fcntl, "flock", errno.ENOLCK, "out: cannot write results: no locks available"),
+        (Path, "unlink", errno.EROFS, "out: cannot write results: read-only file system"),
+        (os, "replace", errno.EACCES, r"\.bad: cannot write results: permission denied"),
+        (Path, "read_bytes", errno.EIO, "cannot be read: input/output error"),
+    ],
+)
+def test_what_the_disk_refuses_is_told_in_one_sentence(
+    place: Any, call: str, code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, store = filled(tmp_path, batch=200)
+    (store.folder / "rows" / "left.writing").touch()
+    (path,) = row_files(store.folder)
+    path.write_bytes(path.read_bytes()[1:])
+    real = getattr(place, call)
+
+    kind = ".writing" if call == "unlink" else ".parquet"
+
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        if call == "flock" or Path(arguments[0]).suffix == kind:
+            raise OSError(code, os.strerror(code))
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(place, call, refuse)
+    with pytest.raises(InputError, match=f"(?i){said}"):
+        session.sweep_into(store.folder, plan, lambda: pytest.fail("nothing is to be done"))
+
+
+def test_a_file_on_a_read_only_file_system_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: Any, **options: Any) -> Any:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    said = r"r\.html: cannot write it: Read-only file system"
+    with pytest.raises(InputError, match=said), written(tmp_path / "r.html"):
+        pass
 
 
 def test_rows_are_read_by_the_thread_that_asks(

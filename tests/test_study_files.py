@@ -6,8 +6,10 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -313,6 +315,29 @@ def test_what_is_known_of_studies_needs_nothing_heavy(arguments: list[str]) -> N
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
+
+
+# Studies built in Python
+
+
+def test_levels_may_be_ranges_and_of_numpy() -> None:
+    given: tuple[Any, ...] = (range(1, 3), np.arange(1, 3), (np.int64(1), np.int32(2)))
+    for levels in given:
+        study = Study(
+            name="s",
+            scenario="tabletop-mini",
+            factors={"fleet.robots": levels},
+            replications=np.int64(2),
+            analysis=Analysis(
+                metrics=("ticks",), comparisons="baseline", baseline={"fleet.robots": np.int64(1)}
+            ),
+        )
+        assert [point.levels for point in plan_of(study).points] == [
+            {"fleet.robots": 1},
+            {"fleet.robots": 2},
+        ]
+    with pytest.raises(InputError, match=r"holds numbers, text, lists and mappings, found \{1"):
+        Study(name="s", scenario="t", factors={"fleet.robots": {1, 2}}, replications=1)
 
 
 # A scenario in the place of a study, and the other way round

@@ -10,44 +10,25 @@ from pathlib import Path
 
 import pytest
 from sweeping import (
-    TROUBLE,
     environment,
     plain,
     row_files,
     small_study,
-    started,
-    sweep_command,
     swept_here,
 )
 
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import Study, keys, session, simulate, sweep
-from automaton.experiments.forecast import done_in
 from automaton.experiments.names import COLUMNS
 from automaton.experiments.plan import plan_of
-from automaton.experiments.store import Store, read_rows
+from automaton.experiments.store import Store
 from automaton.glossary import GLOSSARY
 from automaton.reporting.compose import compose
 from automaton.reporting.document import Table
 from automaton.reporting.results import read_results
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-
-TROUBLED = """name: troubled
-scenario: tabletop-mini
-factors:
-  fleet.robots: [1, 2]
-  strategy.allocation: ["sweeping:{strategy}"]
-  stop.at_most: [50]
-replications: 3
-"""
-
-
-def troubled(folder: Path, strategy: str) -> Path:
-    path = folder / "troubled.yaml"
-    path.write_text(TROUBLED.format(strategy=strategy))
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -268,53 +249,6 @@ def design_tables(out: Path) -> list[Table]:
     return [block for block in compose(Store(out)).blocks if isinstance(block, Table)]
 
 
-def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:
-    command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
-    process = started(command)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and "3 runs gave no figures" in err
-    rows = Store(tmp_path / "out").rows().to_pylist()
-    assert [row["failed"] is None for row in rows] == [True] * 3 + [False] * 3
-    assert "two are too many" in rows[3]["failed"] and rows[3]["digest"] is None
-    assert not rows[0]["finished"] and rows[0]["ticks"] == 50  # nobody does anything: the limit
-    assert "3 runs reached the limit" in out
-
-
-def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
-    command = sweep_command(
-        troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
-    )
-    process = started(command, **{TROUBLE: str(tmp_path)})
-    told, err = process.communicate(timeout=60)
-    assert process.returncode == 0, err
-    found = json.loads(told)
-    assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
-    assert Store(tmp_path / "out").rows().num_rows == 6
-
-
-def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
-    command = sweep_command(study, out, "--workers", "1")
-    process = started(command, **{TROUBLE: str(tmp_path)})
-    _, err = process.communicate(timeout=60)
-    assert (process.returncode, err.count("\n")) == (1, 1), err
-    failed = Store(out).rows().column("failed").to_pylist()
-    assert failed[:3] == [None] * 3
-    assert all("the worker process died twice" in why for why in failed[3:])
-    # Mended, but they are not done again by themselves: they might kill workers for ever.
-    monkeypatch.setenv(TROUBLE, str(tmp_path))
-    (tmp_path / "mended").touch()
-    assert main(command[3:]) == 1
-    said = "3 runs gave no figures; the column `failed` says why, --retry-failed tries again\n"
-    assert capsys.readouterr().err == f"automaton: {said}"
-    assert [done_in(out, plan_of(study), retry) for retry in (False, True)] == [6, 3]
-    assert swept_here(study, out, retry_failed=True).column("failed").to_pylist() == [None] * 6
-    (file,) = row_files(out)
-    assert read_rows(file).num_rows == 6  # the rows of failures are gone
-
-
 def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
     swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -326,7 +260,20 @@ def test_a_dry_run_tells_what_it_would_take_and_writes_nothing(
     assert not out.exists()
     assert main(["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["runs"], found["done"], found["wall_s"]) == (24, 24, 0)
+    assert (found["runs"], found["done"], found["wall_s"], found["bytes"]) == (24, 24, 0, 0)
+
+
+def test_a_dry_run_counts_what_recompute_would_leave_as_it_is(
+    swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = small_study(tmp_path)
+    study.write_text(study.read_text().replace("[1, 2]", "[2, 3]"))
+    command = ["sweep", str(study), "--out", str(swept), "--dry-run", "--json"]
+    told = []
+    for options in ([], ["--recompute"]):
+        assert main([*command, *options]) == 0
+        told.append(json.loads(capsys.readouterr().out)["done"])
+    assert told == [0, 12]
 
 
 def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
@@ -341,6 +288,9 @@ def test_studies_and_single_runs_from_python(tmp_path: Path) -> None:
     row = table.to_pylist()[1]
     outcome = simulate("tabletop-mini", row["seed"], fleet__robots=2, **{"durations.turn": 5})
     assert outcome.digest == row["digest"]
+    for workers in (-1, 0, 1025):
+        with pytest.raises(InputError, match=f"workers must be from 1 to 1,024, found {workers}"):
+            sweep(study, workers=workers)
     with pytest.raises(InputError, match="did you mean 'robots'"):
         simulate("tabletop-mini", fleet__robot=2)
 
@@ -375,6 +325,7 @@ def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:
         ((), "--out DIR is missing"),
         (("--out", "x", "--workers", "0"), "'0' is not a number of processes"),
         (("--out", "x", "--workers", "2", "--scheduler", "tcp://a:1"), "leave one out"),
+        (("--dry-run", "--scheduler", "tcp://a:1"), "not with a cluster: leave one out"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(

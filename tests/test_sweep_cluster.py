@@ -26,6 +26,7 @@ from sweeping import (
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments import sweep
+from automaton.experiments.cluster import DaskCluster
 from automaton.experiments.store import Store
 
 pytest.importorskip("distributed")
@@ -72,6 +73,7 @@ def test_a_scheduler_that_is_not_there_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("automaton.experiments.cluster.PATIENCE_S", 0.2)
+    monkeypatch.setattr("automaton.experiments.cluster.GLANCE_S", 0.0)
     study, out = small_study(tmp_path, 1), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err
@@ -79,6 +81,10 @@ def test_a_scheduler_that_is_not_there_is_told(
     assert "no Dask scheduler answers at nonsense://x" in capsys.readouterr().err
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "nothing.json"]) == 2
     assert "nothing.json: is no address, such as tcp://" in capsys.readouterr().err
+    for text in ("{}", "[]", "", '{"address"'):
+        (tmp_path / "cluster.json").write_text(text)
+        with pytest.raises(InputError, match=r"cluster\.json: is no file of a Dask scheduler"):
+            DaskCluster(str(tmp_path / "cluster.json"))
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9"):
         sweep(study, scheduler="tcp://127.0.0.1:9")
     with pytest.raises(InputError, match="one of executor, workers and scheduler"):

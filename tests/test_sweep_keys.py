@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from sweeping import environment
+from sweeping import environment, plain, swept_here
 
+from automaton.errors import InputError
+from automaton.experiments import keys, runs
 from automaton.experiments.keys import sources_of
+from automaton.experiments.store import Store
+from automaton.reporting.compose import scenarios_of
 
 PLUG_IN = """from pathlib import Path
 
@@ -112,3 +117,76 @@ def test_all_files_of_a_package_of_plug_ins_count(
     counted = {file for file in sources_of((f"{name}.own",)) if file.startswith(name)}
     names = {"own.py", "deep/more.py", "deep/data.json", *([begun] if begun else [])}
     assert counted == {f"{name}: {file}" for file in names}
+
+
+def far_study(folder: Path, scenario: str) -> Path:
+    """A study whose scenario lies deeper, with its floor above it and its orders beside it."""
+    (folder / "deep").mkdir(parents=True)
+    (folder / "floor.txt").write_bytes(b"b.$.d\r\nb....\r\ns....\r\n")
+    (folder / "deep" / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n0,0,2,4,0\n")
+    (folder / "deep" / "own.yaml").write_text(
+        "name: own\nlayout: {file: ../floor.txt}\nfleet: {robots: 1}\n"
+        "orders: {stream: {file: orders.csv}}\nstop: {when: delivered, at_most: 500}\n"
+    )
+    study = folder / "far.yaml"
+    study.write_text(
+        f"name: far\nscenario: {scenario}\nfactors: {{fleet.robots: [1, 2]}}\nreplications: 1\n"
+    )
+    return study
+
+
+def test_a_folder_of_results_needs_no_file_of_its_study(tmp_path: Path) -> None:
+    study, out = far_study(tmp_path / "home", "deep/own.yaml"), tmp_path / "out"
+    rows = swept_here(study, out)
+    shutil.rmtree(study.parent)
+    scenarios, note = scenarios_of(Store(out))
+    assert set(scenarios) == {0, 1} and note == ""
+    assert swept_here(out / "study.yaml", out).equals(rows)
+    assert plain(swept_here(out / "study.yaml", tmp_path / "again")) == plain(rows)
+
+
+def test_only_what_lies_below_a_study_is_copied(tmp_path: Path) -> None:
+    study, out = (
+        far_study(tmp_path / "home", "[tabletop-mini, ../outside/own.yaml]"),
+        tmp_path / "o",
+    )
+    (study.parent / "deep").rename(tmp_path / "outside")
+    (study.parent / "floor.txt").rename(tmp_path / "floor.txt")
+    swept_here(study, out)
+    names = {path.name for path in out.iterdir()}
+    assert names == {".lock", "rows", "study.yaml", "sweep.json"}
+
+
+def test_a_file_that_is_in_the_way_of_a_copy_stays(tmp_path: Path) -> None:
+    study, out = far_study(tmp_path / "home", "deep/own.yaml"), tmp_path / "out"
+    out.mkdir()
+    (out / "floor.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds another file floor\.txt than the study"):
+        swept_here(study, out)
+    assert (out / "floor.txt").read_text() == "mine"
+
+
+def test_a_worker_that_lives_on_says_which_code_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "lasting_plug_in.py").touch()
+    runs._packages.cache_clear()
+    mine = runs._version(())
+    with monkeypatch.context() as later:  # the disk has other code now
+        later.setattr(keys, "DATA", ())
+        changed = keys.hashed(sources_of(("lasting_plug_in",)))
+        assert runs._version(("lasting_plug_in",)) != changed and runs._version(()) == mine
+    assert runs._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
+
+
+def test_a_link_that_leads_nowhere_is_no_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as an editor leaves beside a file that is open in it."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "edited_plug_in.py").touch()
+    (tmp_path / ".#edited_plug_in.py").symlink_to("somebody@somewhere.1")
+    assert set(sources_of(("edited_plug_in",))) - set(sources_of()) == {
+        "edited_plug_in: edited_plug_in.py"
+    }

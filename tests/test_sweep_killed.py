@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ from sweeping import (
     wait_until,
 )
 
+from automaton.experiments.plan import plan_of
+from automaton.experiments.pools import GivenExecutor
+from automaton.experiments.session import sweep_into
 from automaton.experiments.store import Store
 
 REPLICATIONS = 100  # in 4 points, of some ms each: more than are done before the kill
@@ -89,3 +93,15 @@ def test_a_killed_sweep_goes_on_to_the_same_table(
         end_all([process])
     assert 0 < len(Store(out).keys()) < 4 * REPLICATIONS
     assert resumed(study, out) == expected
+
+
+def test_ctrl_c_while_workers_end_keeps_all_rows(tmp_path: Path) -> None:
+    class Interrupted(GivenExecutor):
+        def close(self, now: bool) -> None:
+            if not now:
+                raise KeyboardInterrupt
+
+    plan, told, out = plan_of(small_study(tmp_path)), [], tmp_path / "out"
+    with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
+        sweep_into(out, plan, lambda: Interrupted(executor), on_rows=told.extend)
+    assert len(told) == Store(out).rows().num_rows == 24

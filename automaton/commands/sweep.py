@@ -61,6 +61,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out DIR is missing: the folder in which results are kept")
     if args.workers is not None and args.scheduler is not None:
         raise InputError("--workers are processes here; the scheduler has its own: leave one out")
+    if args.dry_run and args.scheduler is not None:
+        raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
+    from automaton.experiments.copies import copies_of
     from automaton.experiments.plan import plan_of
     from automaton.experiments.session import sweep_into
 
@@ -77,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
             listener.begin,
             listener.rows,
             args.retry_failed,
+            copies_of(args.study, plan),
         )
     tell(args, swept, time.monotonic() - begun_at)
     return 1 if swept.failed else 0
@@ -98,7 +102,7 @@ def dry_run(args: argparse.Namespace, plan: Any) -> int:
     from automaton.experiments.forecast import forecast
     from automaton.parallel import cores
 
-    found = forecast(plan, args.out, args.workers or cores(), args.retry_failed)
+    found = forecast(plan, args.out, args.workers or cores(), args.retry_failed, args.recompute)
     if args.json:
         print(json.dumps({"study": plan.study.name, **found._asdict(), "wall_s": found.wall_s}))
         return 0

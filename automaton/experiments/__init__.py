@@ -70,12 +70,15 @@ def sweep(
     `if __name__ == "__main__":`). Raises InputError as `automaton sweep` does; what is done when
     something is raised is kept in `out`.
     """
+    from automaton.experiments.copies import copies_of
     from automaton.experiments.plan import plan_of
-    from automaton.experiments.pools import Crew, GivenExecutor, LocalPool
+    from automaton.experiments.pools import MAX_WORKERS, Crew, GivenExecutor, LocalPool
     from automaton.experiments.session import sweep_into
 
     if sum(given is not None for given in (executor, workers, scheduler)) > 1:
         raise InputError("sweep() takes one of executor, workers and scheduler")
+    if workers is not None and not 1 <= workers <= MAX_WORKERS:
+        raise InputError(f"workers must be from 1 to {MAX_WORKERS:,}, found {workers}")
 
     def crew() -> Crew:
         if scheduler is not None:
@@ -86,7 +89,10 @@ def sweep(
 
     plan = plan_of(study)
     if out is not None:
-        swept = sweep_into(Path(out), plan, crew, recompute, retry_failed=retry_failed)
+        copies = copies_of(study, plan)
+        swept = sweep_into(
+            Path(out), plan, crew, recompute, retry_failed=retry_failed, copies=copies
+        )
         return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
         return sweep_into(Path(folder), plan, crew).store.rows()

@@ -8,6 +8,7 @@ chunk, so that a second one is noticed.
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import threading
 import time
@@ -20,6 +21,8 @@ from automaton.experiments.runs import Chunk, Row, run_chunk
 
 BEGUN: Final = "automaton: chunk begun"  # a topic of the scheduler's
 PATIENCE_S: Final = 10  # for a scheduler to answer
+GLANCES: Final = 10  # at a file of a scheduler until it is whole,
+GLANCE_S: Final = 0.1  # and what is between them
 LOOK_S: Final = 1.0  # between two looks at how many workers there are
 
 
@@ -37,13 +40,9 @@ class DaskCluster:
                 f"--scheduler needs Dask, which cannot be imported ({error}): "
                 "pip install 'fleet-automaton[cluster]'"
             ) from None
-        where = {"address" if "://" in address else "scheduler_file": address}
-        if "scheduler_file" in where and not Path(address).is_file():
-            raise InputError(
-                "is no address, such as tcp://host:8786, and no file of a scheduler", address
-            )
+        where = address if "://" in address else address_in(address)
         try:
-            self._client: Any = Client(**where, timeout=PATIENCE_S, set_as_default=False)
+            self._client: Any = Client(where, timeout=PATIENCE_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             why = str(error) or type(error).__name__
             raise InputError(f"no Dask scheduler answers at {address}: {why}") from None
@@ -59,10 +58,10 @@ class DaskCluster:
 
     @property
     def slots(self) -> int:
-        return self.lanes + 1 + self.lanes // 4
+        threads = self._threads_now()
+        return threads + 1 + threads // 4
 
-    @property
-    def lanes(self) -> int:
+    def _threads_now(self) -> int:
         if time.monotonic() - self._looked > LOOK_S:
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
@@ -82,6 +81,9 @@ class DaskCluster:
     def died(self, error: BaseException) -> bool:
         return isinstance(error, self._killed)
 
+    def starts(self) -> bool:
+        return True
+
     def renew(self) -> None:
         """The scheduler has gone on already."""
 
@@ -100,6 +102,22 @@ class DaskCluster:
     def _over(self, number: int) -> None:
         with self._lock:
             self._under_way.pop(number, None)
+
+
+def address_in(file: str) -> str:
+    """The address in a file of a scheduler, which may just be writing it. Raises InputError."""
+    if not Path(file).is_file():
+        raise InputError("is no address, such as tcp://host:8786, and no file of a scheduler", file)
+    for _ in range(GLANCES):
+        try:
+            found = json.loads(Path(file).read_bytes())["address"]
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror or error}", file) from None
+        except (ValueError, KeyError, TypeError):
+            time.sleep(GLANCE_S)
+        else:
+            return str(found)
+    raise InputError("is no file of a Dask scheduler: it names no address", file)
 
 
 def run_and_tell(chunk: Chunk, topic: str) -> list[Row]:

@@ -39,12 +39,19 @@ class Forecast(NamedTuple):
         return (self.runs - self.done) * self.run_s / self.workers
 
 
-def forecast(plan: Plan, folder: Path | None, workers: int, retry_failed: bool = False) -> Forecast:
+def forecast(
+    plan: Plan,
+    folder: Path | None,
+    workers: int,
+    retry_failed: bool = False,
+    recompute: bool = False,
+) -> Forecast:
     """Run a few points once, in this process, and reckon. Nothing is written.
 
-    `retry_failed`: runs that failed are done again, too. Raises InputError for a strategy that raises.
+    `retry_failed`: runs that failed are done again, too; `recompute`: of another study's results
+    those count that are of this one. Raises InputError for a strategy that raises.
     """
-    done = done_in(folder, plan, retry_failed) if folder is not None else 0
+    done = done_in(folder, plan, retry_failed, recompute) if folder is not None else 0
     warm(plan)
     number = len(plan.scenarios)
     chosen = sorted({index * (number - 1) // max(1, PILOTS - 1) for index in range(PILOTS)})
@@ -64,16 +71,16 @@ def forecast(plan: Plan, folder: Path | None, workers: int, retry_failed: bool =
         most_s=max(times),
         cut=any(cut for _, cut, _ in pilots),
         workers=workers,
-        bytes=plan.study.runs * max(size for *_, size in pilots),
+        bytes=(plan.study.runs - done) * max(size for *_, size in pilots),
     )
 
 
-def done_in(folder: Path, plan: Plan, retry_failed: bool) -> int:
+def done_in(folder: Path, plan: Plan, retry_failed: bool, recompute: bool = False) -> int:
     """Runs of a plan that a folder holds, without those that are tried again."""
     before = read_manifest(folder)
-    if before is None or difference(before, plan.manifest):
+    if before is None or (not recompute and difference(before, plan.manifest)):
         return 0
-    return len(Store(folder).keys(with_failed=not retry_failed))
+    return len(Store(folder, plan.manifest).keys(with_failed=not retry_failed))
 
 
 def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -24,7 +24,7 @@ from automaton.strategy import lookup
 
 DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 2
+FORMAT: Final = 3
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -79,6 +79,7 @@ class Manifest(msgspec.Struct, frozen=True):
     counted: tuple[str, ...]  # metrics that the strategies count themselves
     earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
     format: int = FORMAT
+    checksum: str = ""  # of all else, in a file; "" in memory
 
     @property
     def version(self) -> str:
@@ -168,17 +169,36 @@ def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
     Of a plug-in that is a package all its files count but caches, of a single module the Python
     files beside it.
     """
+    found = package_sources()
+    for plugin in plugins:
+        found |= plugin_sources(plugin)
+    return dict(sorted(found.items()))
+
+
+def package_sources() -> Sources:
+    """Those of automaton's packages."""
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
         deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA)
-        found |= {path.relative_to(root.parent).as_posix(): _content(path) for path in deciding}
-    for plugin in plugins:
-        top = plugin.partition(".")[0]
-        root, whole = _home(top)
-        files = _own_files(root) if whole else root.glob("*.py")
-        found |= {f"{top}: {path.relative_to(root).as_posix()}": _content(path) for path in files}
-    return dict(sorted(found.items()))
+        found |= _contents(deciding, root.parent, "")
+    return found
+
+
+def plugin_sources(plugin: str) -> Sources:
+    """Those of a plug-in, given by its module."""
+    top = plugin.partition(".")[0]
+    root, whole = _home(top)
+    return _contents(_own_files(root) if whole else root.glob("*.py"), root, f"{top}: ")
+
+
+def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
+    """Names as seen from a folder, with something first; links that lead nowhere are no files."""
+    return {
+        first + path.relative_to(root).as_posix(): _content(path)
+        for path in files
+        if path.is_file()
+    }
 
 
 def _own_files(root: Path) -> Iterator[Path]:
@@ -227,11 +247,30 @@ def read_manifest(folder: Path) -> Manifest | None:
         form = msgspec.json.decode(content, type=Form).format
         if form != FORMAT:
             raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
-        return msgspec.json.decode(content, type=Manifest)
+        manifest = msgspec.json.decode(content, type=Manifest)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (msgspec.DecodeError, OSError) as error:
         raise InputError(f"cannot be read: {error}", str(path)) from None
+    plain = msgspec.structs.replace(manifest, checksum="")
+    if manifest.checksum != checksum_of(plain):
+        raise InputError(
+            "is damaged: it is not what was written; remove it, and the sweep of the same study into "
+            "this folder writes it anew and keeps the rows",
+            str(path),
+        )
+    return plain
+
+
+def manifest_json(manifest: Manifest) -> bytes:
+    """A manifest as its file holds it, with its checksum."""
+    sealed = msgspec.structs.replace(manifest, checksum=checksum_of(manifest))
+    return msgspec.json.format(msgspec.json.encode(sealed), indent=1) + b"\n"
+
+
+def checksum_of(manifest: Manifest) -> str:
+    """32 hex digits of all that a manifest says."""
+    return digest(msgspec.json.encode(manifest).decode())[:32]
 
 
 def declared_by(study: Study) -> Declared:

@@ -1,20 +1,22 @@
 """Who carries out the runs on this machine: spawned processes, or an executor that is given.
 
 A crew takes chunks and gives futures. When a worker dies, the futures that were under way break; the
-crew is renewed, and each of their runs is tried once more in a process of its own.
+crew is renewed, and each of their runs is tried once more, in a process of its own while no other
+one works.
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import threading
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from typing import Any, Protocol
 
 from automaton.errors import InputError
 from automaton.experiments.runs import Chunk, Row, run_chunk
 from automaton.parallel import attend, children_ignore_interrupts, cores
+
+MAX_WORKERS = 1024
 
 
 class Promise(Protocol):
@@ -32,10 +34,6 @@ class Crew(Protocol):
         """How many chunks should be under way: a few more than there are workers."""
 
     @property
-    def lanes(self) -> int:
-        """How many runs may be tried alone at a time."""
-
-    @property
     def repeated(self) -> int:
         """Runs that the crew itself began again."""
 
@@ -43,6 +41,9 @@ class Crew(Protocol):
     def submit_alone(self, chunk: Chunk) -> Promise: ...
     def died(self, error: BaseException) -> bool:
         """Whether an error of a future says that its worker is gone."""
+
+    def starts(self) -> bool:
+        """Whether a worker starts that has nothing to do."""
 
     def renew(self) -> None:
         """Go on after a worker died."""
@@ -55,61 +56,55 @@ class LocalPool:
     """Spawned processes on this machine, one for each core unless told otherwise."""
 
     def __init__(self, workers: int | None = None) -> None:
-        self.workers = workers or cores()
+        self.workers = cores() if workers is None else workers
         self.repeated = 0
         self._all: list[ProcessPoolExecutor] = []
         self._pool = self._started(self.workers)
-        self._free: list[ProcessPoolExecutor] = []  # of one process each, for runs tried alone
-        self._lock = threading.Lock()
+        self._lane = self._started(1)  # for runs tried alone; its process starts with the first
 
     @property
     def slots(self) -> int:
         return self.workers + 1 + self.workers // 4
-
-    @property
-    def lanes(self) -> int:
-        return self.workers
 
     def submit(self, chunk: Chunk) -> Promise:
         with children_ignore_interrupts():
             return self._pool.submit(run_chunk, chunk)
 
     def submit_alone(self, chunk: Chunk) -> Promise:
-        with self._lock:
-            lane = self._free.pop() if self._free else self._started(1)
         with children_ignore_interrupts():
             try:
-                future = lane.submit(run_chunk, chunk)
-            except BrokenExecutor:  # its process died while it had nothing to do
-                self._all.remove(lane)
-                lane = self._started(1)
-                future = lane.submit(run_chunk, chunk)
-        future.add_done_callback(lambda done: self._given_back(lane, done))
-        return future
-
-    def _given_back(self, lane: ProcessPoolExecutor, done: Any) -> None:
-        broken = done.cancelled() or isinstance(done.exception(), BrokenExecutor)
-        with self._lock:
-            if not broken:
-                self._free.append(lane)
-            elif lane in self._all:
-                self._all.remove(lane)  # it has ended by itself
+                return self._lane.submit(run_chunk, chunk)
+            except BrokenExecutor:  # by the run before, or since its process had nothing to do
+                self._lane = self._instead_of(self._lane, 1)
+                return self._lane.submit(run_chunk, chunk)
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
 
+    def starts(self) -> bool:
+        self._lane = self._instead_of(self._lane, 1)
+        with children_ignore_interrupts():
+            future = self._lane.submit(int)
+        return future.exception() is None
+
     def renew(self) -> None:
-        self._all.remove(self._pool)
-        self._pool.shutdown(wait=False)
-        self._pool = self._started(self.workers)
+        self._pool = self._instead_of(self._pool, self.workers)
+
+    def _instead_of(self, broken: ProcessPoolExecutor, workers: int) -> ProcessPoolExecutor:
+        """A new pool, when all processes of one that broke have ended, and their memory is free."""
+        self._all.remove(broken)
+        processes = list((broken._processes or {}).values())
+        broken.shutdown(wait=False)
+        for process in processes:
+            process.kill()  # at once: it heeds a SIGTERM late, or after a long run
+            process.join(5)
+        return self._started(workers)
 
     def close(self, now: bool) -> None:
-        with self._lock:
-            pools, self._all = self._all, []
-        processes = [process for pool in pools for process in (pool._processes or {}).values()]
+        processes = [process for pool in self._all for process in (pool._processes or {}).values()]
         for process in processes if now else ():
             process.kill()
-        for pool in pools:
+        for pool in self._all:  # they stay there, as Ctrl-C may come while we wait for them
             pool.shutdown(wait=not now, cancel_futures=True)
         for process in processes:
             process.join(5)
@@ -124,21 +119,25 @@ class LocalPool:
 class GivenExecutor:
     """An executor of concurrent.futures that somebody else made, and ends."""
 
-    lanes = 1
-
     def __init__(self, executor: Executor) -> None:
         self.executor = executor
+        self.under_way: set[Future[list[Row]]] = set()
         self.repeated = 0
         self.slots = 2 + int(getattr(executor, "_max_workers", None) or cores())
 
     def submit(self, chunk: Chunk) -> Promise:
-        return self.executor.submit(run_chunk, chunk)
+        future = self.executor.submit(run_chunk, chunk)
+        self.under_way.add(future)
+        future.add_done_callback(self.under_way.discard)
+        return future
 
-    def submit_alone(self, chunk: Chunk) -> Promise:
-        return self.executor.submit(run_chunk, chunk)
+    submit_alone = submit
 
     def died(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
+
+    def starts(self) -> bool:
+        return True
 
     def renew(self) -> None:
         raise InputError(
@@ -147,4 +146,6 @@ class GivenExecutor:
         )
 
     def close(self, now: bool) -> None:
-        """Leave it as it is."""
+        """Leave it as it is, but for the chunks that nobody waits for any more."""
+        for future in list(self.under_way):
+            future.cancel()

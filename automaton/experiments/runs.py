@@ -5,17 +5,18 @@ A worker is told everything by the coordinator, and gives rows back; it reads an
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pickle
+import signal
+import threading
 import time
-from functools import lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.experiments.keys import Run, hashed, sources_of
+from automaton.experiments.keys import Run, Sources, hashed, package_sources, plugin_sources
 from automaton.headless import is_finished, run_to_end, strategies_blamed
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
@@ -51,26 +52,46 @@ def run_chunk(chunk: Chunk) -> list[Row]:
     return [run_one(resolved, run, chunk.window) for run in chunk.runs]
 
 
-@lru_cache(maxsize=4)
 def _version(plugins: tuple[str, ...]) -> str:
-    return hashed(sources_of(plugins))
+    """The version of the code that this process has, and not of what the disk may have by now."""
+    found = _packages()
+    for plugin in plugins:
+        found = found | _plugin(plugin)
+    return hashed(found)
 
 
-_SCENARIOS: dict[str, Resolved] = {}
+@cache
+def _packages() -> Sources:
+    return package_sources()
+
+
+@cache
+def _plugin(module: str) -> Sources:
+    return plugin_sources(module)
+
+
+_SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
 KEPT_SCENARIOS = 16
 
 
 def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
-    """The scenario of a chunk: the same object again for chunks of the same point."""
-    if fingerprint not in _SCENARIOS:
+    """The scenario of a chunk: the same object again for chunks of the same point.
+
+    Threads do this at the same time, and one may let go of what another one has just put there.
+    """
+    resolved = _SCENARIOS.get(fingerprint)
+    if resolved is None:
         first = not _SCENARIOS
-        while len(_SCENARIOS) >= KEPT_SCENARIOS:
-            _SCENARIOS.pop(next(iter(_SCENARIOS)), None)
-        _SCENARIOS[fingerprint] = pickle.loads(pickled)
+        for oldest in list(_SCENARIOS)[: 1 - KEPT_SCENARIOS]:
+            _SCENARIOS.pop(oldest, None)
+        resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
         if first:  # loads the compiled loop, so that no run's time counts it
-            with contextlib.suppress(Exception):
-                Simulation(_SCENARIOS[fingerprint])
-    return _SCENARIOS[fingerprint]
+            try:
+                Simulation(resolved)
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
+    return resolved
 
 
 def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
@@ -83,12 +104,26 @@ def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
             run_to_end(simulation)
             row |= figures_of(simulation, window)
     except InputError as error:
-        row["failed"] = str(error)[:LONGEST_REASON]
-    except Exception as error:  # whatever goes wrong is told beside the other runs
-        row["failed"] = f"{type(error).__name__}: {error}"[:LONGEST_REASON]
+        row["failed"] = reason(str(error))
+    except BaseException as error:  # whatever goes wrong is told beside the other runs
+        if is_ctrl_c(error):
+            raise
+        row["failed"] = reason(f"{type(error).__name__}: {error}")
     row["wall_s"] = time.perf_counter() - wall
     row["cpu_s"] = time.process_time() - cpu
     return row
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is the user's Ctrl-C: workers are deaf to it, and only main threads hear it."""
+    heard = threading.current_thread() is threading.main_thread()
+    deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return isinstance(error, KeyboardInterrupt) and heard and not deaf
+
+
+def reason(text: str) -> str:
+    """Why a run has no figures, as a row keeps it: not too long, and text that files can hold."""
+    return text[:LONGEST_REASON].encode(errors="replace").decode()
 
 
 def blank(run: Run, failed: str | None = None) -> Row:

@@ -10,14 +10,16 @@ from typing import NamedTuple
 import msgspec
 
 from automaton.errors import InputError
+from automaton.experiments.copies import Copies
 from automaton.experiments.keys import Manifest, changed_sources, declared_by, read_manifest
 from automaton.experiments.plan import Plan, told
 from automaton.experiments.pools import Crew
 from automaton.experiments.store import Store, arrow, declared_in
 from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
-from automaton.experiments.writing import Writer, declare, locked, set_damaged_aside
+from automaton.experiments.writing import Writer, check_free, declare, locked, set_damaged_aside
 from automaton.simulation import Simulation
+from automaton.units import count
 
 ADVICE = (
     "take another folder, or --recompute: rows of other code, scenarios or seeds then count no more"
@@ -50,32 +52,71 @@ def sweep_into(
     on_begun: Callable[[Begun], None] | None = None,
     on_rows: OnRows | None = None,
     retry_failed: bool = False,
+    copies: Copies | None = None,
 ) -> Swept:
     """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
 
-    `retry_failed`: runs that failed are lacking, too.
+    `retry_failed`: runs that failed are lacking, too. `copies`: of the study's own files, to keep.
     """
     arrow()
     with locked(folder):
-        store, reanalysed = opened(folder, plan, recompute)
-        aside = tuple(set_damaged_aside(store))
-        done = store.keys(with_failed=not retry_failed)
-        begun = Begun(plan.study.runs, len(done), aside, reanalysed)
-        if on_begun is not None:
-            on_begun(begun)
+        store, reanalysed = opened(folder, plan, recompute, copies)
+        begun, done = stock_of(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
-        tally = Tally(0, 0, 0, 0)
         try:
-            if len(done) < plan.study.runs:
-                warm(plan)
-                tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
-            writer.close()
+            tally = carried_out(plan, crew, writer, done, on_rows)
+            if lacking(store):  # files were damaged meanwhile
+                _, done = stock_of(store, False, False, on_begun)
+                tally = tally.and_then(carried_out(plan, crew, writer, done, on_rows))
+            check_complete(store)
         finally:
             writer.release()
         return Swept(store, begun, tally, len(store.failed()))
 
 
-def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bool]:
+def stock_of(
+    store: Store, reanalysed: bool, retry_failed: bool, on_begun: Callable[[Begun], None] | None
+) -> tuple[Begun, set[str]]:
+    """What a folder holds, and the keys of the runs that are done; damaged files are set aside."""
+    aside = tuple(set_damaged_aside(store))
+    done = store.keys(with_failed=not retry_failed)
+    begun = Begun(store.study.runs, len(done), aside, reanalysed)
+    if on_begun is not None:
+        on_begun(begun)
+    return begun, done
+
+
+def carried_out(
+    plan: Plan, crew: Callable[[], Crew], writer: Writer, done: set[str], on_rows: OnRows | None
+) -> Tally:
+    """Do the runs that are not done, and put all rows into one file."""
+    tally = Tally(0, 0, 0, 0)
+    if len(done) < plan.study.runs:
+        warm(plan)
+        tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
+    writer.close()
+    return tally
+
+
+def lacking(store: Store) -> int:
+    """Runs of which a folder has no row."""
+    return store.study.runs - len(store.keys())
+
+
+def check_complete(store: Store) -> None:
+    """Raises InputError if runs have no row, though all were done and written."""
+    lost = lacking(store)
+    if lost:
+        raise InputError(
+            f"lacks {count(lost, 'row')} of {store.study.runs:,}, since files of rows were damaged "
+            "twice after they had been written; the same command does their runs again",
+            str(store.folder),
+        )
+
+
+def opened(
+    folder: Path, plan: Plan, recompute: bool = False, copies: Copies | None = None
+) -> tuple[Store, bool]:
     """The folder's results, if they are of this plan; whether its analysis was another one.
 
     What was declared before stays in the manifest where any of its runs count. Raises InputError if
@@ -84,16 +125,17 @@ def opened(folder: Path, plan: Plan, recompute: bool = False) -> tuple[Store, bo
     manifest = plan.manifest
     before = read_manifest(folder)
     if before is None:
-        return declare(folder, manifest), False
+        check_free(folder, copies or {})
+        return declare(folder, manifest, copies), False
     objection = "" if recompute else difference(before, manifest)
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
     if not Store(folder, manifest).keys():
-        return declare(folder, manifest), False
+        return declare(folder, manifest, copies), False
     earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
     history = before.earlier if earlier == now else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
-    return declare(folder, manifest), not earlier.analysed_as(now)
+    return declare(folder, manifest, copies), not earlier.analysed_as(now)
 
 
 def difference(before: Manifest, now: Manifest) -> str:
@@ -128,5 +170,5 @@ def warm(plan: Plan) -> None:
         names = tuple(pick.name for pick in resolved.picks.values())
         if names not in seen:
             seen.add(names)
-            with contextlib.suppress(Exception):  # rows will say what a strategy raises
+            with contextlib.suppress(Exception, SystemExit):  # rows will say what a strategy raises
                 Simulation(resolved)

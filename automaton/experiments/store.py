@@ -2,6 +2,7 @@
 
     DIR/sweep.json      what the rows follow from: the study, points, seeds, hashes of the code
     DIR/study.yaml      the study as declared, for you and for another sweep
+    DIR/my-floor.yaml   the study's own scenarios and their files, placed as seen from the study
     DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
     DIR/rows/*.bad      files that were damaged; their runs are done again
 
@@ -208,14 +209,25 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def content_of(path: Path) -> bytes:
+    """What is in a file. Raises FileNotFoundError, or InputError for a file that cannot be read."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot be read: {why}", str(path)) from None
+
+
 def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
-    """The rows of a file, verified. Raises Damaged, or FileNotFoundError.
+    """The rows of a file, verified. Raises Damaged, FileNotFoundError, or InputError.
 
     This thread alone reads: a thread of Arrow lets go of a Python object now and then after the rows
     are here, and the process aborts if Python ends in that moment.
     """
     pa = arrow()
-    content = path.read_bytes()
+    content = content_of(path)
     if content_name(content, path.name.rpartition("-")[0]) != path.name:
         raise Damaged(path)
     try:

@@ -34,6 +34,21 @@ SCENARIO: Final = "scenario"  # as a column, and as a factor where a study has s
 Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
 
 
+def plain(value: Any) -> Any:
+    """A value of Python or NumPy as a file of a study could hold it. Raises InputError."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
+    if isinstance(value, list | range):
+        return list(map(plain, value))
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise InputError(f"a study holds numbers, text, lists and mappings, found {shown(value)}")
+
+
 class Analysis(Part, frozen=True, kw_only=True):
     """What will be asked of the runs; declared before they are made."""
 
@@ -72,6 +87,7 @@ class Analysis(Part, frozen=True, kw_only=True):
     ] = None
 
     def __post_init__(self) -> None:
+        msgspec.structs.force_setattr(self, "baseline", plain(self.baseline))
         if self.comparisons == "baseline" and not self.baseline:
             raise ValueError("comparisons with the baseline need a baseline")
         if self.baseline is not None and self.comparisons != "baseline":
@@ -132,6 +148,8 @@ class Study(Part, frozen=True, kw_only=True):
     analysis: Analysis | None = None
 
     def __post_init__(self) -> None:
+        for field in set(self.__struct_fields__) - {"analysis"}:
+            msgspec.structs.force_setattr(self, field, plain(getattr(self, field)))
         if (self.factors is None) == (self.listed is None):
             raise ValueError("a study must have either factors or points")
         if not self.scenarios:

@@ -26,6 +26,10 @@ LARGEST_CHUNK = 100  # runs
 BLOCK = 50  # replications of a point that are done before the next point's
 LOOK_S = 0.2  # between two looks at the clock
 DIED = "the worker process died twice, the second time with this run alone"
+UNABLE = (
+    "the workers cannot start: they have said why; a script that sweeps needs "
+    'its `if __name__ == "__main__":`'
+)
 
 OnRows = Callable[[list[Row]], None]
 
@@ -37,6 +41,10 @@ class Tally(NamedTuple):
     failed: int  # of these gave no figures
     unfinished: int  # of these reached their limit
     repeated: int  # runs begun a second time, since a worker died
+
+    def and_then(self, other: Tally) -> Tally:
+        """What both did."""
+        return Tally(*map(sum, zip(self, other, strict=True)))
 
 
 class Coordinator:
@@ -53,6 +61,7 @@ class Coordinator:
         self.suspects: deque[Run] = deque()
         self.waiting = self._missing(done)
         self.block: deque[Run] = deque()
+        self.heard = False  # a chunk has come back: workers do start
         self.refused = False  # the pool takes nothing more: it has broken
         self.pace: dict[int, float] = {}  # point -> seconds of a run
         self.chunks = self.done = self.failed = self.unfinished = self.repeated = 0
@@ -62,14 +71,14 @@ class Coordinator:
         try:
             while self._fed():
                 self._take()
+            self.writer.flush()
+            self.crew.close(now=False)
         except BaseException:
             with contextlib.suppress(Exception):  # what has gone wrong already is what is told
                 self._take_finished()
                 self.writer.flush()
             self.crew.close(now=True)
             raise
-        self.crew.close(now=False)
-        self.writer.flush()
         return self.tally
 
     @property
@@ -91,11 +100,9 @@ class Coordinator:
 
     def _fed(self) -> bool:
         """Hand out what there is room for; whether anything is under way."""
-        if self.suspects:  # the others pause: a run that kills its worker is found out alone
-            alone = sum(alone for _, alone in self.under_way.values())
-            while self.suspects and alone < self.crew.lanes and alone == len(self.under_way):
+        if self.suspects:  # all others pause: alone, a run has all memory to itself
+            if not self.under_way:
                 self._submit((self.suspects.popleft(),), alone=True)
-                alone += 1
         else:
             self.refused = False
             while not self.refused and len(self.under_way) < self.crew.slots and self._has_more():
@@ -148,6 +155,8 @@ class Coordinator:
             if not self.crew.died(error):
                 raise refused(error) from error
             rows = self._bury(chunk, alone)
+        else:
+            self.heard = True
         self._keep(rows)
 
     def _take_finished(self) -> None:
@@ -160,6 +169,8 @@ class Coordinator:
     def _bury(self, chunk: Chunk, alone: bool) -> list[Row]:
         """After a worker died: runs that were alone have failed, others are tried again."""
         if alone:
+            if not self.heard and not self.crew.starts():
+                raise InputError(UNABLE)
             return [blank(run, DIED) for run in chunk.runs]
         self.repeated += len(chunk.runs)
         self.suspects.extend(chunk.runs)

@@ -14,15 +14,15 @@ import re
 import socket
 import time
 from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
-import msgspec
-
 from automaton.errors import InputError
-from automaton.experiments.keys import MANIFEST, Manifest
+from automaton.experiments.copies import Copies
+from automaton.experiments.keys import MANIFEST, Manifest, Run, manifest_json
 from automaton.experiments.names import COLUMNS, SERIES
-from automaton.experiments.runs import Row
+from automaton.experiments.runs import Row, blank, reason
 from automaton.experiments.store import (
     KEY_COLUMNS,
     ROWS,
@@ -45,6 +45,7 @@ GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
 RESERVE: Final = ".reserve"
 RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
 LOCK: Final = ".lock"
+UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
 SMALL, MERGED = "part", "rows"
 NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
 
@@ -54,20 +55,25 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
     with _told(folder):
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK).open("a+")
+        file = (folder / LOCK).open("a+b", buffering=0)
     with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            file.seek(0)
-            who = file.read().strip() or "another process"
-            raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}")
-        file.flush()
-        for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
-            left.unlink()  # of a sweep that was killed
+        with _told(folder):
+            _claim(file, folder)
         yield
+
+
+def _claim(file: FileIO, folder: Path) -> None:
+    """Lock a folder by this file, which says who did; take away what a killed sweep has left."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        who = file.read().decode(errors="replace").strip() or "another process"
+        raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
+    file.truncate(0)
+    file.write(f"process {os.getpid()} on {socket.gethostname()}".encode())
+    for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
+        left.unlink()
 
 
 class Writer:
@@ -112,7 +118,7 @@ class Writer:
 
     def _write(self) -> None:
         pa = arrow()
-        table = table_of(self.held, self.store, self.schema)
+        table = self._table()
         sink = pa.BufferOutputStream()
         pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
         content = sink.getvalue().to_pybytes()
@@ -121,6 +127,22 @@ class Writer:
         write_whole(place, content)
         self.small += 1
         self.held.clear()
+
+    def _table(self) -> Any:
+        """The rows in hand; those that cannot be written have failed."""
+        try:
+            return table_of(self.held, self.store, self.schema)
+        except UNFIT:
+            self.held = [self._fit(row) for row in self.held]
+            return table_of(self.held, self.store, self.schema)
+
+    def _fit(self, row: Row) -> Row:
+        try:
+            table_of([row], self.store, self.schema)
+        except UNFIT as error:
+            run = Run(*(row[name] for name in Run._fields))
+            return blank(run, reason(f"its row cannot be written: {error}"))
+        return row
 
     def _rescued(self, error: OSError) -> InputError:
         """What to say when rows cannot be written, after giving back the room that was kept."""
@@ -142,7 +164,8 @@ class Writer:
 
     def release(self) -> None:
         """Give back the room that was kept."""
-        (self.folder / RESERVE).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # what has gone wrong already is what is told
+            (self.folder / RESERVE).unlink(missing_ok=True)
 
     def merge(self, only_small: bool = False) -> None:
         """Put files together, each run once. Files of other columns or that are damaged stay."""
@@ -161,9 +184,11 @@ class Writer:
         except OSError:
             return  # no room for a second copy: many files are as good
         finally:
-            part.unlink(missing_ok=True)
-        for path in merged:
-            path.unlink()
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+        with _told(self.folder):
+            for path in merged:
+                path.unlink()
         self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
 
     def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
@@ -217,17 +242,35 @@ def set_damaged_aside(store: Store) -> list[Path]:
     aside = []
     for path in store.damaged:
         aside.append(path.with_suffix(".bad"))
-        os.replace(path, aside[-1])
+        with _told(aside[-1]):
+            os.replace(path, aside[-1])
     return aside
 
 
-def declare(folder: Path, manifest: Manifest) -> Store:
+def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
     """Write what a folder's results follow from. Raises InputError."""
     with _told(folder):
+        for place, content in (copies or {}).items():
+            if not holds(folder / place, content):
+                (folder / place).parent.mkdir(parents=True, exist_ok=True)
+                write_whole(folder / place, content)
         write_whole(folder / STUDY_FILE, manifest.text.encode())
-        pretty = msgspec.json.format(msgspec.json.encode(manifest), indent=1)
-        write_whole(folder / MANIFEST, pretty + b"\n")
+        write_whole(folder / MANIFEST, manifest_json(manifest))
     return Store(folder)
+
+
+def check_free(folder: Path, copies: Copies) -> None:
+    """Raises InputError if a folder that is no folder of results yet has other files in their place."""
+    with _told(folder):
+        for place, content in copies.items():
+            if (folder / place).exists() and not holds(folder / place, content):
+                text = f"holds another file {place} than the study: take another folder"
+                raise InputError(text, str(folder))
+
+
+def holds(path: Path, content: bytes) -> bool:
+    """Whether there is a file with this content."""
+    return path.is_file() and path.read_bytes() == content
 
 
 def table_of(rows: list[Row], store: Store, schema: Any) -> Any:

@@ -100,7 +100,7 @@ def strategies_blamed(resolved: Resolved) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         explained = strategy_failure(error, resolved)
         if explained is None:
             raise

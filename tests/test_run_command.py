@@ -39,6 +39,11 @@ class RaisesAtReset(Strategy):
     def decide(self, view, asked, answers, memory, space):
         pass
 
+class Quits(Strategy):
+    layer = "allocation"
+    def decide(self, view, asked, answers, memory, space):
+        raise SystemExit(0)
+
 class Short(Strategy):
     layer = "allocation"
     def decide(self):
@@ -303,6 +308,7 @@ def test_bad_input_is_one_sentence(
             "ZeroDivisionError: division by zero ({file}:6)",
         ),
         ("own_strategies:RaisesAtReset", "raised ValueError: no room ({file}:16)"),
+        ("own_strategies:Quits", "raised SystemExit: 0 ({file}:23)"),
         ("own_strategies:Short", "raised TypeError: Short.decide() takes 1 positional argument"),
         ("own_strategies:Idel", "did you mean 'Idle'?"),
         ("own_broken:X", "importing 'own_broken' raised SyntaxError"),

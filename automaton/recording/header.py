@@ -161,7 +161,7 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
         if spec is not None and spec.origin is not None:
             root = Path(spec.origin).parent
             found = (path for path in root.rglob("*") if path.suffix in DECIDING)
-            for path in sorted(found):
+            for path in sorted(path for path in found if path.is_file()):
                 digest.update(path.relative_to(root.parent).as_posix().encode())
                 digest.update(path.read_bytes())
     for plugin in sorted(plugins):

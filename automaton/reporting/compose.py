@@ -9,7 +9,7 @@ from pathlib import Path
 from automaton.errors import InputError
 from automaton.experiments.keys import fingerprint
 from automaton.experiments.plan import resolved_study
-from automaton.experiments.store import STUDY_FILE, Store, study_document_in
+from automaton.experiments.store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.experiments.study import Study
 from automaton.reporting.curves import curves
 from automaton.reporting.document import Document, Heading, Listed, Text
@@ -18,6 +18,7 @@ from automaton.reporting.results import Results, point_name, read_results
 from automaton.reporting.sections import comparison_section, design, remarks
 from automaton.reporting.steady_state import steady_section
 from automaton.scenario.measures import TASK_METRICS
+from automaton.scenario.reading import shipped
 from automaton.units import count
 
 NOT_DECLARED = (
@@ -135,8 +136,16 @@ def add_repeat(document: Document, store: Store) -> None:
     command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
     document.add(
         Heading("Repeat"),
-        Text("This command, with the code named above and this study file, gives the same rows:"),
+        Text("This command, with the code named above and these files, gives the same rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
         Text(f"{STUDY_FILE}:"),
         Text(store.manifest.text.strip(), code=True),
     )
+    for name in dict.fromkeys(point.scenario for point in store.manifest.points):
+        if (folder / name).is_file():  # a copy; shipped ones come with the code
+            document.add(
+                Text(f"{name} (files that it names lie in the folder of results, too):"),
+                Text(content_of(folder / name).decode(errors="replace").strip(), code=True),
+            )
+        elif name not in shipped():
+            document.add(Text(f"And {name} as it was, which lies outside the study's folder."))

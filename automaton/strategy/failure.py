@@ -24,7 +24,7 @@ CALLS = {
 }
 
 
-def strategy_failure(error: Exception, resolved: Resolved) -> InputError | None:
+def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | None:
     """The sentence about an exception from inside a strategy; None if it came from elsewhere."""
     frames = list(traceback.walk_tb(error.__traceback__))
     for depth, (frame, _) in enumerate(frames):
@@ -54,7 +54,7 @@ def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
     return f" ({frame.f_code.co_filename}:{line})"
 
 
-def _sentence(error: Exception, name: str, layer: str, place: str) -> InputError:
+def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
     what = " ".join(str(error).split())
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
     title = layer.replace("_", "-")

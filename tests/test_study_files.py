@@ -163,7 +163,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),
     ("seed: 7", "points: [{fleet.robots: 1}]", 1, ["either factors or points"]),
     ("[T_total, E_U_moves]", "[T_totall]", 12, ["no metric is called", "mean 'T_total'?"]),
-    ("[T_total, E_U_moves]", "[lead_time]", 12, ["measures lead_time; it takes", "orders.stream"]),
+    ("[T_total, E_U_moves]", "[lead_time]", 12, ["measures lead_time; it takes", "a stream"]),
     ("[T_total, E_U_moves]", "[T_total]\n  precision: 0", 13, ["analysis.precision"]),
     ("[T_total, E_U_moves]", "[]", 12, ["analysis.metrics"]),
     ("  metrics: [T_total, E_U_moves]\n", "", 11, ["'metrics' is missing in analysis"]),

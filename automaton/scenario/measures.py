@@ -20,10 +20,15 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
     """The metrics that no run of a scenario has, each with what it takes to have it."""
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
-    come_in = orders.interval > 0 or orders.stream is not None or orders.parts is not None
+    later = any(order.at > 0 for order in orders.listed or ())  # also those of a file
+    come_in = later or orders.interval > 0 or orders.stream is not None or orders.parts is not None
     rules = (
         (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),
-        (OF_TIMES, come_in, "orders that come in over time: orders.interval or orders.stream"),
+        (
+            OF_TIMES,
+            come_in,
+            "orders that come in over time: an interval, a stream, or a list with at",
+        ),
         (OF_BATTERIES, powered, "a battery"),
         (OF_FAULTS, powered or bool(faults.listed) or faults.rate > 0, "faults, or a battery"),
         (OF_STATIONS, orders.parts is not None, "orders.parts"),

@@ -154,13 +154,15 @@ def test_the_publication_does_not_bear_out_three_of_its_claims(two_seeds: Reprod
 
 @pytest.mark.parametrize(
     ("values", "verdict"),
-    [([0.0, 0.0], "does not hold"), ([1.0, 1.0], "holds"), ([-1.0, -1.0], "does not hold")],
+    [([0.0, 1e-6], "undecided"), ([1.0, 1.1], "holds"), ([-1.0, -1.1], "does not hold")],
 )
 def test_no_difference_is_no_claim_of_more(values: list[float], verdict: str) -> None:
     figure = Figure("more", lambda mean: mean("T", 1), at_least=0, strict=True)
     judged = judge(Claim("more", (figure,)), {("T", (1,)): values}, {("T", (1,)): values[0]})
     assert judged is not None
     assert (judged.verdict, judged.in_print) == (verdict, verdict == "holds")
+    nothing = judge(Claim("more", (figure,)), {("T", (1,)): [0.0, 0.0]}, {("T", (1,)): 0.0})
+    assert nothing is not None and (nothing.verdict, nothing.in_print) == ("undecided", False)
 
 
 def test_a_claim_needs_its_whole_interval() -> None:

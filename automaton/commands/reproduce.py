@@ -126,6 +126,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
                 "sd": row.sd,
                 "error": row.error,
                 **({"half_width": row.half_width, "rank": row.rank} if row.ranked else {}),
+                **({"low": row.exact.low, "high": row.exact.high} if row.exact else {}),
             }
             for row in reproduced.rows()
         ],
@@ -161,5 +162,7 @@ def figure_as_json(figure: Judged) -> dict[str, Any]:
         "at_least": None if math.isinf(wanted.at_least) else wanted.at_least,
         "at_most": None if math.isinf(wanted.at_most) else wanted.at_most,
         "printed": figure.printed,
+        "runs": figure.runs,
+        "otherwise": figure.otherwise,
         "verdict": figure.verdict,
     }

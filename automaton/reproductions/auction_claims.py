@@ -65,6 +65,7 @@ def about_the_example() -> Iterator[Claim]:
                 lambda mean: mean("bid", "as printed", 2) - mean("bid", "as printed", 1),
                 9,
                 9,
+                certain=True,
             ),
         ),
     )
@@ -77,6 +78,7 @@ def about_the_example() -> Iterator[Claim]:
                     mean("bid", "charging ignored", 2) - mean("bid", "charging ignored", 1)
                 ),
                 at_most=0,
+                certain=True,
             ),
         ),
     )
@@ -89,6 +91,7 @@ def about_the_example() -> Iterator[Claim]:
                     mean("bid", "chargers 1, 2, 3", 2) - mean("bid", "chargers 1, 2, 3", 1)
                 ),
                 at_least=0,
+                certain=True,
             ),
         ),
     )
@@ -181,11 +184,13 @@ def about_work() -> Iterator[Claim]:
                 "sequences of 10 tasks for one of 9",
                 lambda mean: mean("sequences", 10) / mean("sequences", 9),
                 at_least=2,
+                certain=True,
             ),
             Figure(
                 "allotments of 10 tasks for one of 9",
                 lambda mean: mean("allotments", 10) / mean("allotments", 9),
                 at_least=2,
+                certain=True,
             ),
         ),
     )
@@ -200,9 +205,8 @@ def about_charging() -> Iterator[Claim]:
                 Figure(
                     f"share of tours of {n} tasks with charging",
                     value(f"charges {reserve}", "2", n),
-                    at_most=0.01,
+                    at_most=0,
                     unit="%",
-                    digits=1,
                 )
                 for n in (4, 5)
             ),

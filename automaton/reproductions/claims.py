@@ -3,7 +3,11 @@
 A figure is any smooth function of the means of metrics. Its 95 % interval is Student's, with the
 jackknife's standard error over the seeds: leaving out one seed in all cases at once keeps what the
 cases have in common (the same seed is the same demand), and a difference of means gets exactly the
-paired interval.
+paired interval. A share of runs has Clopper and Pearson's.
+
+What came out alike in all n runs has no spread, and an interval without width would say that nothing
+else can happen. Such a claim is "not contradicted": with 95 % certainty at most a share
+1 - 0.025^(1 / n) of runs are otherwise. Only what is not drawn at all holds by being so every time.
 """
 
 from __future__ import annotations
@@ -11,11 +15,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
+from automaton.statistics.intervals import ROUNDING
+from automaton.statistics.shares import exact_share
 from automaton.statistics.student import student
 
-Verdict = Literal["holds", "does not hold", "undecided"]
+Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
+WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")
 Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
 
@@ -31,6 +38,7 @@ class Figure:
     strict: bool = False  # the ends of the range do not belong to it: "more" is not "as many"
     unit: str = ""  # "%" and "points" show shares times 100
     digits: int = 0  # shown after the decimal point of what is no share
+    certain: bool = False  # nothing about it is drawn: one run tells it
 
     def holds(self, low: float, high: float) -> bool:
         """Whether everything from low to high lies in the range."""
@@ -55,24 +63,42 @@ class Claim:
 
 @dataclass(frozen=True)
 class Judged:
-    """A figure with its interval; low and high are None where a single seed gives none."""
+    """A figure with its interval; low and high are None where the runs give none."""
 
     figure: Figure
     value: float
     low: float | None
     high: float | None
     printed: float | None  # the same figure from the publication's own table
+    runs: int = 1
+    alike: bool = False  # all runs gave the same, though they need not have
 
     @property
     def verdict(self) -> Verdict:
         """holds if the whole interval lies in the range, does not hold if none of it does."""
-        if self.low is None or self.high is None:
-            return "undecided"
-        if self.figure.holds(self.low, self.high):
-            return "holds"
-        if self.figure.fails(self.low, self.high):
-            return "does not hold"
-        return "undecided"
+        if self.low is not None and self.high is not None:
+            if self.figure.holds(self.low, self.high):
+                return "holds"
+            if self.figure.fails(self.low, self.high):
+                return "does not hold"
+        return self._of_alike() if self.alike else "undecided"
+
+    def _of_alike(self) -> Verdict:
+        """Without spread: no run speaks against it, or none speaks for it.
+
+        A share that must be 0 or 1 is a claim of never or always, which no number of runs can show.
+        """
+        ends = self.figure.at_least, self.figure.at_most
+        if self.figure.holds(self.value, self.value):
+            no_end_of_runs = self.low is None or self.value in ends
+            return "not contradicted" if no_end_of_runs else "undecided"
+        # "Equal in every run" has its counterexample.
+        return "does not hold" if ends[0] == ends[1] else "undecided"
+
+    @property
+    def otherwise(self) -> float | None:
+        """The largest share of runs that may be otherwise (95 %); None where some are."""
+        return exact_share(0, self.runs).high if self.alike else None
 
     @property
     def in_print(self) -> bool | None:
@@ -97,7 +123,7 @@ class JudgedClaim:
     @property
     def verdict(self) -> Verdict:
         verdicts = [figure.verdict for figure in self.figures]
-        for worst in ("does not hold", "undecided"):
+        for worst in WORST_FIRST:
             if worst in verdicts:
                 return worst
         return "holds"
@@ -133,14 +159,40 @@ def _judged(
         return math.fsum(values) / len(values)
 
     value = figure.of(overall)
-    margin = _half_width(figure, {sample: samples[sample] for sample in used})
+    own = {sample: samples[sample] for sample in used}
     try:
         in_print = figure.of(lambda metric, *key: printed[metric, key])
     except KeyError:
         in_print = None
+    low, high, alike = _interval(figure, value, own)
+    return Judged(figure, value, low, high, in_print, min(map(len, own.values())), alike)
+
+
+def _interval(
+    figure: Figure, value: float, samples: Mapping[Sample, Sequence[float]]
+) -> tuple[float | None, float | None, bool]:
+    """The ends of the 95 % interval, and whether all runs gave the same though they need not have."""
+    if _is_share(figure, samples):
+        [values] = samples.values()
+        share = exact_share(round(math.fsum(values)), len(values))
+        return share.low, share.high, value in (0, 1)
+    margin = _half_width(figure, samples)
+    if figure.certain:
+        return value - (margin or 0.0), value + (margin or 0.0), False
     if margin is None:
-        return Judged(figure, value, None, None, in_print)
-    return Judged(figure, value, value - margin, value + margin, in_print)
+        return None, None, False
+    largest = max(abs(one) for values in samples.values() for one in values)
+    if margin <= ROUNDING * max(largest, abs(value)):
+        return None, None, True
+    return value - margin, value + margin, False
+
+
+def _is_share(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> bool:
+    """Whether a figure is the plain share of runs in which something happens."""
+    if figure.unit != "%" or len(samples) != 1:
+        return False
+    [values] = samples.values()
+    return set(values) <= {0, 1} and figure.of(lambda metric, *key: 0.25) == 0.25
 
 
 def _half_width(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> float | None:

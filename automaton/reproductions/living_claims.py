@@ -112,7 +112,6 @@ CLAIMS: Final = (
 )
 
 REMARKS: Final = (
-    "Where nothing happened in n runs, the 95 % interval of its probability goes up to 3/n.",
     "Here opportunity charging is insertion: no robot is ever idle. Every station is within 20 % of "
     "a charger, so both readings of the threshold agree, too.",
     "A reserve is what plans keep. What a robot spends in line, or behind others, no plan foresees.",

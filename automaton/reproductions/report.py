@@ -16,7 +16,9 @@ from automaton.reproductions.study import Table as PublishedTable
 from automaton.run_report import console, print_table
 from automaton.units import count, percent
 
-STYLES = {"holds": "green", "does not hold": "red", "undecided": "yellow"}
+STYLES = {
+    "holds": "green", "not contradicted": "cyan", "undecided": "yellow", "does not hold": "red"
+}  # fmt: skip
 SHORT = {"configuration": "cfg", "robots": "N"}
 WIDEST_TEXT = 110
 
@@ -94,8 +96,9 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
         justify: Any = "left" if isinstance(value, str) else "right"
         table.add_column(f"\n{SHORT.get(label, label)}", justify=justify, no_wrap=True)
     printed = {row.metric for row in rows if row.paper is not None}
+    exact = {row.metric for row in rows if row.exact is not None}
     for metric in metrics:
-        heads = heads_of(made_of, metric in printed)
+        heads = heads_of(made_of, metric in printed, metric in exact)
         first, *others = heads
         table.add_column(f"  {metric}\n  {first}", justify="right", no_wrap=True)
         for head in others:
@@ -107,17 +110,19 @@ def panel_table(metrics: Sequence[str], rows: Sequence[Row], made_of: PublishedT
         if before and before != group:
             table.add_row()
         for metric in metrics:
-            cells += figures(lines.get(metric), metric, metric in printed, made_of)
+            heads = heads_of(made_of, metric in printed, metric in exact)
+            cells += figures(lines.get(metric), heads, made_of)
         table.add_row(*cells)
     return table
 
 
-def heads_of(table: PublishedTable, printed: bool) -> list[str]:
-    """The columns of a metric; a stored figure has no spread."""
-    spread = table.spread
+def heads_of(table: PublishedTable, printed: bool, exact: bool) -> list[str]:
+    """The columns of a metric; a stored figure has no spread, an exact share its interval."""
+    spread = "95 %" if exact else table.spread
     heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]
     if table.ranked:
         heads = ["paper", "rank", "ours", "95 %", spread] if printed else ["ours", "95 %", spread]
+        heads = list(dict.fromkeys(heads))
     return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
 
 
@@ -129,20 +134,25 @@ def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
     yield from found.values()
 
 
-def figures(row: Row | None, metric: str, printed: bool, table: PublishedTable) -> list[str]:
+def figures(row: Row | None, heads: Sequence[str], table: PublishedTable) -> list[str]:
     """The cells of a metric; blank where a case does not have it."""
-    heads = heads_of(table, printed)
     if row is None:
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
     cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se}
-    around = "-" if row.half_width is None else f"+-{in_table(row.half_width, metric, table)}"
     rank = "" if row.rank is None else percent(row.rank, 0)
     shown = {
-        head: "-" if value is None else in_table(value, metric, table)
+        head: "-" if value is None else in_table(value, row.metric, table)
         for head, value in cells.items()
     }
-    return [(shown | {"error": error, "95 %": around, "rank": rank})[head] for head in heads]
+    return [(shown | {"error": error, "95 %": around(row, table), "rank": rank})[h] for h in heads]
+
+
+def around(row: Row, table: PublishedTable) -> str:
+    """The 95 % interval of a mean."""
+    if row.exact is not None and row.exact.low is not None and row.exact.high is not None:
+        return f"{100 * row.exact.low:.1f} to {100 * row.exact.high:.1f} %"
+    return "-" if row.half_width is None else f"+-{in_table(row.half_width, row.metric, table)}"
 
 
 def in_table(value: float, metric: str, table: PublishedTable) -> str:
@@ -169,15 +179,17 @@ def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> Non
     out.print(Text(title, "bold"))
     explanation = (
         "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
-        "hold if one lies outside; else it is undecided. Shown is the figure that decides."
+        "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
+        "contradicted, and how many runs may be otherwise is said (Clopper-Pearson). Shown is the "
+        "figure that decides."
     )
     for line in textwrap.wrap(explanation, text_width(out)):
         out.print(line)
-    indent = " " * 15
+    indent = " " * 18
     for claim in judged:
         out.print()
         first, *others = textwrap.wrap(claim.claim.text, text_width(out) - len(indent))
-        head = Text(f"{claim.verdict:<15}", STYLES[claim.verdict])
+        head = Text(f"{claim.verdict:<18}", STYLES[claim.verdict])
         out.print(head.append(first, "default"), soft_wrap=True)
         for line in (*others, *textwrap.wrap(evidence(claim), text_width(out) - len(indent))):
             out.print(indent + line, soft_wrap=True)
@@ -189,7 +201,11 @@ def evidence(claim: JudgedClaim) -> str:
     most = len(claim.figures)
     good = sum(one.verdict == "holds" for one in claim.figures)
     of_all = f" ({good} of {most} figures hold)" if most > 1 else ""
+    if most > 1 and claim.verdict == "not contradicted":
+        of_all = f" (none of {most} figures is contradicted)"
     parts = [f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{of_all}"]
+    if claim.verdict == "not contradicted" and figure.otherwise is not None:
+        parts.insert(0, f"at most {100 * figure.otherwise:.1f} % of runs (95 %)")
     if figure.printed is not None:
         in_print = figure.in_print if claim.in_print is None else claim.in_print
         agrees = "agrees" if in_print else "DISAGREES"
@@ -200,7 +216,7 @@ def evidence(claim: JudgedClaim) -> str:
 def deciding(claim: JudgedClaim) -> Judged:
     """The figure on which the verdict hangs: of the worst verdict, the farthest from its range."""
     worst = [figure for figure in claim.figures if figure.verdict == claim.verdict]
-    return min(worst, key=lambda figure: figure.margin)
+    return min(worst, key=lambda figure: (figure.margin, figure.runs))
 
 
 def shown(figure: Judged, value: float) -> str:
@@ -210,7 +226,8 @@ def shown(figure: Judged, value: float) -> str:
 
 def valued(figure: Judged) -> str:
     if figure.low is None or figure.high is None:
-        return f"{shown(figure, figure.value)} (one seed gives no interval)"
+        why = f"in all {figure.runs:,} runs" if figure.alike else "one seed gives no interval"
+        return f"{shown(figure, figure.value)} ({why})"
     low, high = shown(figure, figure.low), shown(figure, figure.high)
     return f"{shown(figure, figure.value)} ({low} to {high})"
 

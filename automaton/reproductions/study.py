@@ -15,6 +15,8 @@ from automaton.errors import InputError, alternatives, nearest
 from automaton.parallel import OnDone, Result, run_all
 from automaton.reproductions.claims import Claim
 from automaton.scenario.resolve import resolve
+from automaton.statistics.intervals import Interval
+from automaton.statistics.shares import exact_share
 from automaton.statistics.student import student
 
 Label = str | int
@@ -141,6 +143,7 @@ class Row:
     repetitions: int
     ranked: bool = False  # its interval and rank are reported
     rank: float | None = None  # share of repetitions below the printed figure, ties by half
+    exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
 
     @property
     def se(self) -> float | None:
@@ -176,21 +179,29 @@ class MadeTable:
 
     def rows(self) -> list[Row]:
         """One for each case and each metric that it has, in the order of the cases."""
+        of_runs = {metric for metric in self.table.shares if self._counts_runs(metric)}
         return [
-            self._row(case, metric, values)
+            self._row(case, metric, values, metric in of_runs)
             for case, batch in zip(self.cases, self.results, strict=True)
             for metric in self.table.metrics
             if (values := [one.metrics[metric] for one in batch if metric in one.metrics])
         ]
 
-    def _row(self, case: Case, metric: str, values: Sequence[float]) -> Row:
+    def _counts_runs(self, metric: str) -> bool:
+        """Whether a metric is 0 or 1 in each repetition: its mean is a share of them."""
+        every = (one.metrics.get(metric, 0) for batch in self.results for one in batch)
+        return set(every) <= {0, 1}
+
+    def _row(self, case: Case, metric: str, values: Sequence[float], of_runs: bool) -> Row:
         paper = self.table.published(case.key, metric)
         # fsum is exact: the figures do not depend on how a processor orders a sum.
         mean = math.fsum(values) / len(values)
         spread = math.fsum((value - mean) ** 2 for value in values)
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
         rank = _rank(paper, values) if self.table.ranked else None
-        return Row(case.labels, metric, paper, mean, sd, len(values), self.table.ranked, rank)
+        exact = exact_share(round(math.fsum(values)), len(values)) if of_runs else None
+        ranked = self.table.ranked
+        return Row(case.labels, metric, paper, mean, sd, len(values), ranked, rank, exact)
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
         """(metric, key of a case) and its values, of the metrics that every repetition has."""

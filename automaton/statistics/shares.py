@@ -1,4 +1,8 @@
-"""Is a share of runs large enough? A sequential test, and an interval that stopping does not spoil.
+"""Shares of runs: an exact interval, a sequential test, an interval that stopping does not spoil.
+
+Clopper & Pearson (1934), of s of n runs, n fixed beforehand: with I the incomplete beta function and
+e = 1 - level, from the p with I_p(s, n - s + 1) = e / 2 to the p with I_p(s + 1, n - s) = 1 - e / 2.
+Of none of n runs it reaches up to 1 - (e / 2)^(1 / n), about 3.7 / n.
 
 Wald (1945): after s runs that meet the target and f that do not,
 
@@ -23,6 +27,7 @@ from collections.abc import Callable, Iterable
 from typing import Final, Literal, NamedTuple
 
 from automaton.statistics.intervals import LEVEL, Interval
+from automaton.statistics.student import incomplete_beta
 
 Verdict = Literal["meets", "fails", "undecided"]
 
@@ -75,6 +80,22 @@ def share_test(share: float, zone: float, error: float) -> ShareTest:
     if not 0 < error < 0.5:
         raise ValueError(f"an error lies between 0 and 0.5, not {error:g}")
     return ShareTest(share - zone, share + zone, error)
+
+
+def exact_share(met: int, runs: int, level: float = LEVEL) -> Interval:
+    """The share of a fixed number of runs in which something happens, by Clopper and Pearson.
+
+    Raises ValueError for what is no share.
+    """
+    if not 0 <= met <= runs or runs < 1 or not 0 < level < 1:
+        raise ValueError(f"{met} of {runs} runs at level {level} are no share")
+    missed, tail = runs - met, (1 - level) / 2
+    low = high = share = met / runs
+    if met:
+        low = _edge(lambda p: incomplete_beta(p, met, missed + 1) > tail, share, 0.0)
+    if missed:
+        high = _edge(lambda p: incomplete_beta(1 - p, missed, met + 1) > tail, share, 1.0)
+    return Interval(share, low, high, runs, "Clopper-Pearson", level)
 
 
 def confidence_sequence(met: int, runs: int, level: float = LEVEL) -> Interval:

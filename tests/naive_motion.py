@@ -1,7 +1,8 @@
 """The occupancy rules a second time, as they are written down, in plain Python and without speed.
 
 Executed is the greatest set of intents in which every claimant finds room: begin with all of them,
-refuse the lowest-ranked excess of any cell, until nothing changes. Shares no code with the kernels.
+refuse the lowest-ranked excess of any cell, until nothing changes. An edge has room for robots one
+way, unless both its cells let robots pass. Shares no code with the kernels.
 """
 
 from __future__ import annotations
@@ -66,6 +67,7 @@ class Floor:
     offset: tuple[int, int, int, int]
     following: bool = True
     robots: dict[int, Robot] = field(default_factory=dict)
+    met: int = 0  # intents refused so far for a robot that was under way on their edge
 
     def resource(self, cell: int, direction: int) -> Hashable:
         """What has room for one robot: a cell, a lane of it, or None where there is no limit."""
@@ -97,13 +99,14 @@ class Floor:
         return moved, {intent.robot.identity for intent in live} - moved
 
     def _without_swaps(self, live: list[Intent]) -> list[Intent]:
-        edges = {(intent.start, intent.to) for intent in live}
-        return [
-            intent
-            for intent in live
-            if (intent.to, intent.start) not in edges
-            or (self.capacity[intent.start] != 1 and self.capacity[intent.to] != 1)
-        ]
+        """Intents that meet nobody on their edge: nobody under way, nobody else who starts now."""
+        under_way = {(robot.cell, robot.claim) for robot in self.robots.values()}
+        starting = {(intent.start, intent.to) for intent in live}
+        single = [i for i in live if 1 in (self.capacity[i.start], self.capacity[i.to])]
+        met = [i for i in single if (i.to, i.start) in under_way]
+        self.met += len(met)
+        swaps = [i for i in single if (i.to, i.start) in starting]
+        return [intent for intent in live if intent not in met and intent not in swaps]
 
     def _greatest(self, intents: list[Intent], arriving: list[Robot], tick: int) -> list[Intent]:
         remaining = sorted(intents, key=lambda intent: intent.rank(tick))

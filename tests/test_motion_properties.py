@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 from collections import Counter
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,22 @@ from hypothesis import strategies as st
 from naive_motion import Floor, Robot, luck, mix
 
 from automaton.kernels import draws, motion
-from automaton.kernels.motion import CLAIMS, ENTERED, LIVE, MOVED, REFUSED, STATE, move_all
+from automaton.kernels.motion import (
+    CLAIMS,
+    ENTERED,
+    LIVE,
+    MOVED,
+    REFUSED,
+    STATE,
+    move_all,
+    occupy,
+    vacate,
+)
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Fleet, Scenario, WorldRules
 from automaton.world import build
+from automaton.world.cells import EAST, WEST
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL, World
 
@@ -181,9 +193,51 @@ def test_the_kernel_finds_the_greatest_set_of_moves(
             # Rows of the contest are written only for intents that the two passes left open.
             reached["contested"] += np.count_nonzero(world.traffic.pending[:, STATE])
             world.traffic.pending[:] = 0
+        reached["met on an edge"] += floor.met
 
     check()
-    assert len(reached) == 3 and min(reached.values()) > 3000, reached
+    met = reached.pop("met on an edge")
+    assert len(reached) == 3 and min(reached.values()) > 3000 and met > 10, (reached, met)
+
+
+@pytest.mark.parametrize("following", [True, False])
+@pytest.mark.parametrize("floor", ["".join(symbols) for symbols in product(".=~", repeat=3)])
+def test_no_two_robots_are_on_an_edge_in_opposite_directions(floor: str, following: bool) -> None:
+    """A>.<B: each drives to the other end, in moves of 1 to 3 ticks; B sets out 0 to 3 ticks late.
+
+    On which edge a robot is in a tick follows from where it was before and after.
+    """
+    plan = draw_floor(floor)
+    first, last = np.flatnonzero(plan.drivable())[[0, -1]].tolist()
+    passings = 0
+    for span_a, span_b, late in product((1, 2, 3), (1, 2, 3), range(4)):
+        world = built(Case(plan, (first, last), following, (), 0, ()), None)
+        robots, traffic = world.robots, world.traffic
+        vacate(traffic.occupancy, last, 0)
+        occupy(traffic.occupancy, last, WEST)
+        robots.travel[1] = WEST
+        for number in range(14):
+            before = list(zip(robots.cell.tolist(), robots.claim.tolist(), strict=True))
+            for i, (way, end) in enumerate(((EAST, last), (WEST, first))):
+                goes = robots.busy[i] == 0 and robots.cell[i] != end and number >= late * i
+                traffic.want[i] = LIVE | way if goes else 0
+            traffic.span[:] = span_a, span_b
+            with np.errstate(over="ignore"):
+                move_all(world.grid, world.rules, robots, traffic, number)
+            a, b = (driven(*before[i], int(robots.cell[i]), int(robots.claim[i])) for i in (0, 1))
+            if a is not None and b is not None and set(a) == set(b):
+                assert "." not in floor[min(a) - first :][:2], (span_a, span_b, late, number)
+                passings += 1
+    assert bool(passings) == any(floor[k : k + 2].count(".") == 0 for k in (0, 1))
+
+
+def driven(cell: int, claim: int, now: int, claims: int) -> tuple[int, int] | None:
+    """The edge on which a robot was in a tick; `cell`, `claim`: before it, the others: after it."""
+    if claim != NIL:
+        return cell, claim
+    if claims != NIL:
+        return now, claims
+    return (cell, now) if now != cell else None
 
 
 def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:

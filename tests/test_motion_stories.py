@@ -109,6 +109,26 @@ def test_a_swap_needs_both_cells_to_let_robots_pass() -> None:
     assert story.refused == "AB"
 
 
+def test_who_starts_may_not_meet_a_long_move_on_its_edge_even_as_that_arrives() -> None:
+    # A drives for two ticks into the cell that B is about to leave; in the second its own is free.
+    story = Story("A~B", move=2)
+    assert story.tick(B="west") == "A*B"
+    assert story.tick() == "AB."
+    assert story.tick(A="east") == "AB."
+    assert story.tick(B="west") == ".@."
+    assert story.refused == "B"
+    assert story.tick(A="east", B="west") == "*@*", "the edge is free again"
+
+
+def test_a_third_robot_may_enter_what_a_refused_swap_leaves_free() -> None:
+    story = Story(rows("A~B", ".##", "C##"), move=2, priority={"B": 9})
+    assert story.tick(B="west", C="north") == rows("A*B", "*##", "C##")
+    assert story.tick() == rows("AB.", "C##", ".##")
+    assert story.tick(A="east") == rows("AB.", "C##", ".##")
+    assert story.tick(B="west", C="north") == rows("*@.", "C##", ".##")
+    assert story.refused == "B"
+
+
 # Capacities
 
 

@@ -111,6 +111,24 @@ def test_robots_pass_each_other_where_both_cells_let_them() -> None:
     assert rules(played(header(aisle, [(0, 0), (1, 0)]), {0: E, 1: W})) == ["swap"]
 
 
+@pytest.mark.parametrize("late", range(5))
+@pytest.mark.parametrize("spans", [(3, 1), (1, 3), (2, 2), (3, 3)])
+def test_two_robots_meet_between_two_cells(spans: tuple[int, int], late: int) -> None:
+    """A drives from (0, 0) into a cell without limit, where B is; B starts some ticks later."""
+    floor = FLOOR.replace("......", ".~~...")
+    head = header(floor, [(0, 0), (1, 0)])
+    begun: list[dict[int, int]] = [{} for _ in range(6)]
+    begun[0][0] = E
+    begun[late][1] = W
+    rows = [(1, DURATION, 0, spans[0]), (late + 1, DURATION, 1, spans[1])]
+    found = rules(played(head, *begun, changes=rows))
+    swap = ["swap"] if late < spans[0] else []
+    assert [rule for rule in found if rule not in ("capacity", "pace")] == swap
+    assert ("capacity" in found) == (late < spans[0] - 1), "until then A holds the cell"
+    passing = header(floor.replace(".~~", "~~~"), [(0, 0), (1, 0)])
+    assert "swap" not in rules(played(passing, *begun, changes=rows))
+
+
 def test_each_lane_holds_one_robot() -> None:
     """A and B share a cell that has a lane for each way, but not one lane."""
     aisle = FLOOR.replace("......", ".==...")

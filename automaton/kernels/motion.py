@@ -9,6 +9,13 @@ S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lack
 without limit keeps both. Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one
 lane: it has one holder, so one claimant at most wins.
 
+A move of d ticks that begins in tick T is on its edge in the ticks T .. T+d-1. Two moves over one
+edge in opposite directions that share a tick pass through each other. Unless both cells let robots
+pass, the later one is refused, and both if they begin in one tick. Where a cell has capacity 1, the
+claim of a long move keeps others off in all its ticks but the last, in which it gives up the cell
+that it leaves. In that tick its claim bit stands once more in the cell that it enters, so that who
+starts against it is refused like one of two who start at once.
+
 Two passes decide all but the contested and the queueing intents from these words alone; only final
 inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.
 """
@@ -129,6 +136,24 @@ def arrive(grid, rules, robots, traffic, i, releases):
 
 
 @kernel
+def bar_way_back(grid, robots, traffic, i, dirty):
+    """Whoever starts now against the long move of robot i, which ends in this tick, finds its claim.
+
+    It would pass through robot i where that gives up a cell of capacity 1 and enters one in which
+    robots may be. Returns the number of dirty cells.
+    """
+    left = np.int64(robots.cell[U(i)])
+    entered = np.int64(robots.claim[U(i)])
+    single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY) & 3 == 1
+    word = np.int64(traffic.occupancy[U(entered)])
+    if not single or (word >> CAPACITY) & 3 == 1:
+        return dirty
+    traffic.occupancy[U(entered)] = np.uint16(word | 1 << direction_between(grid, left, entered))
+    traffic.dirty[U(dirty)] = entered
+    return dirty + 1
+
+
+@kernel
 def advance(grid, rules, robots, traffic, i, releases):
     """Let robot i make its move; returns the number of releases put off to the tick's end."""
     direction = np.int64(traffic.want[U(i)]) & 3
@@ -167,8 +192,8 @@ def move_all(grid, rules, robots, traffic, tick):
     Reads traffic.want (LIVE | direction, or 0) and traffic.span of robots that are not busy;
     leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
     """
-    releases = claim_cells(grid, rules, robots, traffic)
-    releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases)
+    releases, dirty = claim_cells(grid, rules, robots, traffic)
+    releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
     if pending:
         releases = resolve(grid, rules, robots, traffic, tick, pending, releases)
     for k in range(dirty):
@@ -180,15 +205,17 @@ def move_all(grid, rules, robots, traffic, tick):
 
 @kernel
 def claim_cells(grid, rules, robots, traffic):
-    """First pass: busy robots count down, the others write their claims; returns releases."""
+    """First pass: busy robots count down, the others write their claims; returns (releases, dirty)."""
     occupancy, want = traffic.occupancy, traffic.want
     releases = 0
+    dirty = 0
     for i in range(robots.cell.shape[0]):
         fetch_ahead(grid, robots, traffic, i)
         busy = np.int64(robots.busy[U(i)])
         if busy > 0:
             robots.busy[U(i)] = np.uint16(busy - 1)
             if busy == 1 and robots.claim[U(i)] != NIL:
+                dirty = bar_way_back(grid, robots, traffic, i, dirty)
                 releases = arrive(grid, rules, robots, traffic, i, releases)
         elif want[U(i)] & np.uint8(LIVE):
             direction = np.int64(want[U(i)]) & 3
@@ -200,16 +227,15 @@ def claim_cells(grid, rules, robots, traffic):
                 occupancy[target] = np.uint16(word | (1 << direction) | twice)
             else:
                 want[U(i)] = 0
-    return releases
+    return releases, dirty
 
 
 @kernel
-def move_uncontested(grid, rules, robots, traffic, releases):
+def move_uncontested(grid, rules, robots, traffic, releases, dirty):
     """Second pass: refuse swaps, make sole claims with room; returns (releases, pending, dirty)."""
     occupancy, want = traffic.occupancy, traffic.want
     cells = occupancy.shape[0]
     pending = 0
-    dirty = 0
     for i in range(robots.cell.shape[0]):
         fetch_ahead(grid, robots, traffic, i)
         w = np.int64(want[U(i)])

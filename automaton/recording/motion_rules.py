@@ -62,6 +62,8 @@ class Motion:
         self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
         self.holder: dict[int, int] = {}  # resource -> robot
+        # (from, to) -> the robot that last drove there, and the tick in which it arrived or will
+        self._drive: dict[tuple[int, int], tuple[int, int]] = {}
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
         self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
         self.arrived: set[int] = set()  # robots whose move ended in this tick
@@ -238,12 +240,8 @@ class Motion:
             self._turned.setdefault(tick + self.duration[code] - 1, []).append(r)
 
     def _check_moves(self, tick: int, movers: list[Mover], placed: set[int]) -> None:
-        edges = {(start, to): r for r, start, to, _ in movers}
         for r, start, to, direction in movers:
-            opposite = edges.get((to, start))
-            limited = self.capacity[start] == 1 or self.capacity[to] == 1
-            if opposite is not None and opposite > r and limited:
-                self.complain(tick, "swap", [r, opposite], to, "two robots pass through each other")
+            self._check_edge(tick, r, start, to)
             resource = self.resource(to, direction)
             holder = self.holder.get(resource)
             if holder is None:
@@ -254,6 +252,14 @@ class Motion:
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:
                 text = "follows a robot that came out of its bay in this tick"
                 self.complain(tick, "bay", [r, holder], to, text)
+
+    def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
+        """Between two cells from this tick on, a robot meets nobody who is there the other way."""
+        other, arrival = self._drive.get((to, start), (NONE, NONE))
+        limited = self.capacity[start] == 1 or self.capacity[to] == 1
+        if arrival >= tick and limited:
+            self.complain(tick, "swap", [other, r], start, "two robots pass through each other")
+        self._drive[start, to] = r, self.free[r] - 1
 
     def _carry_out(self, tick: int, movers: list[Mover]) -> None:
         """All releases, then all claims: moves of one tick are simultaneous."""

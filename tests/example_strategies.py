@@ -18,6 +18,7 @@ from automaton.world.state import (
     PICKED,
     SET_DOWN,
     TAKE,
+    TICK,
 )
 
 
@@ -30,6 +31,17 @@ class HalfAndHalf(Strategy):
     def decide(self, view, asked, answers, memory, space):
         for k in range(asked.count[0]):
             answers.zoning.zone[k] = view.robots.identity[asked.robot[k]] % 2
+
+
+class Halts(Strategy):
+    """Zoning: in every tenth tick, all robots are told to stand still for six ticks."""
+
+    layer = "zoning"
+    every = 10
+
+    def decide(self, view, asked, answers, memory, space):
+        if view.clock[TICK] % 10 == 0:
+            answers.zoning.halt[: asked.count[0]] = 6
 
 
 class ChargeFirst(Strategy):

@@ -9,12 +9,13 @@ from powered import MOVES, Powered, recorded_run, scene
 
 from automaton.headless import run_once
 from automaton.picture import picture_of, world_from
+from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Durations, Fault, Faults
 from automaton.simulation import Simulation
 from automaton.world.condition import BROKEN, FULL, GONE, RUNNING, TOWED
-from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING
+from automaton.world.state import CARRIED, DELIVERED, NIL, OUT_OF_ORDER, WAIT, WAITING
 
 
 def failing(at: int, **rules: Any) -> Faults:
@@ -162,6 +163,16 @@ def test_a_robot_in_its_bay_fails_and_comes_back_there() -> None:
     assert run.status("A") == TOWED, "it is in nobody's way: towed at once"
     assert statuses(run, 4)[-1] == RUNNING
     assert run.world.tally.out[0].tolist() == [0, 1, 0], "nobody had to tow it off the floor"
+
+
+def test_who_is_out_of_order_does_not_wait_when_zoning_halts_the_robots() -> None:
+    settings = ("strategy.zoning=example_strategies:Halts", "faults={list: [{robot: 1, at: 35}]}")
+    recorder = MemoryRecorder(resolved := resolve("tabletop-mini", settings))
+    run = Simulation(resolved, on_record=recorder)
+    run.run(until=45)
+    assert run.world.robots.status.tolist() == [RUNNING, BROKEN, RUNNING]
+    assert run.world.robots.action.tolist() == [WAIT, OUT_OF_ORDER, WAIT]
+    assert [str(rule) for rule in validate_stored(recorder.recording()).violations] == []
 
 
 def test_a_load_is_carried_on_if_its_robot_was_alone_in_a_corner() -> None:

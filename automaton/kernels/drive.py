@@ -52,6 +52,7 @@ from automaton.recording.codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
+from automaton.world.condition import EXHAUSTED
 from automaton.world.state import (
     AROUND,
     BAY_BLOCKED,
@@ -114,10 +115,12 @@ def leave_bays(world):
 
 @kernel
 def stand_still(world, record):
-    """Robots that zoning halts wait from now on until it lets them go."""
+    """Robots that zoning halts wait from now on until it lets them go; who is out of order does not."""
     robots, tick = world.robots, world.clock[TICK]
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
+        if robots.status[i] > EXHAUSTED:
+            continue
         ticks = world.zoning.halt[i] - tick + 1
         if ticks > 0 and robots.busy[i] == 0 and robots.parked[i] == 0 and robots.cell[i] != NIL:
             begin(world, i, WAIT, ticks)

@@ -100,6 +100,7 @@ METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
         generations(len(market[2].place), n),
         0,
         np.uint64(n),
+        0,
     ),
 }
 
@@ -192,7 +193,7 @@ def test_a_genetic_run_repeats_itself_and_seeds_differ() -> None:
     for seed in (1, 1, 2):
         market, items = scene(3, 3, 7)
         population = population_for(3, 7, 7)
-        genetic.genetic(*market, population, items, 7, 0, 20, 0, np.uint64(seed))
+        genetic.genetic(*market, population, items, 7, 0, 20, 0, np.uint64(seed), 0)
         found.append(population.genes.tolist())
     assert found[0] == found[1] != found[2]
 
@@ -203,7 +204,7 @@ def test_both_mutations_search_and_the_one_for_each_gene_searches_more() -> None
     for each_gene in (0, 1):
         market, items = scene(4, 4, 8)
         population = population_for(4, 8, 8)
-        genetic.genetic(*market, population, items, 8, 0, 200, each_gene, np.uint64(1))
+        genetic.genetic(*market, population, items, 8, 0, 200, each_gene, np.uint64(1), 0)
         distinct.append(len({tuple(row) for row in population.genes.tolist()}))
     assert distinct[0] < distinct[1]
 

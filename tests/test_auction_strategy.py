@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from powered import scene
 
+from automaton.auctions.genetic import genetic
+from automaton.auctions.market import INF
 from automaton.auctions.sequential import objective
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
@@ -300,6 +302,28 @@ def test_an_order_that_nobody_can_do_does_not_keep_the_others_from_being_done(ki
     state = run.world.orders.state
     assert (state[1:] == DELIVERED).all() and state[0] != DELIVERED
     assert (run.world.tally.out == 0).all()
+
+
+def first_genes(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
+    """What the genetic auctions of a run begin with, each with as many tasks."""
+    tools, found = 4, []
+    count, generations = tools + 2, tools + 4
+
+    def first_generation(*given: Any) -> int:
+        genetic(*given[:generations], 0, *given[generations + 1 :])
+        found.append(tuple(given[tools].genes[:, : given[count]].flat))
+        return INF  # so that the orders are sold in sequence
+
+    monkeypatch.setattr("strategies.allocation.auction.genetic", first_generation)
+    auction("auction: genetic", FIFTY, seed=seed).run(until=1000)
+    return [genes for genes in found if len(genes) == len(found[0])]
+
+
+def test_genetic_auctions_of_other_seeds_and_of_one_run_draw_apart(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    genes = [one for seed in (1, 2, 3) for one in first_genes(seed, monkeypatch)]
+    assert len(genes) > 30 and len(set(genes)) == len(genes)
 
 
 def test_kinds_that_cannot_do_a_scenario_say_so() -> None:

@@ -2,7 +2,8 @@
 
 Population of ten for each robot, as many elite as robots, roulette by rank, one-point crossover, and
 mutation with probability 1/2: of one gene of a child, or (`each_gene`) of each gene. A robot's list
-is made by inserting its items in the order of arrival. Draws are addressed by generation and child.
+is made by inserting its items in the order of arrival. Draws are addressed by the seed, the number of
+the auction with the generation, and the child.
 """
 
 import numpy as np
@@ -15,26 +16,30 @@ from automaton.compiled import kernel
 from automaton.kernels.draws import GENES, draw_between
 
 DRAWS = 8  # addresses of a child besides those of its genes
+TURNS = 1 << 20  # addresses of an auction: one for each generation, of which there are fewer
 
 
 @kernel
 def genetic(
-    work, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed
-):
+    work, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed,
+    auction,
+):  # fmt: skip
     """Leave the best individual's lists in the fleet; returns its objective, or INF.
 
-    population: for this fleet and `count` items; each_gene: 1 = a coin for each gene.
+    population: for this fleet and `count` items; each_gene: 1 = a coin for each gene; auction: the
+    number by which the draws of this seed are told from those of its other auctions.
     """
     scratch.count[:] = 0
+    turn = np.int64(auction) * TURNS
     robots = fleet.place.shape[0]
     size = population.fitness.shape[0]
     keep_lists(fleet, population)
     for i in range(size):
         for k in range(count):
-            population.genes[i, k] = draw_between(0, robots - 1, seed, GENES, 0, i * count + k)
+            population.genes[i, k] = draw_between(0, robots - 1, seed, GENES, turn, i * count + k)
     for generation in range(1, generations + 1):
         judge(work, battery, fleet, scratch, population, items, count, epsilon)
-        breed(population, robots, count, each_gene, seed, generation)
+        breed(population, robots, count, each_gene, seed, turn + generation)
     judge(work, battery, fleet, scratch, population, items, count, epsilon)
     best = np.int64(population.rank[0])
     decode(work, battery, fleet, scratch, population, items, count, best)
@@ -95,7 +100,7 @@ def judge(work, battery, fleet, scratch, population, items, count, epsilon):
 
 
 @kernel
-def breed(population, robots, count, each_gene, seed, generation):
+def breed(population, robots, count, each_gene, seed, turn):
     """The next generation: the elite, and children of two parents each."""
     size = population.fitness.shape[0]
     stride = count + DRAWS
@@ -107,24 +112,24 @@ def breed(population, robots, count, each_gene, seed, generation):
                 child[k] = population.genes[elite, k]
             continue
         address = i * stride
-        mother = spin(population, size, seed, generation, address)
-        father = spin(population, size, seed, generation, address + 1)
+        mother = spin(population, size, seed, turn, address)
+        father = spin(population, size, seed, turn, address + 1)
         cut = np.int64(0)
         if count > 1:
-            cut = draw_between(1, count - 1, seed, GENES, generation, address + 2)
+            cut = draw_between(1, count - 1, seed, GENES, turn, address + 2)
         for k in range(count):
             child[k] = population.genes[mother if k < cut else father, k]
-        mutate(child, robots, count, each_gene, seed, generation, address + 3)
+        mutate(child, robots, count, each_gene, seed, turn, address + 3)
     for i in range(size):
         for k in range(count):
             population.genes[i, k] = population.children[i, k]
 
 
 @kernel
-def spin(population, size, seed, generation, address):
+def spin(population, size, seed, turn, address):
     """An individual by roulette: the best of N has N shares, the worst one."""
     shares = size * (size + 1) // 2
-    left = draw_between(0, shares - 1, seed, GENES, generation, address)
+    left = draw_between(0, shares - 1, seed, GENES, turn, address)
     place = np.int64(0)
     while left >= size - place:
         left -= size - place
@@ -133,14 +138,14 @@ def spin(population, size, seed, generation, address):
 
 
 @kernel
-def mutate(child, robots, count, each_gene, seed, generation, address):
+def mutate(child, robots, count, each_gene, seed, turn, address):
     """Reset one gene with probability 1/2; or each gene with probability 1/2."""
     if each_gene == 1:
         for k in range(count):
-            coin = draw_between(0, 2 * robots - 1, seed, GENES, generation, address + k)
+            coin = draw_between(0, 2 * robots - 1, seed, GENES, turn, address + k)
             if coin < robots:
                 child[k] = coin
         return
-    if draw_between(0, 1, seed, GENES, generation, address) == 1:
-        gene = draw_between(0, count - 1, seed, GENES, generation, address + 1)
-        child[gene] = draw_between(0, robots - 1, seed, GENES, generation, address + 2)
+    if draw_between(0, 1, seed, GENES, turn, address) == 1:
+        gene = draw_between(0, count - 1, seed, GENES, turn, address + 1)
+        child[gene] = draw_between(0, robots - 1, seed, GENES, turn, address + 2)

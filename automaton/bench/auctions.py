@@ -179,7 +179,7 @@ def prepare_genetic() -> Sample:
 
     def work(one: Market) -> None:
         *rest, items = one
-        arguments = (items, 10, 0, generations(2, 10), 0, np.uint64(1))
+        arguments = (items, 10, 0, generations(2, 10), 0, np.uint64(1), 0)
         genetic.genetic(*rest, population, *arguments)
 
     return timed((2, 10), NO_CHARGING, work, 1)

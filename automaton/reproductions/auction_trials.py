@@ -110,8 +110,8 @@ def evolve(one: Instance, each_gene: int) -> None:
     """The paper's genetic algorithm."""
     population = population_for(one.robots, one.tasks, one.tasks)
     rounds = generations(one.robots, one.tasks)
-    seed = np.uint64(one.seed * (MOST_TASKS + 1) + one.tasks)
-    arguments = (one.items, one.tasks, one.epsilon, rounds, each_gene, seed)
+    address = np.uint64(one.seed), one.tasks  # a seed has a task set for each number of tasks
+    arguments = (one.items, one.tasks, one.epsilon, rounds, each_gene, *address)
     with np.errstate(over="ignore"):
         genetic.genetic(*one.market, population, *arguments)
 

@@ -233,10 +233,12 @@ class Auction(Strategy):
         elif self.parameters.auction == "exact":
             value = exact(*market, tools, item, count, epsilon)
         else:
-            seed = np.uint64(int(view.rules.seed) + int(memory.own[:, HELD].sum()))
+            auction = int(memory.own[:, HELD].sum())
             turns = generations(len(view.robots.cell), count)
             with np.errstate(over="ignore"):
-                value = genetic(*market, tools, item, count, epsilon, turns, 0, seed)
+                value = genetic(
+                    *market, tools, item, count, epsilon, turns, 0, view.rules.seed, auction
+                )
         if value < INF:
             return True
         fleet.order[:], fleet.length[:] = before

@@ -6,25 +6,27 @@ callee in another file goes unnoticed. So the cache folder is named by a hash of
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib.util
 import os
 import shutil
+import stat
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 from numba import njit, types
-from numba.core import config, event
 
 import automaton.struct_types  # noqa: F401  teaches Numba what a Struct is
+from automaton.numba_parts import config, event
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -32,6 +34,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 KERNEL_SOURCES = {
     "automaton": (
         "compiled.py",
+        "numba_parts.py",
         "struct.py",
         "struct_types.py",
         "auctions",
@@ -51,6 +54,7 @@ KERNEL_SOURCES = {
     "strategies": (".",),
 }
 CACHES_KEPT = 4
+UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
 WORLD = "the world"
 FIRST_RUN = "first run of this version on this machine (about 20 s): the world"
 FIRST_USE = "first use on this machine: "
@@ -84,19 +88,87 @@ def _folder(package: str) -> Path:
 
 @cache
 def cache_folder() -> Path:
-    """Where compiled kernels of these sources live; made if needed, older generations removed."""
+    """Where compiled kernels of these sources live; made if needed, older generations removed.
+
+    Where nothing can be written, they live in a temporary folder, which later processes of the same
+    user find again; that is said when it is made.
+    """
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
     try:
-        folder = root / source_hash()
-        folder.mkdir(parents=True, exist_ok=True)
-        os.utime(folder)
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix="automaton-kernels-"))
+        folder, _ = _generation(root)
+    except OSError as error:
+        instead = _temporary_root()
+        folder, is_new = _generation(instead)
+        if is_new:
+            print(
+                f"automaton: compiled code cannot be kept in {root} ({error.strerror}), so it goes to "
+                f"{instead}; AUTOMATON_CACHE_DIR names another folder",
+                file=sys.stderr,
+                flush=True,
+            )
+    _remove_unused(_shared_root())
+    return folder
+
+
+def _generation(root: Path) -> tuple[Path, bool]:
+    """The folder of these sources in `root`, and whether it was made now. Raises OSError."""
+    folder = root / source_hash()
+    is_new = not folder.is_dir()
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=folder):  # it can be written, and is used now
+        pass
     generations = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime)
     for stale in generations[:-CACHES_KEPT]:
         shutil.rmtree(stale, ignore_errors=True)
-    return folder
+    return folder, is_new
+
+
+def _shared_root() -> Path:
+    return Path(tempfile.gettempdir()) / f"automaton-kernels-{os.getuid()}"
+
+
+def _temporary_root() -> Path:
+    """A folder of this user's alone: compiled code is loaded from it.
+
+    Where somebody else holds its name, it is one that ends with this process.
+    """
+    root = _shared_root()
+    try:
+        root.mkdir(mode=0o700, exist_ok=True)
+        found = root.lstat()
+        if (
+            stat.S_ISDIR(found.st_mode)
+            and found.st_uid == os.getuid()
+            and not found.st_mode & 0o022
+        ):
+            return root
+    except FileExistsError:
+        pass
+    own = Path(tempfile.mkdtemp(prefix="automaton-kernels-"))
+    atexit.register(shutil.rmtree, own, ignore_errors=True)
+    return own
+
+
+def _is_mine(root: Path) -> bool:
+    """Whether it is a folder that this user owns and nobody else can write to."""
+    try:
+        found = root.lstat()
+    except FileNotFoundError:
+        return False
+    is_closed = not found.st_mode & 0o022
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and is_closed
+
+
+def _remove_unused(root: Path) -> None:
+    """Remove the generations in the temporary folder that nobody used for days."""
+    if not _is_mine(root):
+        return
+    with suppress(OSError):
+        for folder in root.iterdir():
+            if folder.stat().st_mtime < time.time() - UNUSED_S:
+                shutil.rmtree(folder, ignore_errors=True)
+        root.rmdir()  # unless something is left
 
 
 def folder_for(function: Callable[..., Any]) -> Path:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
+from numba import types
 from numba.extending import (
     NativeValue,
     lower_getattr_generic,
@@ -17,8 +16,8 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
-from numba.np.arrayobj import populate_array
 
+from automaton.numba_parts import AttributeTemplate, cgutils, infer_getattr, populate_array
 from automaton.struct import WORDS, Struct
 
 

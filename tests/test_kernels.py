@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import os
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 
 from automaton import compiled
 from automaton.compiled import KERNEL_SOURCES, jit_is_on
+from automaton.numba_parts import TRIED
 
 ROOT = Path(__file__).parent.parent
 
@@ -116,6 +119,106 @@ def test_the_cache_folder_changes_with_a_source(
     after = compiled.source_hash()
     compiled.source_hash.cache_clear()
     assert before != after
+
+
+RUN = (
+    "from automaton.commands import main; sys.exit(main(['run', 'tabletop-mini', '--until', '1']))"
+)
+
+
+@pytest.mark.parametrize(
+    ("missing", "told"),
+    [
+        ("import numba.np.arrayobj as part; del part.populate_array", "cannot import name"),
+        (
+            "import numba.core.dispatcher as part; part.Dispatcher.get_call_template = print",
+            "Dispatcher.get_call_template takes other arguments",
+        ),
+        (
+            "import numba.core.event as part; del part.Listener.on_end; part.Listener.on_finish = 1",
+            "event.Listener hears other events",
+        ),
+    ],
+)
+def test_a_numba_without_the_private_parts_is_refused_in_a_sentence(
+    missing: str, told: str
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; {missing}; {RUN}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert told in done.stderr and done.stderr.count("\n") == 1
+    assert f"was tried with {TRIED[0]} to {TRIED[1]}: pip install" in done.stderr
+
+
+def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
+    """Where a process of its own keeps compiled code, and what it says about that."""
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from automaton.compiled import cache_folder; print(cache_folder())",
+        ],
+        env=os.environ | {"AUTOMATON_CACHE_DIR": str(cache), "TMPDIR": str(temporary)},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip(), done.stderr
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path) -> Path:
+    """No folder can be made in it, by root neither: it is a file."""
+    (tmp_path / "file").touch()
+    return tmp_path / "file" / "cache"
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    (tmp_path / "temporary").mkdir()
+    return tmp_path / "temporary"
+
+
+def test_where_the_cache_cannot_be_written_later_processes_find_another_folder(
+    unwritable: Path, temporary: Path
+) -> None:
+    folder, said = kept_in(unwritable, temporary)
+    shared = temporary / f"automaton-kernels-{os.getuid()}"
+    assert Path(folder).parent == shared and stat.S_IMODE(shared.stat().st_mode) == 0o700
+    assert said == (
+        f"automaton: compiled code cannot be kept in {unwritable / 'kernels'} (Not a directory), so it "
+        f"goes to {shared}; AUTOMATON_CACHE_DIR names another folder\n"
+    )
+    assert kept_in(unwritable, temporary) == (folder, ""), "it is said once"
+
+
+def test_a_folder_that_others_can_write_to_is_not_trusted(
+    unwritable: Path, temporary: Path
+) -> None:
+    shared = temporary / f"automaton-kernels-{os.getuid()}"
+    shared.mkdir()
+    shared.chmod(0o777)
+    folder, _ = kept_in(unwritable, temporary)
+    assert shared not in Path(folder).parents and not any(shared.iterdir())
+    assert not Path(folder).exists(), "it ends with its process"
+
+
+def test_the_temporary_folder_is_removed_when_nobody_used_it_for_a_week(
+    unwritable: Path, temporary: Path, tmp_path: Path
+) -> None:
+    folder, _ = kept_in(unwritable, temporary)
+    shared = Path(folder).parent
+    (Path(folder) / "kernel.nbi").touch()
+    kept_in(tmp_path / "cache", temporary)
+    assert Path(folder).exists(), "another process may be using it"
+    os.utime(folder, (0, 0))
+    kept_in(tmp_path / "cache", temporary)
+    assert not shared.exists()
 
 
 def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(

@@ -4,7 +4,7 @@ A million robots on 16 million cells are 2 times faster with it (`automaton benc
 """
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.extending import intrinsic
 
 from automaton.compiled import jit_is_on

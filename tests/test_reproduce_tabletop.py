@@ -19,6 +19,7 @@ from automaton.errors import InputError
 from automaton.parallel import run_all
 from automaton.reproductions import REPRODUCTIONS, find
 from automaton.reproductions.claims import Claim, Figure, judge
+from automaton.reproductions.report import evidence
 from automaton.reproductions.study import Reproduced, reproduce
 from automaton.reproductions.tabletop import (
     REPRODUCTION,
@@ -87,7 +88,10 @@ def test_what_is_not_printed_has_no_figure() -> None:
 
 def test_there_is_a_row_for_each_metric_of_each_cell(two_seeds: Reproduced) -> None:
     rows = two_seeds.rows()
-    expected = list(product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS))
+    expected: list[Any] = list(
+        product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS)
+    )
+    expected += [(1, "cooperative", 6, metric) for metric in ("T_total", "T_R", "idle_robots")]
     assert [(*row.case.values(), row.metric) for row in rows] == expected
     assert set(rows[0].case) == {"configuration", "strategy", "robots"}
     assert two_seeds.unfinished == 0
@@ -95,7 +99,7 @@ def test_there_is_a_row_for_each_metric_of_each_cell(two_seeds: Reproduced) -> N
 
 def test_errors_are_relative_to_print(two_seeds: Reproduced) -> None:
     for row in two_seeds.rows():
-        if row.metric.startswith("E_U"):
+        if row.metric.startswith("E_U") or row.case["robots"] == 6:
             assert (row.paper, row.error) == (None, None)
         else:
             assert row.paper and row.error == row.mean / row.paper - 1
@@ -104,7 +108,7 @@ def test_errors_are_relative_to_print(two_seeds: Reproduced) -> None:
 def test_two_seeds_give_these_figures(two_seeds: Reproduced) -> None:
     """Golden: means of T_total and T_Rtotal over seeds 1 and 2, N = 1..5."""
     found: dict[str, list[float]] = {}
-    for row in two_seeds.rows():
+    for row in two_seeds.tables[0].rows():
         if row.metric in ("T_total", "T_Rtotal"):
             label = f"{row.case['configuration']} {row.case['strategy']} {row.metric}"
             found.setdefault(label, []).append(row.mean)
@@ -143,13 +147,88 @@ def test_clear_claims_are_decided_by_six_seeds(six_seeds: Reproduced) -> None:
     assert verdict("a fifth makes T_total longer") == "does not hold"
 
 
-def test_the_publication_does_not_bear_out_three_of_its_claims(two_seeds: Reproduced) -> None:
+def test_the_publication_does_not_bear_out_four_of_its_claims(two_seeds: Reproduced) -> None:
     samples, printed = two_seeds.samples(), two_seeds.published()
     judged = [judge(claim, samples, printed) for claim in REPRODUCTION.claims]
     against = [claim.claim.text for claim in judged if claim and claim.in_print is False]
-    assert len(against) == 3
-    unprinted = [claim for claim in judged if claim and claim.in_print is None]
-    assert all("E_U" in claim.claim.text for claim in unprinted) and len(unprinted) == 6
+    assert len(against) == 4
+    unprinted = [claim.claim.text for claim in judged if claim and claim.in_print is None]
+    assert len(unprinted) == 7
+    assert all("E_U" in text or "a sixth cooperative robot" in text for text in unprinted)
+
+
+def claim_about(words: str) -> Claim:
+    [claim] = [claim for claim in REPRODUCTION.claims if words in claim.text]
+    return claim
+
+
+@pytest.mark.parametrize(
+    ("cuts", "verdict"),
+    [
+        ((0.253, 0.298), "does not hold"),
+        ((0.299, 0.301), "undecided"),
+        ((0.328, 0.331), "holds"),
+    ],
+)
+def test_a_cut_by_30_percent_is_compared_with_30_percent(
+    cuts: tuple[float, float], verdict: str
+) -> None:
+    """Sixty seeds with this interval (Student's); the table's own figure is told besides."""
+    low, high = cuts
+    spread = (high - low) / 2 * math.sqrt(60) / student(59) * math.sqrt(59 / 60)
+    saved = [(low + high) / 2 + sign * spread for sign in [1, -1] * 30]
+    samples = {
+        ("T_total", (1, "independent", 4)): [1000.0] * 60,
+        ("T_total", (1, "cooperative", 4)): [1000 * (1 - one) for one in saved],
+    }
+    published = {("T_total", (*key, 4)): line[3] for key, line in T_TOTAL.items()}
+    judged = judge(claim_about("by 30 %"), samples, published)
+    assert judged is not None
+    [figure] = judged.figures
+    assert (figure.low, figure.high) == pytest.approx(cuts)
+    assert judged.verdict == verdict
+    assert figure.printed == pytest.approx(0.328, abs=0.0005) and judged.in_print
+    assert "30.0 % (as the text says); the paper's own table: 32.8 %, agrees" in evidence(judged)
+
+
+def test_no_range_of_a_claim_is_without_a_reason() -> None:
+    """Where it ends is printed, or is 0 ("more", "less", "never") or half ("most"), or is explained."""
+    silent = [
+        (name, claim.text, figure.label)
+        for name in REPRODUCTIONS
+        for claim in find(name).claims
+        for figure in claim.figures
+        if not figure.why and figure.at_least != figure.at_most
+        for end in (figure.at_least, figure.at_most)
+        if math.isfinite(end) and end not in (0, 0.5, 1)
+    ]
+    assert silent == []
+
+
+def test_a_sixth_cooperative_robot_stays_idle_in_every_run(six_seeds: Reproduced) -> None:
+    [row] = [row for row in six_seeds.rows() if row.metric == "idle_robots"]
+    assert (row.case["robots"], row.mean, row.sd) == (6, 1, 0)
+    samples = six_seeds.samples()
+    judged = judge(claim_about("a sixth"), samples, {})
+    assert judged is not None and judged.verdict == "not contradicted"
+    busy = samples | {("idle_robots", (1, "cooperative", 6)): [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]}
+    judged = judge(claim_about("a sixth"), busy, {})
+    assert judged is not None and judged.verdict != "not contradicted"
+
+
+def test_other_seeds_are_other_runs_of_which_the_claims_are_told(
+    two_seeds: Reproduced, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = json_of(capsys, "--seeds", "1", "--seed-from", "2", "--workers", "1")
+    assert (found["seeds"], found["seed_from"]) == (1, 2)
+    second = two_seeds.tables[0].results[0][1].metrics
+    rows = {row["metric"]: row["mean"] for row in found["rows"][: len(METRICS)]}
+    assert rows == {metric: second[metric] for metric in METRICS}
+    [cut] = [claim for claim in found["claims"] if "by 30 %" in claim["claim"]]
+    samples = two_seeds.samples()
+    four = [samples["T_total", (1, s, 4)][1] for s in ("independent", "cooperative")]
+    assert cut["figures"][0]["value"] == pytest.approx(1 - four[1] / four[0])
+    assert cut["source"].startswith("In the optimal case of 4 robots")
 
 
 @pytest.mark.parametrize(
@@ -199,7 +278,7 @@ def json_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
     found = json_of(capsys, "--seeds", "1", "--workers", "1")
     assert (found["name"], found["seeds"], found["unfinished"]) == ("tabletop", 1, 0)
-    assert found["runs"] == 20 and len(found["rows"]) == 120
+    assert found["runs"] == 21 and len(found["rows"]) == 123
     assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error"}
     assert found["rows"][0]["case"] == {
         "configuration": 1,
@@ -242,6 +321,7 @@ def test_the_report_fits_the_terminal(
         (["tabeltop"], "nothing called 'tabeltop' to reproduce (did you mean 'tabletop'?)"),
         (["tabletop", "--seeds", "0"], "--seeds must be at least 1, not 0"),
         (["tabletop", "--workers", "0"], "--workers must be at least 1, not 0"),
+        (["tabletop", "--seed-from", "0"], "--seed-from: '0' is not a seed: allowed are 1, 2, 3"),
         (["tabletop", "--seeds", "1e9"], "argument --seeds: '1e9' is not a whole number"),
         (["tabletop", "--strategies", "adaptiv"], "did you mean 'adaptive'?"),
         (["tabletop", "--strategies", "x"], "automaton: --strategies: allocation strategy 'x' is"),

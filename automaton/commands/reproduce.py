@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from automaton.commands.arguments import whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,7 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton reproduce`."""
     parser.add_argument("name", metavar="NAME", help="a published table, such as tabletop")
     parser.add_argument(
-        "--seeds", type=int, metavar="N", help="seeds 1..N, default as many as the table needs"
+        "--seeds", type=int, metavar="N", help="so many seeds, default as many as the table needs"
+    )
+    parser.add_argument(
+        "--seed-from",
+        type=whole("a seed", 1),
+        default=1,
+        metavar="N",
+        help="the first seed, default 1: others give other runs, and the claims follow",
     )
     parser.add_argument(
         "--strategies",
@@ -60,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     with progress() as (on_start, on_done):
         listeners = on_start, on_done
         many = args.seeds, strategies, args.workers
-        reproduced = reproduce(reproduction, *many, *listeners, tables)
+        reproduced = reproduce(reproduction, *many, *listeners, tables, args.seed_from)
     samples, printed = reproduced.samples(), reproduced.published()
     judged = [judge(claim, samples, printed) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
@@ -115,6 +123,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
     return {
         "name": reproduced.reproduction.name,
         "seeds": reproduced.seeds,
+        "seed_from": reproduced.first_seed,
         "runs": reproduced.repetitions,
         "unfinished": reproduced.unfinished,
         "rows": [
@@ -126,6 +135,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
                 "sd": row.sd,
                 "error": row.error,
                 **({"half_width": row.half_width, "rank": row.rank} if row.ranked else {}),
+                **({"stored": True} if row.stored else {}),
                 **({"low": row.exact.low, "high": row.exact.high} if row.exact else {}),
             }
             for row in reproduced.rows()
@@ -134,6 +144,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
         "claims": [
             {
                 "claim": claim.claim.text,
+                "source": claim.claim.source or None,
                 "verdict": claim.verdict,
                 "holds_in_print": claim.in_print,
                 "figures": [figure_as_json(figure) for figure in claim.figures],
@@ -161,6 +172,7 @@ def figure_as_json(figure: Judged) -> dict[str, Any]:
         "high": figure.high,
         "at_least": None if math.isinf(wanted.at_least) else wanted.at_least,
         "at_most": None if math.isinf(wanted.at_most) else wanted.at_most,
+        "why": wanted.why or None,
         "printed": figure.printed,
         "runs": figure.runs,
         "otherwise": figure.otherwise,

@@ -16,6 +16,7 @@ from automaton.reproductions.auction_charging import (
 )
 from automaton.reproductions.auction_example import SETTINGS, bids_for
 from automaton.reproductions.auction_trials import (
+    AGAIN,
     METHODS,
     MOST_TASKS,
     OPTIMUM,
@@ -26,7 +27,7 @@ from automaton.reproductions.auction_trials import (
 from automaton.reproductions.study import Case, Key, Label, Runner, Table
 
 Figures = Mapping[str, float]
-COMPARED: Final = tuple(method for method in METHODS if method != OPTIMUM)
+COMPARED: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
 POOLED: Final = tuple(range(2, MOST_TASKS + 1))
 ROLLING: Final = ("r0", "r0 reach", "thr0 safe", "thr20 safe", "fill-up", "fill to 80")
 
@@ -201,6 +202,29 @@ EFFORTS: Final = Table(
     repetition="task set",
 )
 
+
+def efforts_by_robots(labels: Mapping[str, Label], seed: int) -> list[Figures]:
+    """What is computed for ten tasks: if only the winner bids again after a sale, or everybody does."""
+    robots = int(labels["robots"])
+    by = {
+        name: solve("full", robots, MOST_TASKS, seed, method, 0)
+        for name, method in (("LB", "LB"), ("all", AGAIN))
+    }
+    return [
+        {f"{name} bids": one.bids for name, one in by.items()}
+        | {f"{name} places": one.positions for name, one in by.items()}
+    ]
+
+
+EFFORTS_BY_ROBOTS: Final = Table(
+    title="Work for ten tasks by the number of robots, counted (all: everybody bids again after a sale)",
+    cases=cases([{"tasks": "ten", "robots": m} for m in range(1, 7)]),
+    panels=(("LB bids", "LB places", "all bids", "all places"),),
+    published=nothing_printed,
+    run=runner(efforts_by_robots),
+    repetition="task set",
+)
+
 TOURS: Final = 10  # of a seed
 CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
 
@@ -282,6 +306,7 @@ TABLES: Final = (
     epsilon_table("epsilon 0.5", 500, (4, 6, 7)),
     MAKESPANS,
     EFFORTS,
+    EFFORTS_BY_ROBOTS,
     CHARGING,
     OBJECTIVE,
     HORIZON,

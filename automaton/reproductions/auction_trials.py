@@ -35,6 +35,7 @@ from automaton.reproductions.auction_floor import (
 
 MOST_TASKS: Final = 10
 OPTIMUM: Final = "optimum"
+AGAIN: Final = "LB, all bid again"  # the same lists, with more work
 
 
 @cache
@@ -83,9 +84,10 @@ def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> In
     return Instance(work, NO_BATTERY[lanes], fleet, scratch, items, epsilon, seed)
 
 
-def auction(one: Instance, winner: int) -> None:
-    """The sequential auction with this rule for the winner."""
-    sequential.sequential(*one.market, one.items, one.tasks, MIX, one.epsilon, winner, 0)
+def auction(one: Instance, winner: int, everybody: int = 0) -> None:
+    """The sequential auction with this rule for the winner; everybody = 1: all bid again."""
+    rules = MIX, one.epsilon, winner, everybody
+    sequential.sequential(*one.market, one.items, one.tasks, *rules)
 
 
 def auction_and_search(one: Instance) -> None:
@@ -122,6 +124,7 @@ METHODS: Final[dict[str, Method]] = {
     OPTIMUM: optimum,
     "m^n": best_allotment,
     "LB": lambda one: auction(one, LOWEST),
+    AGAIN: lambda one: auction(one, LOWEST, 1),
     "BD": lambda one: auction(one, DIFFERENCE),
     "FB": lambda one: auction(one, FEWEST),
     "regret": lambda one: auction(one, REGRET),

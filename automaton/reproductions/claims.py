@@ -39,6 +39,7 @@ class Figure:
     unit: str = ""  # "%" and "points" show shares times 100
     digits: int = 0  # shown after the decimal point of what is no share
     certain: bool = False  # nothing about it is drawn: one run tells it
+    why: str = ""  # the range ends there, if it is neither "more" nor "the same"
 
     def holds(self, low: float, high: float) -> bool:
         """Whether everything from low to high lies in the range."""
@@ -59,6 +60,7 @@ class Claim:
 
     text: str
     figures: tuple[Figure, ...]
+    source: str = ""  # the publication's own sentence, where the claim is not plain from it
 
 
 @dataclass(frozen=True)

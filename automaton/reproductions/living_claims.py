@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from automaton.reproductions.claims import Claim, Figure, Mean
 
 # Nothing is gained by more robots than energy can be bought for: 80 % of kr / (kc + kr), with the
 # percent that a tick of charging gives (1) and one of driving takes (0.3).
 LEAST_SHARE: Final = 0.8 * 1 / (0.3 + 1)
+LEAST: Final = "0.8 kr / (kc + kr)"
+OURS: Final = "a bound of ours"
 WAITS: Final = ("0.01", "0.05", "0.1")  # percent in a tick
 SAFE: Final = ("insertion", "insertion, joint", "fill-up", "opportunity")  # never strand
 
@@ -24,10 +26,10 @@ def more(metric: str, one: str, other: str) -> Callable[[Mean], float]:
     return lambda mean: mean(metric, one) - mean(metric, other)
 
 
-def empty(wait: str, reserve: int, **bounds: float) -> Figure:
+def empty(wait: str, reserve: int, **bounds: Any) -> Figure:
     """A figure: the share of runs with an empty robot, by what waits take and plans keep."""
     label = f"runs with an empty robot, {wait} % a tick, reserve {reserve} %"
-    return Figure(label, of("stranded", wait, reserve), unit="%", **bounds)  # type: ignore[arg-type]
+    return Figure(label, of("stranded", wait, reserve), unit="%", **bounds)
 
 
 def slower(one: str, other: str) -> Figure:
@@ -53,7 +55,7 @@ CLAIMS: Final = (
     ),
     Claim(
         "at 0.8 kr / (kc + kr) of the throughput of infinite batteries at least",
-        tuple(Figure(name, of("share", name), at_least=LEAST_SHARE, unit="%") for name in SAFE),
+        tuple(Figure(name, of("share", name), LEAST_SHARE, unit="%", why=LEAST) for name in SAFE),
     ),
     Claim(
         "Without it robots run empty",
@@ -61,15 +63,15 @@ CLAIMS: Final = (
     ),
     Claim(
         "Where waits take energy, robots run empty in most runs if plans keep no reserve",
-        tuple(empty(wait, 0, at_least=0.5) for wait in WAITS),
+        tuple(empty(wait, 0, at_least=0.5, why=OURS) for wait in WAITS),
     ),
     Claim(
         "and in one run of twenty at most if they keep 20 %",
-        tuple(empty(wait, 20, at_most=0.05) for wait in WAITS),
+        tuple(empty(wait, 20, at_most=0.05, why=OURS) for wait in WAITS),
     ),
     Claim(
         "With one charger and five robots, two or more stand in line in a tenth of all ticks",
-        (Figure("ticks", of("in_line", "in the bids"), at_least=0.1, unit="%"),),
+        (Figure("ticks", of("in_line", "in the bids"), at_least=0.1, unit="%", why=OURS),),
     ),
     Claim(
         "Robots wait longer for the charger if bids leave its line out",

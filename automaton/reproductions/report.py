@@ -31,7 +31,8 @@ def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> N
     for line in textwrap.wrap(reproduction.source, text_width(out)):
         out.print(line, soft_wrap=True)
     for made in reproduced.tables:
-        print_made(out, made)
+        if made.cases:  # none where its strategy was not asked for
+            print_made(out, made)
     if reproduction.further is not None:
         print_texts(out, [(one.title, one.text) for one in reproduction.further(reproduced)])
     print_errors(out, reproduced)
@@ -60,9 +61,10 @@ def effort(made: MadeTable) -> str:
         return made.table.stored()
     what, each, spread = made.table.repetition, made.table.per_seed, made.table.spread
     repeated = f" of {count(each, what)}" if each > 1 else ""
-    seeds = len(made.results[0]) // each if made.results else 0
+    seeds = f"{count(len(made.results[0]) // each, 'seed')}"
+    seeds += f" from {made.first_seed:,}" if made.first_seed > 1 else ""
     return (
-        f"{count(made.repetitions, what)}, {made.unfinished} unfinished; {count(seeds, 'seed')}"
+        f"{count(made.repetitions, what)}, {made.unfinished} unfinished; {seeds}"
         f"{repeated} for each case; mean and {spread} over the {what + 's' if each > 1 else 'seeds'}"
     )
 
@@ -123,7 +125,7 @@ def heads_of(table: PublishedTable, printed: bool, exact: bool) -> list[str]:
     if table.ranked:
         heads = ["paper", "rank", "ours", "95 %", spread] if printed else ["ours", "95 %", spread]
         heads = list(dict.fromkeys(heads))
-    return heads if table.stored is None else [head for head in heads if head in ("paper", "ours")]
+    return heads if table.stored is None else ["paper", "stored"] if printed else ["stored"]
 
 
 def cases_of(rows: Sequence[Row]) -> Iterator[dict[str, Row]]:
@@ -139,7 +141,7 @@ def figures(row: Row | None, heads: Sequence[str], table: PublishedTable) -> lis
     if row is None:
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
-    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se}
+    cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se, "stored": row.mean}
     rank = "" if row.rank is None else percent(row.rank, 0)
     shown = {
         head: "-" if value is None else in_table(value, row.metric, table)
@@ -191,7 +193,12 @@ def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> Non
         first, *others = textwrap.wrap(claim.claim.text, text_width(out) - len(indent))
         head = Text(f"{claim.verdict:<18}", STYLES[claim.verdict])
         out.print(head.append(first, "default"), soft_wrap=True)
-        for line in (*others, *textwrap.wrap(evidence(claim), text_width(out) - len(indent))):
+        quoted = f'"{claim.claim.source}"' if claim.claim.source else ""
+        texts = (quoted, evidence(claim))
+        more = [
+            line for text in texts for line in textwrap.wrap(text, text_width(out) - len(indent))
+        ]
+        for line in (*others, *more):
             out.print(indent + line, soft_wrap=True)
 
 
@@ -203,7 +210,9 @@ def evidence(claim: JudgedClaim) -> str:
     of_all = f" ({good} of {most} figures hold)" if most > 1 else ""
     if most > 1 and claim.verdict == "not contradicted":
         of_all = f" (none of {most} figures is contradicted)"
-    parts = [f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{of_all}"]
+    parts = [
+        f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{reason(figure)}{of_all}"
+    ]
     if claim.verdict == "not contradicted" and figure.otherwise is not None:
         parts.insert(0, f"at most {100 * figure.otherwise:.1f} % of runs (95 %)")
     if figure.printed is not None:
@@ -230,6 +239,11 @@ def valued(figure: Judged) -> str:
         return f"{shown(figure, figure.value)} ({why})"
     low, high = shown(figure, figure.low), shown(figure, figure.high)
     return f"{shown(figure, figure.value)} ({low} to {high})"
+
+
+def reason(figure: Judged) -> str:
+    """Why the range ends where it does."""
+    return f" ({figure.figure.why})" if figure.figure.why else ""
 
 
 def bounds(figure: Judged) -> str:

@@ -144,6 +144,7 @@ class Row:
     ranked: bool = False  # its interval and rank are reported
     rank: float | None = None  # share of repetitions below the printed figure, ties by half
     exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
+    stored: bool = False  # read from a file, not computed in this run
 
     @property
     def se(self) -> float | None:
@@ -168,6 +169,7 @@ class MadeTable:
     table: Table
     cases: Sequence[Case]
     results: Sequence[Sequence[Measured]]  # by case, then by seed and repetition
+    first_seed: int = 1
 
     @property
     def repetitions(self) -> int:
@@ -200,8 +202,8 @@ class MadeTable:
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
         rank = _rank(paper, values) if self.table.ranked else None
         exact = exact_share(round(math.fsum(values)), len(values)) if of_runs else None
-        ranked = self.table.ranked
-        return Row(case.labels, metric, paper, mean, sd, len(values), ranked, rank, exact)
+        ranked, stored = self.table.ranked, self.table.stored is not None
+        return Row(case.labels, metric, paper, mean, sd, len(values), ranked, rank, exact, stored)
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
         """(metric, key of a case) and its values, of the metrics that every repetition has."""
@@ -236,6 +238,7 @@ class Reproduced:
     reproduction: Reproduction
     seeds: int
     tables: Sequence[MadeTable]
+    first_seed: int = 1
 
     @property
     def repetitions(self) -> int:
@@ -292,9 +295,10 @@ def reproduce(
     on_start: Callable[[int], Any] | None = None,
     on_done: OnDone | None = None,
     tables: Sequence[str] = (),
+    first_seed: int = 1,
 ) -> Reproduced:
-    """Make the usual tables, or those with these names, with seeds 1..`seeds` (None: as many as
-    each table needs).
+    """Make the usual tables, or those with these names, with so many seeds from `first_seed` on (None:
+    as many as each table needs).
 
     `strategies` instead of the published ones; `on_start` is told the number of repetitions. Raises
     InputError for an unknown strategy before anything runs, and where there is none to choose.
@@ -315,7 +319,12 @@ def reproduce(
             )
         )
     made = [
-        MadeTable(table, of_table, table.run(of_table, range(1, n + 1), workers, on_done))
+        MadeTable(
+            table,
+            of_table,
+            table.run(of_table, range(first_seed, first_seed + n), workers, on_done),
+            first_seed,
+        )
         for table, of_table, n in plan
     ]
-    return Reproduced(reproduction, seeds or reproduction.seeds, made)
+    return Reproduced(reproduction, seeds or reproduction.seeds, made, first_seed)

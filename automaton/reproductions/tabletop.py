@@ -11,9 +11,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from automaton.errors import InputError
-from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
+from automaton.parallel import conducted
+from automaton.reproductions.living_runs import Figures, conduct_all
+from automaton.reproductions.study import Key, Label, Reproduction, ScenarioCase, Table
 from automaton.reproductions.tabletop_claims import CLAIMS
+from automaton.simulation import Simulation
 from automaton.strategy import lookup
+from automaton.world.state import PICK
 
 CONFIGURATIONS: Final = (1, 2)
 STRATEGIES: Final = ("independent", "cooperative")
@@ -82,12 +86,25 @@ def cases(strategies: Sequence[str]) -> list[ScenarioCase]:
     ]
 
 
+def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
+    """Six cooperative robots in configuration 1, which the publication did not run."""
+    overrides = "fleet.robots=6", "strategy.allocation=cooperative"
+    labels: dict[str, Label] = {"configuration": 1, "strategy": "cooperative", "robots": 6}
+    return [ScenarioCase(labels, "tabletop-1", overrides)] if "cooperative" in strategies else []
+
+
+def with_idle_robots(simulation: Simulation) -> Figures:
+    """A run to its end, and how many robots never picked anything up."""
+    figures = conducted(simulation)
+    return figures | {"idle_robots": int((simulation.world.tally.times[:, PICK].sum(1) == 0).sum())}
+
+
 def published(key: Key, metric: str) -> float | None:
     """The printed figure of (configuration, strategy, robots); None where there is none."""
     configuration, strategy, robots = key
     table = TABLE_3.get(metric, {})
     line = table.get((int(configuration), str(strategy)))
-    return None if line is None else line[ROBOTS.index(int(robots))]
+    return None if line is None or robots not in ROBOTS else line[ROBOTS.index(int(robots))]
 
 
 REPRODUCTION: Final = Reproduction(
@@ -102,6 +119,13 @@ REPRODUCTION: Final = Reproduction(
             panels=(("T_total", "T_R", "T_Rtotal"), EMPTY_RUNS),
             published=published,
             shares=EMPTY_RUNS,
+        ),
+        Table(
+            title="A sixth robot, which has no alley of its own",
+            cases=sixth,
+            panels=(("T_total", "T_R", "idle_robots"),),
+            published=published,
+            run=conduct_all(with_idle_robots),
         ),
     ),
     averaged=("T_total", "T_Rtotal"),

@@ -1,7 +1,7 @@
 """What Bhattathiri, Li & Kuhl conclude from their Table 5, read as figures that trials can decide.
 
-Each claim is judged for each reading of the experiment. A range is what the printed 100 trials leave
-open: two standard errors about the printed mean; "less" is a difference above zero.
+Each claim is judged for each reading of the experiment. A printed mean over 100 trials is itself an
+estimate: the range is two standard errors about it; "less" is a difference above zero.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ Reading = tuple[str, str, str]  # the labels of a case
 
 PLAIN: Final = ("A*", "-")  # path and counts
 PRINTED_TRIALS: Final = 100
+# Of the saving over all trials: 126.76 +- 70.35 in 39 of 100, nothing in the others.
+SAVING_SD: Final = (0.39 * (126.76**2 + 70.35**2) - (0.39 * 126.76) ** 2) ** 0.5
 
 READINGS: Final = {  # slowdown, path, counts: how it is called
     ("static", "avoidance", "exact"): "static, exact counts",
@@ -61,11 +63,6 @@ def saved(metric: str, reading: Reading) -> Callable[[Mean], float]:
     return lambda mean: mean(metric, reading[0], *PLAIN) - mean(metric, *reading)
 
 
-def cut(reading: Reading) -> Callable[[Mean], float]:
-    """The share of the travel time that avoidance saves."""
-    return lambda mean: saved("time", reading)(mean) / plain("time", reading)(mean)
-
-
 def per_alternative(reading: Reading) -> Callable[[Mean], float]:
     """Ticks saved in a trial in which the alternative was taken; none if it never was."""
 
@@ -79,7 +76,8 @@ def per_alternative(reading: Reading) -> Callable[[Mean], float]:
 def around(label: str, of: Callable[[Mean], float], printed: float, sd: float) -> Figure:
     """A figure that agrees with a printed mean over 100 trials."""
     margin = 2 * sd / PRINTED_TRIALS**0.5
-    return Figure(label, of, printed - margin, printed + margin, digits=1)
+    why = f"the printed {printed}, give or take two standard errors of {PRINTED_TRIALS} trials"
+    return Figure(label, of, printed - margin, printed + margin, digits=1, why=why)
 
 
 def baseline() -> Iterator[Claim]:
@@ -99,8 +97,8 @@ STATEMENTS: Final[dict[str, Callable[[Reading], Figure]]] = {
     "Avoidance shortens the travel time": lambda reading: Figure(
         "saved", saved("time", reading), at_least=0, strict=True, digits=1
     ),
-    "It does so by about a fifth: 49.44 of 229.97 steps": lambda reading: Figure(
-        "cut", cut(reading), at_least=0.165, at_most=0.265, unit="%"
+    "It does so by 49.44 of 229.97 steps": lambda reading: around(
+        "saved", saved("time", reading), 49.44, SAVING_SD
     ),
     "Plain A* has the shorter distance": lambda reading: Figure(
         "saved", saved("distance", reading), at_most=0, strict=True, digits=1

@@ -94,6 +94,7 @@ class Served:
     """A server in this process, and what its programs wrote."""
 
     def __init__(self, port: int, path: Path, http: aiohttp.ClientSession) -> None:
+        self.port = port
         self.url = f"http://127.0.0.1:{port}"
         self.cookies = {"Cookie": f"automaton-{port}={TOKEN}"}
         self.page = {**self.cookies, "Origin": self.url}  # the headers of the page's WebSocket

@@ -173,17 +173,82 @@ def test_messages_reach_the_program_as_packets_and_sizes_have_bounds(tmp_path: P
     story(tmp_path, told)
 
 
+@pytest.mark.parametrize(
+    "message", ["no JSON", "[" * 60_000, '["resize", {"width": ' + "[" * 1000 + "]" * 1000 + "}]"]
+)
 def test_what_no_page_sends_ends_the_session(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, message: str
 ) -> None:
     async def told(server: Served) -> None:
         async with server.connect() as browser:
             await read_until(browser, b"welcome to the floor")
-            await browser.send_str("no JSON")
+            await browser.send_str(message)
             assert (await browser.receive(10)).type == aiohttp.WSMsgType.CLOSE
 
     story(tmp_path, told)
     assert "Traceback" not in caplog.text
+
+
+def test_brackets_in_what_is_typed_are_no_nesting() -> None:
+    assert session_module.read(r'["stdin", "[[[[{{{\"[[["]') == ["stdin", '[[[[{{{"[[[']
+    with pytest.raises(ValueError, match="nested too deep"):
+        session_module.read('["ping", [[1]]]')
+
+
+@pytest.mark.parametrize("pieces", [[b"GET / HTTP/1.1\r\nHost: x\r\n"], [b""]])
+def test_who_does_not_send_the_head_of_a_request_is_let_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pieces: list[bytes]
+) -> None:
+    monkeypatch.setattr(server_module, "HEAD_S", 0.05)
+
+    async def told(server: Served) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        for piece in pieces:
+            writer.write(piece)
+        assert await ended(reader) == b""
+        writer.close()
+
+    story(tmp_path, told)
+
+
+def test_who_sends_it_in_pieces_keeps_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its end may be cut in two; from then on there is all the time in the world."""
+    late: list[asyncio.TimerHandle] = []
+    loops = asyncio.BaseEventLoop
+
+    def noted(self: Any, delay: float, *call: Any, **more: Any) -> asyncio.TimerHandle:
+        handle = call_later(self, delay, *call, **more)
+        if delay == server_module.HEAD_S:
+            late.append(handle)
+        return handle
+
+    call_later = loops.call_later
+    monkeypatch.setattr(server_module, "HEAD_S", 1234.5)
+    monkeypatch.setattr(loops, "call_later", noted)
+
+    async def told(server: Served) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        for piece in (b"GET / HTTP/1.1\r\nHost: x\r\n\r", b"\n"):
+            assert not any(handle.cancelled() for handle in late)
+            writer.write(piece)
+            await writer.drain()
+            await asyncio.sleep(0)
+        assert (await reader.readline()).startswith(b"HTTP/1.1 ")
+        assert len(late) == 1 and late[0].cancelled()
+        writer.close()
+
+    story(tmp_path, told)
+
+
+async def ended(reader: asyncio.StreamReader) -> bytes:
+    """What comes until the other end closes, or aborts."""
+    try:
+        async with asyncio.timeout(60):
+            return await reader.read()
+    except ConnectionResetError:
+        return b""
 
 
 def test_a_program_that_cannot_start_closes_the_page(

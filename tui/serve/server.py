@@ -22,6 +22,52 @@ PATIENCE_S = GRACE_S + 1.0  # how long a new session waits for one that is endin
 SHUTDOWN_S = 3 * GRACE_S
 HEARTBEAT_S = 15.0  # a browser that vanished without a word is noticed by then
 LONGEST_MESSAGE = 1 << 16  # bytes from the browser: keys, and what is pasted
+HEAD_S = 10.0  # in which the head of a request must have come
+HEAD_ENDS = b"\r\n\r\n"
+
+
+class Punctual(asyncio.Protocol):
+    """A connection that ends unless the head of its first request comes in time.
+
+    aiohttp waits for it without end, so that anybody could hold all connections; between two requests
+    it has a limit of its own (`keepalive_timeout`).
+    """
+
+    def __init__(self, handler: asyncio.Protocol) -> None:
+        self._handler = handler
+        self._end = b""  # of what has come of the head
+        self._late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._late = asyncio.get_running_loop().call_later(HEAD_S, transport.abort)
+        self._handler.connection_made(transport)
+
+    def data_received(self, data: bytes) -> None:
+        if self._late is not None:
+            head = self._end + data
+            self._end = head[1 - len(HEAD_ENDS) :]
+            if HEAD_ENDS in head:
+                self._in_time()
+        self._handler.data_received(data)
+
+    def _in_time(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+    def eof_received(self) -> bool | None:
+        return self._handler.eof_received()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._in_time()
+        self._handler.connection_lost(error)
+
+    def pause_writing(self) -> None:
+        self._handler.pause_writing()
+
+    def resume_writing(self) -> None:
+        self._handler.resume_writing()
 
 
 class ViewerServer(Server):
@@ -135,12 +181,18 @@ class ViewerServer(Server):
         """Serve on `listener` until SIGINT, SIGTERM or SIGHUP, or until cancelled."""
         # No access log: the first address has the token in it.
         app = await self._make_app()
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=SHUTDOWN_S)
+        runner = web.AppRunner(
+            app, access_log=None, shutdown_timeout=SHUTDOWN_S, keepalive_timeout=HEAD_S
+        )
         await runner.setup()
+        handler = runner.server
+        assert handler is not None
+        loop = asyncio.get_running_loop()
+        door = await loop.create_server(lambda: Punctual(handler()), sock=listener)
         try:
-            await web.SockSite(runner, listener).start()
             await asked_to_end()
         finally:
+            door.close()
             await runner.cleanup()
             await self._end_sessions()  # those whose requests aiohttp gave up waiting for
 

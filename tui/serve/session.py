@@ -11,6 +11,7 @@ import shlex
 import signal
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Sequence
+from typing import Any
 
 from aiohttp import web
 from textual_serve.app_service import AppService
@@ -23,11 +24,23 @@ SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number
 # What a terminal sends by itself: cursor position, modes, attributes. The viewer's pacing asks for
 # a position with every frame, so that a playing viewer would never be idle.
 REPORTS = re.compile(r"(\x1b\[\??[\d;]*(R|\$y|c|n|t))+")
+STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
+DEEPEST = 2  # lists and objects in each other: what the page sends
 
 
 def bounded(size: int) -> int:
     """A number of rows or columns as it may reach the viewer."""
     return min(max(size, SIZES[0]), SIZES[-1])
+
+
+def read(text: str) -> Any:
+    """A message of the browser. Raises ValueError for no JSON, and for more nesting than it sends."""
+    depth = 0
+    for mark in STRING.sub("", text):
+        depth += (mark in "[{") - (mark in "]}")
+        if depth > DEEPEST:
+            raise ValueError("nested too deep")
+    return json.loads(text)
 
 
 class Session(AppService):
@@ -77,7 +90,7 @@ class Session(AppService):
 
     async def take(self, text: str) -> bool:
         """Carry one message of the browser to the process; whether a person caused it."""
-        match json.loads(text):
+        match read(text):
             case ["stdin", str(data)]:
                 await self.send_bytes(data.encode("utf-8", "replace"))
                 return REPORTS.fullmatch(data) is None

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,72 +32,6 @@ from automaton.kernels.routes.frontier import LARGER_G
 from automaton.world.cells import UNLIMITED
 from automaton.world.state import ALLOCATION, NIL, ZONING, World
 
-USUAL = [
-    "step 10,000 on 1000x1000",
-    "step 100,000 on 1000x1000",
-    "step 1,000,000 on 4000x4000",
-    "step 500,000 on 1000x1000 (half full)",
-    "step 10,000 on 1000x1000, stored in reading order",
-    "step 100,000 on 1000x1000, stored in reading order",
-    "step 1,000,000 on 4000x4000, stored in reading order",
-    "step 500,000 on 1000x1000 (half full), stored in reading order",
-    "step 100,000 on 1000x1000, mixed capacities, 8 priorities",
-    "step 100,000 on 1000x1000, mixed, a tenth of moves 2-3 ticks",
-    "table-top run",
-    "routes driven without decisions",
-    "observing, all on the way",
-    "observing, a tenth waits",
-    "A* leg on 100x100",
-    "A* leg on 100x100, fifo",
-    "avoidance plan on 100x100",
-    "A* leg on 300x300",
-    "A* leg on 300x300, fifo",
-    "avoidance plan on 300x300",
-    "A* leg on 1000x1000",
-    "A* leg on 1000x1000, fifo",
-    "avoidance plan on 1000x1000",
-    "leg in time on 100x100",
-    "forecast of 100 robots on 100x100",
-    "leg in time on 300x300",
-    "forecast of 100 robots on 300x300",
-    "leg in time on 1000x1000",
-    "forecast of 100 robots on 1000x1000",
-    "warehouse-100, 100 robots, slowdown none",
-    "warehouse-100, 100 robots, slowdown zones",
-    "zones of a leg by the network",
-    "auction, 8 robots, 80 tasks",
-    "auction, 8 robots, 80 tasks, charging in the bids",
-    "auction, 100 robots, 1,000 tasks",
-    "auction, 100 robots, 1,000 tasks, charging in the bids",
-    "auction, 8 robots, 80 tasks, joint charging",
-    "auction, 8 robots, 80 tasks, fill-up",
-    "auction, 8 robots, 80 tasks, threshold",
-    "auction, 100 robots, 1,000 tasks, biggest difference",
-    "auction, 8 robots, 80 tasks, then local search",
-    "growth with the tasks, only the winner bids again",
-    "growth with the robots, only the winner bids again",
-    "growth with the tasks, everybody bids again",
-    "growth with the robots, everybody bids again",
-    "growth with the tasks, by arrival",
-    "growth with the robots, by arrival",
-    "optimum, 3 robots, 10 tasks",
-    "optimum, 2 robots, 10 tasks",
-    "genetic algorithm, 2 robots, 10 tasks",
-    "auction, 2 robots, 10 tasks",
-    "charging of a list of 10, as much as needed",
-    "charging of a list of 10, fill-up",
-    "charging of a list of 10, threshold",
-    "layer asked every tick, compiled",
-    "layer asked every tick, Python",
-    "loop, idle fleet",
-    "digest",
-]
-COMMANDS = [
-    "first run, compiling",
-    "start-up, --help",
-    "start-up, check tabletop-1",
-    "start-up, run tabletop-1",
-]
 CROWDED = Case(200, 20)
 SPARSE = Case(200, 100)
 EXITS = np.uint8(15)  # bits of grid.rule that no wall has
@@ -106,11 +43,30 @@ def holders(world: World, cells: Any) -> Any:
     return np.bincount(held, minlength=cells)
 
 
-def test_the_rows_are_named_as_documented() -> None:
-    names = [measurement.name for measurement in measurements(chosen([], False, False))]
-    assert names == USUAL
-    everything = [measurement.name for measurement in measurements(chosen([], True, True))]
-    assert everything == USUAL + COMMANDS
+def quoted(readme: str) -> Iterator[tuple[str, set[str]]]:
+    """Each line of the README's tables of `bench` that names sizes: its part, and the sizes."""
+    for heading, part in (("Per robot and tick", "step"), ("Auctions (`automaton", "auctions")):
+        table = readme.partition(heading)[2].partition("| --")[2].partition("|---")[2]
+        for line in table.partition("\n\n")[0].splitlines()[1:]:
+            yield part, set(re.findall(r"([\d,]*\d) (?:robots|tasks|x)", line.split("|")[1]))
+
+
+def test_each_size_that_the_readme_quotes_is_measured() -> None:
+    names = {
+        part: [set(re.findall(r"\d[\d,]*", one.name)) for one in measurements([part])]
+        for part in ("step", "auctions", "routes")
+    }
+    names["step"] += names["routes"]
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    lines = list(quoted(readme))
+    assert len(lines) == 11
+    for part, sizes in lines:
+        assert any(sizes <= measured for measured in names[part]), f"{part}: {sizes}"
+
+
+def test_no_two_measurements_have_one_name() -> None:
+    names = [measurement.name for measurement in measurements(chosen(list(PARTS), True, True))]
+    assert len(set(names)) == len(names) and all(names)
 
 
 def test_parts_are_chosen_by_name_and_by_option() -> None:

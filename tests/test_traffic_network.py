@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from automaton.learning.legs import legs_of, site_of
+from automaton.learning.losses import LOSSES
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
-from automaton.learning.tables import COLUMNS, LOSSES, PRINTED, from_json
+from automaton.learning.tables import COLUMNS, PRINTED, from_json
 from automaton.reproductions.traffic_network import TABLES_1_TO_4, network, stored
 from automaton.reproductions.traffic_trials import tasks_of, warehouse
 from automaton.scenario.resolve import resolve

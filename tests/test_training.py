@@ -1,6 +1,7 @@
 """Training itself; without the extra `learn` only what is said about that is tested."""
 
 import json
+import math
 import sys
 
 import numpy as np
@@ -97,16 +98,36 @@ def test_bad_options_are_refused_before_anything_is_trained(capsys, arguments, w
     assert words in said and said.count("\n") == 1
 
 
+# By hand, at a = log 3, where z = 3/4 and dz/da = 3/16: loss and slope of a zone that no leg
+# touches, and of one that a leg touches.
+AT_THREE_QUARTERS = {
+    "hinge": ((1.0, 0.0), (1 / 4, -3 / 16)),
+    "signed-hinge": ((7 / 4, 3 / 16), (1 / 4, -3 / 16)),
+    "cross-entropy": ((math.log(4), 3 / 4), (math.log(4 / 3), -1 / 4)),
+}
+
+
+@pytest.mark.parametrize("weight", [1.0, 5.0])
 @pytest.mark.parametrize("name", LOSSES)
-def test_training_descends_the_slopes_of_the_losses(torch, name):
+def test_losses_and_their_slopes_are_those_of_the_formulas(torch, name, weight):
     from automaton.learning.training import mean_loss
 
-    logit = torch.linspace(-6, 6, 25, dtype=torch.float64).repeat(2, 1).requires_grad_()
-    y = torch.tensor([[0.0], [1.0]], dtype=torch.float64).expand(2, 25)
-    mean_loss(name, logit, y, (1.0, 5.0)).backward()
-    a, label = logit.detach().numpy(), y.numpy()
-    slope = LOSSES[name].slope(a, label) * np.array([[1.0], [5.0]]) / a.size
-    assert logit.grad.numpy() == pytest.approx(slope, abs=1e-12)
+    for y, (loss, slope) in enumerate(AT_THREE_QUARTERS[name]):
+        logit = torch.tensor([[math.log(3)]], dtype=torch.float64, requires_grad=True)
+        label = torch.full((1, 1), float(y), dtype=torch.float64)
+        found = mean_loss(name, logit, label, (1.0, weight))
+        found.backward()
+        times = weight if y else 1.0
+        assert found.item() == pytest.approx(times * loss)
+        assert logit.grad.item() == pytest.approx(times * slope)
+
+
+def test_the_printed_hinge_has_no_slope_where_a_zone_is_not_touched(torch):
+    from automaton.learning.training import mean_loss
+
+    logit = torch.linspace(-20, 20, 401, dtype=torch.float64, requires_grad=True)
+    mean_loss("hinge", logit, torch.zeros(401, dtype=torch.float64), (1.0, 1.0)).backward()
+    assert (logit.grad == 0).all()
 
 
 def test_equal_seeds_give_equal_weights(torch):

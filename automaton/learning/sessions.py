@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.learning.legs import Site, site_of
+from automaton.learning.losses import LOSSES
 from automaton.learning.metrics import Counts, precision, recall
 from automaton.learning.settings import Settings
 from automaton.learning.study import Data, data_of, judged, network_of
@@ -67,7 +68,7 @@ class Session:
 
     def train_tables(self, out: Path | None, told: Told | None = None) -> dict[str, Any]:
         """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
-        from automaton.learning.tables import LOSSES, as_json, train_rows
+        from automaton.learning.tables import as_json, train_rows
 
         def tell(loss: str, weighting: str, epoch: int) -> None:
             if told is not None:

@@ -55,9 +55,6 @@ MORE: Final = ("f1", "mcc")  # measures that the paper names but does not print
 
 SHORT: Final = {"accuracy": "acc", "precision": "prec", "recall": "rec"}
 
-# The paper minimizes its printed hinge loss; the others show what its network could have learnt.
-LOSSES: Final = ("hinge", "signed-hinge", "cross-entropy")
-
 OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
 
 

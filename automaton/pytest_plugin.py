@@ -1,5 +1,7 @@
 """The pytest fixture `grid_snapshot`: compare pictures of the grid with golden files.
 
+    pytest_plugins = ["automaton.pytest_plugin"]  # in conftest.py: who does not ask does not have it
+
     def test_my_floor(grid_snapshot):
         simulation = Simulation(resolve("my-floor.yaml"))
         simulation.run(until=40)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
+from automaton import pytest_plugin
 from automaton.compiled import COMPILATIONS
 
 # Compiled code is compiled once, in whatever example comes first: no deadline, no health check.
@@ -14,6 +16,13 @@ COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
 settings.register_profile("explore", derandomize=False, **COMMON)  # new examples in every run
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:
+    """Have `grid_snapshot`, unless somebody asked for it with -p."""
+    if not pluginmanager.is_registered(pytest_plugin):
+        pluginmanager.register(pytest_plugin)
+
 
 COMPILATIONS.announced = (
     True  # what a test has to compile changes nothing of what it reads on stderr

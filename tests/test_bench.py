@@ -46,8 +46,8 @@ def holders(world: World, cells: Any) -> Any:
 def quoted(readme: str) -> Iterator[tuple[str, set[str]]]:
     """Each line of the README's tables of `bench` that names sizes: its part, and the sizes."""
     for heading, part in (("Per robot and tick", "step"), ("Auctions (`automaton", "auctions")):
-        table = readme.partition(heading)[2].partition("| --")[2].partition("|---")[2]
-        for line in table.partition("\n\n")[0].splitlines()[1:]:
+        table = readme.partition(heading)[2].partition("|---")[2].partition("\n\n")[0]
+        for line in table.splitlines()[1:]:
             yield part, set(re.findall(r"([\d,]*\d) (?:robots|tasks|x)", line.split("|")[1]))
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
 from automaton.pytest_plugin import difference, file_name
@@ -17,7 +20,7 @@ GOLDEN = "snapshots/test_it/test_story.txt"
 
 @pytest.fixture
 def project(pytester: pytest.Pytester) -> pytest.Pytester:
-    pytester.makeini("[pytest]\naddopts = -p no:cacheprovider")
+    pytester.makeini("[pytest]\naddopts = -p no:cacheprovider -p automaton.pytest_plugin")
     return pytester
 
 
@@ -185,6 +188,20 @@ def test_a_session_that_draws_no_world_does_not_import_numba(project: pytest.Pyt
         """,
     )
     project.runpytest_subprocess("-p", "no:hypothesispytest").assert_outcomes(passed=1)
+
+
+def test_a_session_that_does_not_ask_has_nothing_of_it(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_it=STORY.format(text="A."))
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*fixture 'grid_snapshot' not found"])
+    pytester.makeconftest('pytest_plugins = ["automaton.pytest_plugin"]')
+    pytester.runpytest_subprocess("--update-grids").assert_outcomes(passed=1)
+
+
+def test_no_package_makes_every_session_load_it() -> None:
+    package = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+    assert "pytest11" not in package["project"].get("entry-points", {})
 
 
 def test_the_option_is_in_the_help(project: pytest.Pytester) -> None:

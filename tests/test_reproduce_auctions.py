@@ -17,6 +17,7 @@ from automaton.reproductions.auction_pictures import drawing, pictures, route
 from automaton.reproductions.auction_tables import (
     CHARGING,
     EFFORTS,
+    EFFORTS_BY_ROBOTS,
     EXAMPLE,
     HORIZON,
     ROLLING,
@@ -64,8 +65,9 @@ def test_all_sizes_are_there(printed: dict[str, Any]) -> None:
             best = rows(printed, "optimum", robots=m, tasks=n)[0]
             assert 0 < best <= rows(printed, "LB", robots=m, tasks=n)[0]
     cases = {json.dumps(row["case"]) for row in printed["rows"]}
-    # Section 4 without robot 2 at a reserve of 20 %, ratios, epsilons, Figures 4, 5, 6, the horizon.
-    assert len(cases) == 15 + 10 + 4 + 60 + 10 + 13 + 3 + 6
+    # Section 4 without robot 2 at a reserve of 20 %, ratios, epsilons, Figures 4, 5 (by tasks and by
+    # robots), 6, the horizon.
+    assert len(cases) == 15 + 10 + 4 + 60 + 10 + 6 + 13 + 3 + 6
 
 
 def test_two_seeds_decide_what_is_certain(printed: dict[str, Any]) -> None:
@@ -76,6 +78,8 @@ def test_two_seeds_decide_what_is_certain(printed: dict[str, Any]) -> None:
     assert verdicts["Without resource constraints robot 2 would have obtained the task"] == "holds"
     assert verdicts["The auction's work grows linearly with the tasks"] == "does not hold"
     assert verdicts["The optimum's work grows exponentially with the tasks"] == "holds"
+    robots = "The auction's work grows linearly with the robots ({} after a sale)"
+    assert verdicts[robots.format("only the winner bids again")] == "does not hold"
 
 
 def made(table: Table, seeds: int) -> MadeTable:
@@ -127,6 +131,13 @@ def test_efforts_are_those_of_the_formulas() -> None:
         n = int(row.case["tasks"])
         if row.metric == "LB bids":
             assert row.mean == 2 * n + n * (n - 1) // 2
+    by_robots = {
+        (row.metric, row.case["robots"]): row.mean for row in made(EFFORTS_BY_ROBOTS, 2).rows()
+    }
+    for m in range(1, 7):
+        assert by_robots["LB bids", m] == 10 * m + 45
+        assert by_robots["all bids", m] == 55 * m
+        assert by_robots["LB places", m] <= by_robots["all places", m]
 
 
 def test_routes_run_over_lanes_only() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from automaton.compiled import first_compilation_announced
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
+from automaton.recording.contents import KEYFRAME_TICKS
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
@@ -212,7 +213,8 @@ class Simulation:
     def run(self, until: int | None = None) -> None:
         """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`."""
         limit = self.resolved.scenario.stop.at_most
-        self.world.clock[UNTIL] = limit if until is None else min(until, limit)
+        limit = limit if until is None else min(until, limit)
+        self.world.clock[UNTIL] = self._pause_before(limit)
         with np.errstate(over="ignore"):  # with the JIT off, NumPy warns where hashes wrap
             for event in self._ticks:
                 if event != loop_kernels.PAUSE:
@@ -222,8 +224,15 @@ class Simulation:
                     self.on_record(self)
                 if self.on_observe:
                     self.on_observe(self)
-                if self.finished or self.world.clock[TICK] >= self.world.clock[UNTIL]:
+                if self.finished or self.world.clock[TICK] >= limit:
                     return
+                self.world.clock[UNTIL] = self._pause_before(limit)
+
+    def _pause_before(self, limit: int) -> int:
+        """The tick of the next pause: a recording keeps the states after certain ticks."""
+        if self.on_record is None:
+            return limit
+        return min(limit, (self.tick // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS)
 
     def look_for_end(self) -> None:
         """Ask again whether the stop condition holds: the state or the rules were replaced."""

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pseudo_terminal import TRUECOLOR, Replay, painted, wrong_cells
-from test_watch_command import without_a_frame
 from viewing import record
 
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import read_recording
+from automaton.recording.frames import TICKS, encoded, read_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from tui.opening import floor_of
@@ -207,17 +206,23 @@ def test_the_terminal_knows_its_size_whatever_a_shell_has_exported(tmp_path: Pat
             )
 
 
-def test_a_recording_in_which_ticks_are_missing_ends_with_a_sentence(tmp_path: Path) -> None:
-    whole, damaged = record(tmp_path / "a.rec"), tmp_path / "b.rec"
-    damaged.write_bytes(without_a_frame(whole.read_bytes()))
-    for paths in ((damaged,), (whole, damaged)):
-        with automaton(tmp_path, "replay", *map(str, paths), "--paused") as session:
-            session.wait_for_text("the file was altered")
+def test_a_recording_that_was_altered_ends_with_a_sentence(tmp_path: Path) -> None:
+    whole, other = record(tmp_path / "a.rec"), tmp_path / "b.rec"
+    recording = read_recording(whole)
+    frames = list(recording.frames)
+    ticks = [frame.content for frame in frames if frame.kind == TICKS]
+    ticks[-1]["digests"][ticks[-1]["digests"].any(axis=1)] ^= np.uint64(1)
+    other.write_bytes(encoded(recording.header, frames))
+    for paths in ((other,), (whole, other)):
+        with automaton(
+            tmp_path, "replay", *map(str, paths), "--at", str(recording.ticks)
+        ) as session:
+            session.wait_for_text("or altered")
             session.press("q")
             assert session.host.wait_for_end() == 2
             output = session.host.output()
         after = output[output.rindex(b"\x1b[?1049l") :].decode()
-        assert "Traceback" not in output.decode() and after.count("the file was altered") == 1
+        assert "Traceback" not in output.decode() and after.count("or altered") == 1
 
 
 def test_paused_it_sends_nothing(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def crossing(tmp_path_factory: pytest.TempPathFactory) -> Path:
     resolved = resolve("crossing")
     with Recorder(path, resolved, 1) as recorder:
         Simulation(resolved, 1, on_record=recorder).run()
-        recorder.end({})
+        recorder.end()
     return path
 
 

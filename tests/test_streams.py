@@ -132,7 +132,7 @@ def test_every_floor_has_every_stream(floor: str, orders: str, stream: str, tmp_
     with Recorder(path, resolved, 4) as recorder:
         run = Simulation(resolved, on_record=recorder)
         run.run()
-        recorder.end({})
+        recorder.end()
     found = verify(path)
     assert found.passed, found.report.violations[:3] or found.difference
     assert (run.world.orders.state == DELIVERED).any()
@@ -174,7 +174,7 @@ def test_drawn_work_and_arrivals_verify(tmp_path: Path) -> None:
     with Recorder(path, resolved, 1) as recorder:
         run = Simulation(resolved, 1, on_record=recorder)
         run.run()
-        recorder.end({})
+        recorder.end()
     ticks = run.world.stations.ticks.reshape(12, 3)
     assert len(set(ticks[:, 0])) > 5 and set(ticks[:, 1]) == {7}
     found = verify(path)

@@ -14,7 +14,7 @@ from automaton.errors import InputError
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording import frames as stored
 from automaton.recording.codes import DID_BLOCKED, DID_ILLEGAL, INTO_BAY
-from automaton.recording.frames import END, TICKS, Frame, Recording
+from automaton.recording.frames import CONDITIONS, END, TICKS, Frame, Recording
 from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.verification import action_text, verify_recording
 from automaton.scenario.resolve import resolve
@@ -36,9 +36,7 @@ def altered(recording: Recording) -> tuple[Recording, list[Frame]]:
 
 
 def save(path: Path, recording: Recording) -> Path:
-    parts = [stored.encode(stored.HEADER, recording.header)]
-    parts += [stored.encode(kind, content) for kind, content in recording.frames]
-    path.write_bytes(stored.preamble() + b"".join(parts))
+    path.write_bytes(stored.encoded(recording.header, recording.frames))
     return path
 
 
@@ -101,12 +99,14 @@ def test_another_seed_is_another_run(good: Recording) -> None:
     recording, _ = altered(good)
     recording.header["seed"] = 5
     difference = verify_recording(recording).difference
-    assert difference is not None and difference.tick == 1 and "orders.target" in difference.text
+    assert difference is not None and difference.tick == 0 and "orders.target" in difference.text
 
 
 def test_a_run_that_ends_sooner_when_made_again(good: Recording) -> None:
     recording, _ = altered(good)
-    recording.header["scenario"]["stop"]["at_most"] = 700
+    conditions = next(frame.content for frame in recording.frames if frame.kind == CONDITIONS)
+    for part in (recording.header, conditions):
+        part["scenario"]["stop"]["at_most"] = 700
     difference = verify_recording(recording).difference
     assert difference is not None
     assert str(difference) == "tick 700: end differs: made again, the run ends here"
@@ -172,8 +172,10 @@ def test_a_damaged_file_fails(
     data = bytearray(path.read_bytes())
     data[2 * len(data) // 3] ^= 1
     path.write_bytes(data)
-    assert main(["verify", str(path)]) == 1
-    assert "damaged: frame " in capsys.readouterr().out
+    assert main(["verify", str(path)]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.count("\n") == 1
+    assert told.err.startswith(f"automaton: {path}: damaged: frame ")
 
 
 def test_other_sources_are_told(
@@ -203,11 +205,12 @@ def test_a_recording_of_an_unfinished_run_is_complete(tmp_path: Path) -> None:
     assert found.passed and found.recording.complete
 
 
-def test_a_header_that_names_cells_off_its_floor_is_refused() -> None:
-    from automaton.recording.header import resolved_of
-
-    recorder = MemoryRecorder(resolve("tabletop-mini"))
-    header = recorder.recording().header
-    floor = {**header["floor"], "bays": header["floor"]["bays"] + 900_000_000}
-    with pytest.raises(InputError, match="does not fit its floor"):
-        resolved_of({**header, "floor": floor})
+def test_a_header_that_names_cells_off_its_floor_is_refused(
+    good: Recording, tmp_path: Path
+) -> None:
+    recording, _ = altered(good)
+    recording.header["floor"]["bays"] += 900_000_000
+    with pytest.raises(
+        InputError, match=r"frame 0 at byte 14 \(the header\): floor\.bays has the value"
+    ):
+        stored.read_recording(save(tmp_path / "run.rec", recording))

@@ -11,7 +11,6 @@ import pytest
 from viewing import branch, record
 
 from automaton.commands import main
-from automaton.errors import InputError
 from automaton.history.divergence import first_difference
 from automaton.recording.frames import FRAME, PREAMBLE, TICKS, read_recording
 from automaton.scenario.resolve import resolve
@@ -147,7 +146,7 @@ def without_a_frame(data: bytes) -> bytes:
     """A recording from whose middle a frame of ticks was cut out."""
     begins, at = [], PREAMBLE.size
     while at < len(data):
-        kind, length, _, _ = FRAME.unpack_from(data, at)
+        kind, length, *_ = FRAME.unpack_from(data, at)
         begins += [(at, at + FRAME.size + length)] if kind == TICKS else []
         at += FRAME.size + length
     begin, end = begins[len(begins) // 2]
@@ -162,9 +161,7 @@ def test_a_damaged_recording_is_one_sentence(
     for paths in ((damaged,), (whole, damaged)):
         assert main(["replay", *map(str, paths)]) == 2
         error = capsys.readouterr().err
-        assert error.count("\n") == 1 and "the file was altered" in error
-    with pytest.raises(InputError, match="recording B has fewer ticks than it says"):
-        first_difference(read_recording(whole), read_recording(damaged))
+        assert error.count("\n") == 1 and f"{damaged}: damaged: frame " in error
 
 
 def test_only_the_newest_recordings_are_kept(tmp_path: Path) -> None:

@@ -95,7 +95,7 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
     try:
         advance(branch, args.until)
         found = future("branch", branch.front, is_finished(branch.front))
-        branch.journal.end(found.metrics)
+        branch.journal.end()
     finally:
         branch.close()
     return found, branch.trouble

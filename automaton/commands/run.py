@@ -45,8 +45,6 @@ def run(args: argparse.Namespace) -> int:
     tell_doubts(resolved)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
         outcome = run_once(resolved, on_record, on_window, args.until, args.picture)
-        if on_record is not None:
-            on_record.end(outcome.metrics)
     if args.json:
         print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
     else:

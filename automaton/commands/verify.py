@@ -1,7 +1,7 @@
 """Verify a recorded run: check it by the rules, run it again, name the first tick that differs.
 
 Exit code 0: what is there keeps the rules and comes out equal again, even if it was cut short;
-1: it breaks a rule, differs or is damaged; 2: it is no recording.
+1: it breaks a rule or differs; 2: it is damaged, or no recording.
 """
 
 from __future__ import annotations
@@ -70,8 +70,6 @@ def as_text(file: str, found: Verification) -> list[str]:
 def extent(found: Verification) -> list[str]:
     """How much of the recording there is, if it is not all."""
     recording, last = found.recording, found.recording.ticks
-    if recording.damage:
-        return [f"damaged: {recording.damage}; what comes before it, up to tick {last:,}, is read"]
     if not recording.complete:
         return [f"cut short or interrupted: there is no end; it is whole up to tick {last:,}"]
     return []
@@ -87,7 +85,6 @@ def as_json(file: str, found: Verification) -> dict[str, Any]:
         "ticks": recording.ticks,
         "verified": found.passed,
         "complete": recording.complete,
-        "damage": recording.damage or None,
         "valid": report.valid,
         "violations": [
             {**violation._asdict(), "sentence": str(violation)} for violation in report.violations

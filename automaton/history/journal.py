@@ -14,7 +14,6 @@ from automaton.recording.frames import (
     Content,
     Payload,
     StoredFrames,
-    framed,
     payload_of,
 )
 from automaton.recording.recorder import Capture, RecordingFile
@@ -25,6 +24,8 @@ DIGEST_TICKS: Final = 64  # digests of every tick would be most of a small fleet
 
 class Journal(Capture):
     """Keeps a run's frames: in a file if one is given, otherwise in memory within a budget."""
+
+    digest_every = DIGEST_TICKS
 
     def __init__(
         self, resolved: Resolved, seed: int, path: Path | None = None, budget: int = BUDGET
@@ -56,7 +57,7 @@ class Journal(Capture):
             return None
         place = self._size + FRAME.size
         try:
-            self.file.write(framed(payload))
+            self.file.write(payload)
         except OSError as error:
             self.trouble = f"{self.file.path}: recording has stopped: {error.strerror}"
             self.abandon()

@@ -10,7 +10,6 @@ from automaton.history.journal import DIGEST_TICKS, Journal
 from automaton.history.keyframes import Keyframes
 from automaton.history.playback import Playback
 from automaton.history.run import SLICE_S, Run
-from automaton.metrics import metrics_of
 from automaton.recording.frames import Content, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.scenario.branch import branched
@@ -93,7 +92,7 @@ class LiveRun(Run):
 
     def _end(self) -> None:
         if self.end is not None and not self._repeating and not self._failed:
-            self.journal.end(metrics_of(self._front))
+            self.journal.end()
 
     def _end_before(self, failure: str) -> None:
         """A strategy failed in the middle of a tick: the run ends with the tick before."""
@@ -160,6 +159,9 @@ def branch_of(run: Run, settings: tuple[str, ...], path: Path | None) -> LiveRun
     """See Run.branch."""
     tick = run.tick
     other = branched(run.resolved_at(tick), settings)
+    held = run.frames.rules_at(tick)
+    if held["tick"] == tick and held["settings"]:  # this past was branched off there as well
+        settings = (*held["settings"], *settings)
     branch = LiveRun(resolved_of(run.header), run.header["seed"], path)
     branch.give_up = run.give_up
     try:

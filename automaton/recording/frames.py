@@ -1,55 +1,57 @@
-"""The file of a recorded run: append-only frames, each checked by a CRC of its own.
+"""The file of a recorded run: append-only frames, each sealed together with all before it.
 
     preamble   magic, format version
-    frame      kind, length, last tick, CRC-32 | payload: zlib(msgpack)
+    frame      kind, length, last tick, CRC-32 of these, seal | payload: zlib(msgpack)
     ...        HEADER, CONDITIONS, KEYFRAME at tick 0, TICKS ..., KEYFRAME ..., END
 
-A file cut short at any byte, or damaged, still reads to its last whole frame before that place.
+The seal of a frame is a hash of the seal before it and of the frame; its CRC begins with the seal
+before it as well. So only an end that is missing goes unnoticed: such a file is *cut short*, and
+reads to its last whole frame. Whatever is changed, missing in the middle or doubled is *damage*.
+Who alters a recording can compute seals as well: `verify` runs it again.
 Arrays are stored little-endian; what repeats from tick to tick is stored so that zlib sees it.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
+import stat
 import struct
 import zlib
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, BinaryIO, Final, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from automaton.errors import InputError
+from automaton.recording.contents import CONDITIONS as CONDITIONS
+from automaton.recording.contents import END as END
+from automaton.recording.contents import (
+    FRAME_TICKS,
+    KEYFRAME_TICKS,
+    MOST_BYTES,
+    array_out,
+    read_content,
+    unpacked_ticks,
+)
+from automaton.recording.contents import HEADER as HEADER
+from automaton.recording.contents import KEYFRAME as KEYFRAME
+from automaton.recording.contents import TICKS as TICKS
+from automaton.recording.contents import Content as Content
+from automaton.recording.contents import Frame as Frame
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
-FRAME: Final = struct.Struct("<BIQI")  # kind, bytes of the payload, tick, CRC-32 of all of it
+FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal
 CHECKED: Final = struct.Struct("<BIQ")  # the part of FRAME that the CRC covers
 
-HEADER: Final = 1  # what the run follows from
-TICKS: Final = 2  # decisions, committed actions, changes and digests of consecutive ticks
-KEYFRAME: Final = 3  # the state after a tick
-END: Final = 4  # how the run ended; a recording without it was cut short
-CONDITIONS: Final = (
-    5  # what holds from the next tick on: at tick 0, and where a run was branched off
-)
-
 DECODED: Final = 4  # TICKS frames that stay decoded
-ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
-
-Content = dict[str, Any]
-
-
-class Frame(NamedTuple):
-    """One frame, decoded."""
-
-    kind: int
-    content: Content
 
 
 class Stored(Protocol):
@@ -73,16 +75,23 @@ class Payload(NamedTuple):
     kind: int
     tick: int  # the last one that it tells of
     data: bytes | memoryview  # compressed
+    at: int = 0  # where in a file it begins
+    before: int = 0  # the last tick of the frames before it
+
+
+Reader = Callable[[int, Any], Content]  # (number of the frame behind the header, the frame)
 
 
 class StoredFrames:
     """The checked frames of a file or of a run under way, decoded one at a time as they are asked for.
 
-    TICKS frames can be found by tick; the last ones that were used stay decoded.
+    TICKS frames can be found by tick; the last ones that were used stay decoded. `read`: checks
+    what it decodes; frames of this process need no check.
     """
 
-    def __init__(self, payloads: Sequence[Stored]) -> None:
+    def __init__(self, payloads: Sequence[Stored], read: Reader | None = None) -> None:
         self.payloads = payloads
+        self.read = read
         self._last = array("q")  # the last tick of each TICKS frame
         self._index_of = array("q")
         self._rules: list[Content] = []
@@ -90,8 +99,8 @@ class StoredFrames:
         self._decoded: dict[int, Content] = {}
 
     def __iter__(self) -> Iterator[Frame]:
-        for payload in self.payloads:
-            yield Frame(payload.kind, decode(payload.kind, payload.data))
+        for index, payload in enumerate(self.payloads):
+            yield Frame(payload.kind, self._content(index))
 
     @property
     def last_tick(self) -> int:
@@ -104,7 +113,7 @@ class StoredFrames:
         self._index()
         found = [rules for rules in self._rules if rules["tick"] <= tick]
         if not found:
-            raise InputError("the recording is cut short or damaged before its first tick")
+            raise InputError("the recording is cut short before its first tick")
         return found[-1]
 
     def next_rules(self, tick: int) -> int | None:
@@ -122,8 +131,14 @@ class StoredFrames:
         if index not in self._decoded:
             while len(self._decoded) >= DECODED:
                 del self._decoded[next(iter(self._decoded))]
-            self._decoded[index] = decode(TICKS, self.payloads[index].data)
+            self._decoded[index] = self._content(index)
         return self._decoded[index]
+
+    def _content(self, index: int) -> Content:
+        payload = self.payloads[index]
+        if self.read is not None:
+            return self.read(index, payload)
+        return decode(payload.kind, payload.data)
 
     def _index(self) -> None:
         for index in range(self._indexed, len(self.payloads)):
@@ -132,7 +147,7 @@ class StoredFrames:
                 self._last.append(payload.tick)
                 self._index_of.append(index)
             elif payload.kind == CONDITIONS:
-                self._rules.append(decode(CONDITIONS, payload.data))
+                self._rules.append(self._content(index))
         self._indexed = len(self.payloads)
 
 
@@ -142,8 +157,7 @@ class Recording:
 
     header: Content
     frames: Iterable[Frame]  # after the header
-    complete: bool  # the END frame is there and nothing is damaged
-    damage: str = ""  # where a frame fails its check; "" for a file that is whole or just cut short
+    complete: bool  # the END frame is there: it was not cut short
 
     @property
     def ticks(self) -> int:
@@ -176,45 +190,76 @@ def tick_of(kind: int, content: Content) -> int:
 def payload_of(kind: int, content: Content) -> Payload:
     """A frame as it is stored."""
     packed = _pack_ticks(content) if kind == TICKS else content
-    data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=_array_out), 6)
+    data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=array_out), 6)
     return Payload(kind, tick_of(kind, content), data)
 
 
-def framed(payload: Payload) -> bytes:
-    """A frame as bytes of the file, its check included."""
-    kind, tick, data = payload
-    crc = zlib.crc32(data, zlib.crc32(CHECKED.pack(kind, len(data), tick)))
-    return FRAME.pack(kind, len(data), tick, crc) + data
+class Chain:
+    """Ties each frame of a file to all those before it."""
+
+    def __init__(self) -> None:
+        self._seal = hashlib.blake2b(preamble(), digest_size=16).digest()
+
+    def framed(self, payload: Payload) -> bytes:
+        """The next frame as bytes of the file."""
+        kind, tick, data = payload[:3]
+        head = CHECKED.pack(kind, len(data), tick)
+        crc = zlib.crc32(head, zlib.crc32(self._seal))
+        self._seal = self._sealed(head, data)
+        return FRAME.pack(kind, len(data), tick, crc, self._seal) + data
+
+    def leads_to(self, head: bytes) -> bool:
+        """Whether this is the head of the frame that comes next."""
+        checked = head[: CHECKED.size]
+        return bool(zlib.crc32(checked, zlib.crc32(self._seal)) == FRAME.unpack(head)[3])
+
+    def follow(self, head: bytes, data: bytes) -> bool:
+        """Go on to the next frame; whether it is what was written."""
+        self._seal = self._sealed(head[: CHECKED.size], data)
+        return bool(self._seal == FRAME.unpack(head)[4])
+
+    def _sealed(self, head: bytes, data: bytes | memoryview) -> bytes:
+        seal = hashlib.blake2b(self._seal, digest_size=16)
+        seal.update(head)
+        seal.update(data)
+        return seal.digest()
 
 
-def encode(kind: int, content: Content) -> bytes:
-    """A frame as bytes of the file."""
-    return framed(payload_of(kind, content))
+def encoded(header: Content, frames: Iterable[Frame]) -> bytes:
+    """A whole recording as the bytes of a file."""
+    chain = Chain()
+    parts = [Frame(HEADER, header), *frames]
+    return preamble() + b"".join(chain.framed(payload_of(*part)) for part in parts)
 
 
 def decode(kind: int, payload: bytes | memoryview) -> Content:
-    """The content of a frame whose check was right."""
-    content: Content = msgspec.msgpack.decode(zlib.decompress(payload), ext_hook=_array_in)
-    return _unpack_ticks(content) if kind == TICKS else content
+    """The content of a frame, of the right types. Raises Unsound."""
+    content = read_content(kind, payload)
+    return unpacked_ticks(content) if kind == TICKS else content
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Open a recording and check all its frames.
+    """Open a recording: check the chain of its frames and the header; frames as they are read.
 
-    Raises InputError for what is no recording, has another format, or lost its header.
+    Raises InputError for what is no recording, has another format, or is damaged. A file that was
+    cut short is read to its last whole frame.
     """
+    from automaton.recording.admission import Admission
+
     file = str(path)
     try:
-        data = Path(path).read_bytes()
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise InputError("cannot read the recording: this is no ordinary file", file)
+        with open(path, "rb") as stream:
+            _check_preamble(stream.read(PREAMBLE.size), file)
+            payloads = list(_frames_of(stream, os.stat(path).st_size, file))
     except OSError as error:
         raise InputError(f"cannot read the recording: {error.strerror}", file) from None
-    _check_preamble(data, file)
-    payloads, damage = _whole_frames(data)
-    if not payloads or payloads[0].kind != HEADER:
-        raise InputError("the recording is cut short or damaged before its first frame ends", file)
-    header = decode(HEADER, payloads[0].data)
-    complete = not damage and payloads[-1].kind == END
-    return Recording(header, StoredFrames(payloads[1:]), complete, damage)
+    if not payloads:
+        raise InputError("the recording is cut short before its first frame ends", file)
+    admission = Admission(file, payloads[0])
+    frames = StoredFrames(payloads[1:], admission.content)
+    return Recording(admission.header, frames, complete=payloads[-1].kind == END)
 
 
 def _check_preamble(data: bytes, file: str) -> None:
@@ -224,7 +269,7 @@ def _check_preamble(data: bytes, file: str) -> None:
         raise InputError("this is not a recording of automaton", file)
     if len(data) < PREAMBLE.size:
         raise InputError("the recording is cut short before its first frame ends", file)
-    version = PREAMBLE.unpack_from(data)[1]
+    version = PREAMBLE.unpack(data)[1]
     if version != FORMAT:
         raise InputError(
             f"the recording has format {version}, this version of automaton reads format {FORMAT}",
@@ -232,38 +277,83 @@ def _check_preamble(data: bytes, file: str) -> None:
         )
 
 
-def _whole_frames(data: bytes) -> tuple[list[Payload], str]:
-    """The frames up to the first one that fails, and how it fails."""
-    payloads: list[Payload] = []
-    at = PREAMBLE.size
-    view = memoryview(data)
-    while at + FRAME.size <= len(data):
-        kind, length, tick, crc = FRAME.unpack_from(data, at)
-        begin = at + FRAME.size
-        end = begin + length
-        if end > len(data):
-            break
-        if zlib.crc32(view[begin:end], zlib.crc32(CHECKED.pack(kind, length, tick))) != crc:
-            return payloads, f"frame {len(payloads)} at byte {at} is damaged"
-        payloads.append(Payload(kind, tick, view[begin:end]))
-        at = end
-    return payloads, ""
+def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
+    """The frames of a file behind its preamble. Raises InputError for damage."""
+    chain, sequence = Chain(), Sequel()
+    at, number = PREAMBLE.size, 0
+
+    def damaged(why: str) -> InputError:
+        kept = f"; ticks 0 to {sequence.tick:,} come before it, and `head -c {at} FILE` keeps them"
+        text = f"damaged: frame {number} at byte {at:,} {why}"
+        return InputError(text + (kept if sequence.keyframe >= 0 else ""), file)
+
+    while len(head := stream.read(FRAME.size)) == FRAME.size:
+        kind, length, tick, _, _ = FRAME.unpack(head)
+        if not chain.leads_to(head):
+            raise damaged("does not follow the one before it")
+        if length > MOST_BYTES.get(kind, 0):
+            raise damaged(f"says that it has {length:,} bytes")
+        if at + FRAME.size + length > size:
+            return  # cut short
+        data = stream.read(length)
+        if not chain.follow(head, data):
+            raise damaged("is not what was written")
+        before = sequence.tick
+        if why := sequence.objection(kind, tick):
+            raise damaged(why)
+        yield Payload(kind, tick, data, at, before)
+        at, number = at + FRAME.size + length, number + 1
+    if sequence.ended and head:
+        raise damaged("stands after the end")
 
 
-def _array_out(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    little = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
-    described = (little.dtype.str, little.shape, little.tobytes())
-    return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode(described))
+class Sequel:
+    """In which sequence frames stand, told by their kinds and ticks alone."""
 
+    def __init__(self) -> None:
+        self.tick = 0
+        self.keyframe = -1  # the tick of the last one
+        self.ended = False
+        self._number = 0
+        self._conditions = 0  # the last tick at which they changed
 
-def _array_in(code: int, data: memoryview) -> NDArray[Any]:
-    if code != ARRAY_CODE:
-        raise ValueError(f"unknown extension {code}")
-    dtype, shape, content = msgspec.msgpack.decode(data)
-    array: NDArray[Any] = np.frombuffer(content, np.dtype(dtype)).reshape(shape)
-    return array
+    def objection(self, kind: int, tick: int) -> str:
+        """What is wrong with the next frame, or ""; takes it in."""
+        first = (HEADER, CONDITIONS, KEYFRAME)
+        number, self._number = self._number, self._number + 1
+        if number < len(first) or kind == HEADER:
+            wrong = number >= len(first) or kind != first[number] or tick != 0
+            self.keyframe = 0 if number == len(first) - 1 else -1
+            return "stands out of sequence" if wrong else ""
+        if self.ended:
+            return "stands after the end"
+        if kind == TICKS:
+            return self._ticks(tick)
+        if tick != self.tick:
+            return f"tells of tick {tick:,} after tick {self.tick:,}"
+        if kind == KEYFRAME:
+            wrong = self.keyframe == tick
+            self.keyframe = tick
+            return f"is a second state after tick {tick:,}" if wrong else ""
+        if kind == CONDITIONS:
+            wrong = self.keyframe == tick and tick % KEYFRAME_TICKS > 0
+            wrong |= self._conditions == tick > 0
+            self._conditions = tick
+            return f"changes conditions once more after tick {tick:,}" if wrong else ""
+        self.ended = True
+        return "" if self.keyframe == tick else f"is an end without the state after tick {tick:,}"
+
+    def _ticks(self, tick: int) -> str:
+        before, self.tick = self.tick, tick
+        if not before < tick <= before + FRAME_TICKS:
+            return f"tells of ticks up to {tick:,} after tick {before:,}"
+        if before % KEYFRAME_TICKS == 0 and self.keyframe != before:
+            return f"goes on without the state after tick {before:,}"
+        if self.keyframe == before and before % KEYFRAME_TICKS:
+            return f"goes on after the last state, of tick {before:,}"
+        if before // KEYFRAME_TICKS != (tick - 1) // KEYFRAME_TICKS:
+            return f"goes past tick {(before // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS:,}"
+        return ""
 
 
 def _pack_ticks(content: Content) -> Content:
@@ -281,19 +371,4 @@ def _pack_ticks(content: Content) -> Content:
         "changes": changes.astype(np.int32),
         "due": due,
         "digests": np.ascontiguousarray(changed.T),
-    }
-
-
-def _unpack_ticks(content: Content) -> Content:
-    changes = content["changes"].T.astype(np.int64)
-    changes[:, 0] += content["first"]
-    did = np.ascontiguousarray(content["did"].T)
-    digests = np.zeros((len(did), len(content["digests"])), np.uint64)
-    digests[content["due"]] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
-    return {
-        "first": content["first"],
-        "did": did,
-        "decisions": content["decisions"],
-        "changes": changes,
-        "digests": digests,
     }

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.recording.frames import Content
+from automaton.recording.contents import Content
 from automaton.scenario.reading import content_hash
 from automaton.scenario.resolve import Pick, Resolved
 from automaton.scenario.schema import LAYERS, Scenario
@@ -101,41 +101,33 @@ def changed(header: Content, rules: Content) -> Content:
 def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     """The scenario of a recording, ready to run again.
 
-    Raises InputError when a strategy is not installed here or takes other parameters now, or when
-    the header names cells that its floor does not have: kernels would not notice. Without its
-    strategies, which a replay does not need, their parameters stay as they were recorded.
+    Raises InputError when a strategy is not installed here or takes other parameters now. Without
+    its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
     """
-    floor = header["floor"]
     start = header["start"]
-    cells = (floor["width"] + 2) * (floor["height"] + 2)
-    named = [
-        *floor["bays"].reshape(-1),
-        *floor["starts"],
-        *floor["numbered"],
-        *([] if isinstance(start, str) else start),
-    ]
-    shapes = {floor[name].shape for name in ("kind", "exits", "capacity", "loads")}
-    inside = all(0 <= cell < cells for cell in named)
-    if not inside or shapes != {(floor["height"] + 2, floor["width"] + 2)}:
-        raise InputError("the recording's header does not fit its floor: the file was altered")
     return Resolved(
         scenario=msgspec.convert(header["scenario"], Scenario),
-        plan=FloorPlan(
-            width=floor["width"],
-            height=floor["height"],
-            starts=tuple(floor["starts"]),
-            numbered=tuple(floor["numbered"]),
-            **{name: floor[name] for name in FLOOR_ARRAYS},
-        ),
+        plan=plan_of(header["floor"]),
         picks={
             layer: _pick(layer, **given)
-            if with_strategies
+            if with_strategies or lookup.is_built_in(layer, given["name"])
             else Pick(given["name"], AsRecorded(given["parameters"]))
             for layer, given in ((layer, header["picks"][layer]) for layer in LAYERS)
         },
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
         source=header["text"],
         overrides=tuple(header["overrides"]),
+    )
+
+
+def plan_of(floor: Content) -> FloorPlan:
+    """The floor that a header tells of."""
+    return FloorPlan(
+        width=floor["width"],
+        height=floor["height"],
+        starts=tuple(floor["starts"]),
+        numbered=tuple(floor["numbered"]),
+        **{name: floor[name] for name in FLOOR_ARRAYS},
     )
 
 

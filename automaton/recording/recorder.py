@@ -3,7 +3,7 @@
 with Recorder(path, resolved, seed) as recorder:
     simulation = Simulation(resolved, seed, on_record=recorder)
     simulation.run()
-    recorder.end(metrics)
+    recorder.end()
 """
 
 from __future__ import annotations
@@ -12,24 +12,32 @@ import os
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from automaton.errors import InputError
 from automaton.kernels.decisions import words_until
 from automaton.kernels.digest import DIGEST_NAMES
-from automaton.recording.frames import (
+from automaton.metrics import metrics_of
+from automaton.recording.contents import (
     CONDITIONS,
     END,
+    FRAME_TICKS,
     HEADER,
     KEYFRAME,
-    MAGIC,
+    KEYFRAME_ARRAYS,
+    KEYFRAME_TICKS,
     TICKS,
     Content,
+)
+from automaton.recording.frames import (
+    MAGIC,
+    Chain,
     Frame,
+    Payload,
     Recording,
-    encode,
+    payload_of,
     preamble,
 )
 from automaton.recording.header import header_of, rules_of, state_of
@@ -38,22 +46,8 @@ from automaton.simulation import Simulation
 from automaton.world.build import build_world
 from automaton.world.state import CHANGED, DECIDED, RECORDED, TICK, Array, Record
 
-FRAME_TICKS = 256  # at most in a frame
 FRAME_SECONDS = 1.0  # what a killed process may lose
-KEYFRAME_TICKS = 2048
-
-# Routes are left out: they are the bulk of a state, and committed actions do not need them.
-KEYFRAME_ARRAYS = {
-    "robots": (
-        *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
-        *("slot", "goal", "stand", "level", "try_drop", "withdrawing", "blocked", "hold", "parked"),
-        *("zone", "need", "reason", "charge", "status"),
-    ),
-    "orders": ("state", "place", "by", "released", "delivered", "legs"),
-    "slots": ("content", "by", "cell"),
-    "stations": ("first", "until", "came", "done"),
-    "zoning": ("server", "queue", "stop", "direct", "halt"),
-}
+FRAME_BYTES = 16 << 20  # of decisions: what a frame holds of those of several calls at most
 
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
 
@@ -61,15 +55,18 @@ Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes 
 class Capture:
     """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
 
+    digest_every: ClassVar[int] = 1  # tick that has digests
+
     def __init__(self, resolved: Resolved, seed: int) -> None:
         self._start, _ = build_world(resolved, seed)
-        self.header = header_of(resolved, seed, self._start, DIGEST_NAMES)
+        found = header_of(resolved, seed, self._start, DIGEST_NAMES)
+        self.header = {**found, "digest_every": self.digest_every}
         self.ended = False
         self._simulation: Simulation | None = None
         self._pending: list[Rows] = []
         self._first = 1  # tick of the first pending row
         self._held = 0  # pending ticks
-        self._next_keyframe = KEYFRAME_TICKS
+        self._keyframe_at = 0
         self._flushed_at = time.monotonic()
         self.write(HEADER, self.header)
 
@@ -83,7 +80,7 @@ class Capture:
         world, record = simulation.world, simulation.record
         rows = int(world.clock[RECORDED])
         if rows:
-            if self._held + rows > FRAME_TICKS:
+            if self._held + rows > FRAME_TICKS or self._bytes > FRAME_BYTES:
                 self.flush()
             self._pending.append(self._rows(world.clock, record, rows))
             self._held += rows
@@ -92,10 +89,13 @@ class Capture:
         if self._held >= FRAME_TICKS or due:
             self.flush()
         tick = self._first + self._held - 1
-        if tick >= self._next_keyframe and world.clock[TICK] == tick:
+        if tick % KEYFRAME_TICKS == 0 and tick > self._keyframe_at and world.clock[TICK] == tick:
             self.flush()
             self._keyframe(world)
-            self._next_keyframe = tick + KEYFRAME_TICKS
+
+    @property
+    def _bytes(self) -> int:
+        return sum(decisions.nbytes for _, decisions, _, _ in self._pending)
 
     def _begin(self, simulation: Simulation) -> None:
         """Before the first tick: what the strategies of this run asked for, and the state."""
@@ -138,29 +138,31 @@ class Capture:
         self._first += len(did)
         self._held = 0
 
-    def end(self, metrics: Content | None = None) -> None:
-        """Write the last state and how the run ended; nothing can be recorded after it."""
+    def end(self) -> None:
+        """Write the last state, how the run ended and its figures; nothing comes after it."""
         if self.ended:
             return
         simulation = self._simulation
         if simulation is not None:
             self(simulation)
             self.flush()
-            self._keyframe(simulation.world)
+            if simulation.tick > self._keyframe_at:
+                self._keyframe(simulation.world)
             self.write(
                 END,
                 {
                     "ticks": simulation.tick,
                     "finished": simulation.finished,
                     "digest": simulation.digest,
-                    "metrics": metrics or {},
+                    "metrics": metrics_of(simulation),
                 },
             )
         self.ended = True
 
     def _keyframe(self, world: Any) -> None:
         state = state_of(world, KEYFRAME_ARRAYS)
-        self.write(KEYFRAME, {"tick": int(world.clock[TICK]), **state})
+        self._keyframe_at = int(world.clock[TICK])
+        self.write(KEYFRAME, {"tick": self._keyframe_at, **state})
 
 
 class MemoryRecorder(Capture):
@@ -180,6 +182,14 @@ class MemoryRecorder(Capture):
         return Recording(self.header, self.frames, complete=True)
 
 
+def is_recording(path: Path) -> bool:
+    """Whether a file begins as recordings do."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
 class RecordingFile:
     """The file of a recording under way.
 
@@ -193,16 +203,17 @@ class RecordingFile:
         if self.path.is_dir():
             raise InputError("cannot write the recording: this is a folder", str(path))
         try:
-            if self.path.exists() and not self.path.read_bytes()[: len(MAGIC)] == MAGIC:
+            if self.path.exists() and not is_recording(self.path):
                 raise InputError("is no recording, so it is not replaced by one", str(path))
             self._file = self.part.open("wb")
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None
         self._file.write(preamble())
+        self._chain = Chain()
 
-    def write(self, frame: bytes) -> None:
+    def write(self, payload: Payload) -> None:
         """Append a frame; it is there even if this process dies."""
-        self._file.write(frame)
+        self._file.write(self._chain.framed(payload))
         self._file.flush()
 
     def close(self) -> None:
@@ -226,7 +237,7 @@ class Recorder(Capture):
         super().__init__(resolved, seed)
 
     def write(self, kind: int, content: Content) -> None:
-        self._file.write(encode(kind, content))
+        self._file.write(payload_of(kind, content))
 
     def close(self) -> None:
         """Give the file its name; without `end` before, it counts as cut short."""

@@ -10,8 +10,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,16 +25,8 @@ from automaton.recording.codes import (
     SLOT_BY,
     STATUS,
 )
+from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
 from automaton.recording.energy_rules import Energy, parted_faults
-from automaton.recording.frames import (
-    CONDITIONS,
-    END,
-    KEYFRAME,
-    TICKS,
-    Frame,
-    Recording,
-    read_recording,
-)
 from automaton.recording.load_rules import Loads, parted
 from automaton.recording.motion_rules import Acts, Motion
 from automaton.recording.pace_rules import NONE
@@ -95,8 +86,6 @@ class Report:
     ticks: int = 0  # replayed
     counts: dict[str, int] = field(default_factory=dict)  # actions by name
     violations: list[Violation] = field(default_factory=list)  # the first MOST_VIOLATIONS
-    complete: bool = True  # the recording has its end
-    damage: str = ""
 
     @property
     def valid(self) -> bool:
@@ -108,16 +97,19 @@ class _TooMany(Exception):
     """So much is broken that going on tells nothing."""
 
 
-def validate(path: str | Path) -> Report:
-    """Validate a recording's file up to its last whole frame. Raises InputError."""
-    return validate_stored(read_recording(path))
+class Recorded(Protocol):
+    """A recording, wherever it comes from."""
+
+    @property
+    def header(self) -> dict[str, Any]: ...
+
+    @property
+    def frames(self) -> Iterable[Frame]: ...
 
 
-def validate_stored(recording: Recording) -> Report:
+def validate_stored(recording: Recorded) -> Report:
     """Validate a recording that is open or in memory."""
-    report = validate_recording(recording.header, recording.frames)
-    report.complete, report.damage = recording.complete, recording.damage
-    return report
+    return validate_recording(recording.header, recording.frames)
 
 
 def validate_recording(header: dict[str, Any], frames: Iterable[Frame]) -> Report:

@@ -1,17 +1,22 @@
-"""Verification: a recording is checked by the rules, then run again and compared tick by tick."""
+"""Verification: a recording is checked by the rules, then run again and compared tick by tick.
+
+All of it is made again and compared, except for LABELS of the header.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
+import msgspec
 import numpy as np
 
 from automaton.errors import InputError
 from automaton.kernels.decisions import first_other_tick
 from automaton.kernels.digest import DIGEST_NAMES
+from automaton.metrics import metrics_of
 from automaton.recording.codes import (
     ACTION_MASK,
     DROPPED_AT_ONCE,
@@ -19,19 +24,45 @@ from automaton.recording.codes import (
     LEFT_BAY,
     PICKED_AT_ONCE,
 )
-from automaton.recording.frames import CONDITIONS, END, TICKS, Content, Recording, read_recording
-from automaton.recording.header import changed, resolved_of, source_hash
+from automaton.recording.contents import KEYFRAME_ARRAYS
+from automaton.recording.frames import (
+    CONDITIONS,
+    END,
+    KEYFRAME,
+    TICKS,
+    Content,
+    Recording,
+    read_recording,
+)
+from automaton.recording.header import (
+    changed,
+    file_hashes,
+    header_of,
+    resolved_of,
+    rules_of,
+    source_hash,
+    state_of,
+)
 from automaton.recording.validator import ACTS, Report, validate_stored
+from automaton.scenario.branch import branched
+from automaton.scenario.document import Document
+from automaton.scenario.floors import floor_of, generators
 from automaton.scenario.reading import content_hash
+from automaton.scenario.resolve import Resolved
+from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
+from automaton.strategy.entry import files_of
 from automaton.world.state import CHANGED, DECIDED, RECORDED, Array
+
+# What of a header nothing follows from: it is not checked.
+LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
 
 
 class Difference(NamedTuple):
     """The first place where the run, made again, is not what was recorded."""
 
     tick: int
-    array: str  # of the state, such as robots.cell; or "actions", "changes", "end"
+    array: str  # of the state, such as robots.cell; or "header", "actions", "changes", "end", ...
     text: str
 
     def __str__(self) -> str:
@@ -50,8 +81,8 @@ class Verification:
 
     @property
     def passed(self) -> bool:
-        """Whether all that is there is undamaged, keeps the rules, and comes out equal again."""
-        return self.report.valid and self.difference is None and not self.recording.damage
+        """Whether all that is there is keeps the rules and comes out equal again."""
+        return self.report.valid and self.difference is None
 
 
 def verify(path: str | Path) -> Verification:
@@ -91,14 +122,15 @@ def changed_files(recording: Recording) -> tuple[str, ...]:
 def first_difference(recording: Recording) -> Difference | None:
     """Run the scenario again and compare each tick; the first that differs, or None."""
     rerun = Rerun(recording.header)
-    for frame in recording.frames:
-        found = None
-        if frame.kind == TICKS:
-            found = rerun.compare(frame.content)
-        elif frame.kind == CONDITIONS and (frame.content["tick"] or frame.content["settings"]):
-            rerun.change(frame.content)
-        elif frame.kind == END:
-            found = rerun.compare_end(frame.content)
+    compare = {
+        TICKS: rerun.compare,
+        KEYFRAME: rerun.compare_state,
+        CONDITIONS: rerun.change,
+        END: rerun.compare_end,
+    }
+    found = rerun.compare_header()
+    for kind, content in recording.frames:
+        found = found or compare[kind](content)
         if found is not None:
             return found
     return None
@@ -109,13 +141,9 @@ class Rerun:
 
     def __init__(self, header: Content) -> None:
         self.header = header
-        self.names = list(header["digest_names"])
         self._parts: list[tuple[Array, Array, Array, Array]] = []
         self.simulation = Simulation(resolved_of(header), header["seed"], on_record=self._take)
-        # Arrays that only one version digests cannot be compared.
-        self._common = [name for name in self.names if name in DIGEST_NAMES]
-        self._theirs = [self.names.index(name) for name in self._common]
-        self._ours = [DIGEST_NAMES.index(name) for name in self._common]
+        self._due = int(header["digest_every"])
 
     def _take(self, simulation: Simulation) -> None:
         clock, record = simulation.world.clock, simulation.record
@@ -130,10 +158,38 @@ class Rerun:
         )
         simulation.empty_record()
 
-    def change(self, rules: Content) -> None:
+    def compare_header(self) -> Difference | None:
+        """Compare what follows from the scenario and the seed at tick 0."""
+        resolved, world = self.simulation.resolved, self.simulation.world
+        now = header_of(resolved, self.simulation.seed, world, DIGEST_NAMES)
+        found = _unequal(self.header, now, LABELS)
+        if found is None and not _has_files(self.header, resolved):
+            found = "files"
+        if found is None and drawn_otherwise(resolved):
+            found = "floor"
+        text = f"{found} is not as scenario and seed say"
+        return None if found is None else Difference(0, "header", text)
+
+    def change(self, rules: Content) -> Difference | None:
         """Branch off as the recorded run did."""
-        resolved = resolved_of(changed(self.header, rules))
-        self.simulation = self.simulation.continued(resolved)
+        tick = self.simulation.tick
+        if tick or rules["settings"]:
+            before = self.simulation.resolved
+            resolved = resolved_of(changed(self.header, rules))
+            if resolved.scenario != as_branched(before, resolved, tuple(rules["settings"])):
+                return Difference(tick, "conditions", "they are not what was set")
+            self.simulation = self.simulation.continued(resolved)
+        now = rules_of(self.simulation, rules["settings"])
+        found = _unequal(rules, now, ("files",))
+        if found is None and not _has_files(rules, self.simulation.resolved):
+            found = "files"
+        return None if found is None else Difference(tick, "conditions", found)
+
+    def compare_state(self, content: Content) -> Difference | None:
+        """Compare the state after a tick."""
+        now = state_of(self.simulation.world, KEYFRAME_ARRAYS)
+        found = _unequal(content, {"tick": self.simulation.tick, **now})
+        return Difference(self.simulation.tick, "state", found) if found else None
 
     def compare(self, content: Content) -> Difference | None:
         """Run through the ticks of a frame and compare them."""
@@ -147,7 +203,7 @@ class Rerun:
         if did.shape != content["did"].shape:
             return Difference(first, "record", "ticks are missing or doubled")
         found = (
-            self._digests(first, content["digests"][:, self._theirs], digests[:, self._ours]),
+            self._digests(first, content["digests"], digests),
             _actions(first, content["did"], did),
             _decisions(first, content["decisions"], decisions),
             _changes(content["changes"], changes),
@@ -155,29 +211,86 @@ class Rerun:
         return min(filter(None, found), key=lambda difference: difference.tick, default=None)
 
     def _digests(self, first: int, recorded: Array, ours: Array) -> Difference | None:
-        differs = (recorded != ours) & recorded.any(axis=1, keepdims=True)  # those that are due
+        due = (first + np.arange(len(ours))) % self._due == 0
+        differs = recorded != np.where(due[:, None], ours, np.uint64(0))
         rows = np.flatnonzero(differs.any(axis=1))
         if not len(rows):
             return None
-        arrays = [self._common[column] for column in np.flatnonzero(differs[rows[0]])]
+        if not recorded[rows[0]].any():
+            return Difference(first + int(rows[0]), "digests", "they are missing")
+        arrays = [DIGEST_NAMES[column] for column in np.flatnonzero(differs[rows[0]])]
         others = f"also {', '.join(arrays[1:])}" if len(arrays) > 1 else ""
         return Difference(first + int(rows[0]), arrays[0], others)
 
     def compare_end(self, content: Content) -> Difference | None:
         """Compare how the run ended."""
         simulation = self.simulation
-        now = {
+        ended = {
             "ticks": simulation.tick,
             "finished": simulation.finished,
             "digest": simulation.digest,
         }
-        if self.names != list(DIGEST_NAMES):
-            del now["digest"]
-        for name, value in now.items():
+        for name, value in ended.items():
             if content[name] != value:
                 text = f"{name} was {content[name]}, made again it is {value}"
                 return Difference(simulation.tick, "end", text)
+        figures, again = content["metrics"], metrics_of(simulation)
+        for name in dict.fromkeys((*again, *figures)):
+            was, now = (_number(part.get(name)) for part in (figures, again))
+            if repr(was) != repr(now):
+                text = f"{name} was {was}, made again it is {now}"
+                return Difference(simulation.tick, "figures", text)
         return None
+
+
+def _number(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...]) -> Scenario:
+    """The scenario after settings were changed; files are named from another folder perhaps."""
+    scenario = branched(before, settings).scenario
+    if any(files_of(pick.parameters) for pick in resolved.picks.values()):
+        return msgspec.structs.replace(scenario, strategy=resolved.scenario.strategy)
+    return scenario
+
+
+def drawn_otherwise(resolved: Resolved) -> bool:
+    """Whether the layout gives another floor; files and generators of others may not be here."""
+    layout = resolved.scenario.layout
+    if "picture" not in layout and layout.get("generator") not in generators():
+        return False
+    return floor_of(Document({}), layout).plan != resolved.plan
+
+
+def _has_files(recorded: Content, resolved: Resolved) -> bool:
+    """Whether the files of strategies are named, so that it is told when they changed."""
+    return set(file_hashes(resolved).get("files", {})) <= set(recorded.get("files", {}))
+
+
+def _unequal(recorded: Content, again: Content, labels: tuple[str, ...] = ()) -> str | None:
+    """The dotted name of the first part that is not equal, or None."""
+    for name in dict.fromkeys((*recorded, *again)):
+        if name in labels:
+            continue
+        one, other = recorded.get(name), again.get(name)
+        if isinstance(one, dict) and isinstance(other, dict):
+            inner = _unequal(one, other)
+            if inner is not None:
+                return f"{name}.{inner}"
+        elif not _equal(one, other):
+            return name
+    return None
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other)
+    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
+        return len(one) == len(other) and all(map(_equal, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return _unequal(one, other) is None
+    return type(one) is type(other) and bool(one == other)
 
 
 def _actions(first: int, recorded: Array, ours: Array) -> Difference | None:

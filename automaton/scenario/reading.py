@@ -77,9 +77,12 @@ def read_text(path: Path) -> str:
 
 
 def content_hash(file: Path) -> str:
-    """16 hex digits of the content of a file; "" if it cannot be read."""
+    """16 hex digits of the content of a file; "" if it cannot be read, or is no regular file."""
+    if not os.path.isfile(file):
+        return ""
     try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        with file.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
     except OSError:
         return ""
 

@@ -14,13 +14,14 @@ from automaton.errors import InputError
 from automaton.scenario.abilities import check_abilities, check_areas, check_starts
 from automaton.scenario.document import Document, Keys, Override
 from automaton.scenario.feasibility import (
+    Start,
     check_energy,
     check_floor,
     check_orders,
     check_service,
     start_of,
 )
-from automaton.scenario.floors import floor_of
+from automaton.scenario.floors import Floor, floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
@@ -69,14 +70,7 @@ def resolve(
     checked = validated(document, document.data, Scenario)
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
-    check_areas(document, checked, floor.plan)
-    start = start_of(document, checked, floor.plan)
-    check_starts(document, checked, floor.plan, start)
-    check_orders(document, checked, floor)
-    check_floor(checked, floor, start)
-    check_service(document, checked, floor.plan, start)
-    check_abilities(document, checked, floor.plan, start)
-    check_energy(document, checked, floor.plan)
+    start = checked_start(document, checked, floor)
     picks = picks_of(document, checked, floor.plan)
     return Resolved(
         scenario=naming_files(checked, picks),
@@ -91,13 +85,28 @@ def resolve(
     )
 
 
-def picks_of(document: Document, scenario: Scenario, plan: FloorPlan) -> dict[str, Pick]:
+def checked_start(document: Document, scenario: Scenario, floor: Floor) -> Start:
+    """Where robots begin; the scenario fits its floor. Raises InputError."""
+    check_areas(document, scenario, floor.plan)
+    start = start_of(document, scenario, floor.plan)
+    check_starts(document, scenario, floor.plan, start)
+    check_orders(document, scenario, floor)
+    check_floor(scenario, floor, start)
+    check_service(document, scenario, floor.plan, start)
+    check_abilities(document, scenario, floor.plan, start)
+    check_energy(document, scenario, floor.plan)
+    return start
+
+
+def picks_of(
+    document: Document, scenario: Scenario, plan: FloorPlan, layers: Iterable[str] = LAYERS
+) -> dict[str, Pick]:
     """The strategies that a scenario names, by layer. Raises InputError.
 
     Parameters may have a method `objection(scenario, plan)`: one sentence on what they do not go
     with, or None.
     """
-    picks = {layer: _pick(document, scenario, layer) for layer in LAYERS}
+    picks = {layer: _pick(document, scenario, layer) for layer in layers}
     for layer, pick in picks.items():
         objection = getattr(pick.parameters, "objection", None)
         sentence = objection(scenario, plan) if objection else None

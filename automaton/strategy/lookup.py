@@ -44,6 +44,11 @@ def names(layer: str) -> list[str]:
     return optional + list(_catalogue()[layer]) + list(_plugins(layer))
 
 
+def is_built_in(layer: str, name: str) -> bool:
+    """Whether a name needs no plug-in."""
+    return name in _catalogue()[layer] or (name == NONE and layer in OPTIONAL_LAYERS)
+
+
 def parameters_type(layer: str, name: str) -> type[msgspec.Struct]:
     """The struct of a strategy's parameters. Raises InputError for an unknown name."""
     entry = _catalogue()[layer].get(name)

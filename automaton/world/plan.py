@@ -139,7 +139,7 @@ def floor_plan(
         kind=_frozen(kind),
         exits=_frozen(exits),
         capacity=_frozen(bordered(height, width, 1) if capacity is None else capacity),
-        bays=_bays(kind),
+        bays=bays_of(kind),
         loads=_frozen(bordered(height, width) if loads is None else loads),
         starts=tuple(int(cell) for cell in starts),
         numbered=tuple(int(cell) for cell in numbered),
@@ -171,7 +171,8 @@ def home_of(kind: CellBytes, bay: int) -> int | None:
     return None
 
 
-def _bays(kind: CellBytes) -> Cells:
+def bays_of(kind: CellBytes) -> Cells:
+    """(bays, 2) flat cells (bay, home cell), in reading order. Raises InputError."""
     stride = kind.shape[1]
     pairs: list[tuple[int, int]] = []
     for bay in np.flatnonzero(kind == BAY).tolist():

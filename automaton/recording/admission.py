@@ -1,0 +1,244 @@
+"""What a recording's file must say before anything else sees it: its header fits itself, its floor
+and the rules for scenarios, and each frame fits the header.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.recording.contents import (
+    CONDITIONS,
+    CONDITIONS_ARRAYS,
+    END,
+    HEADER,
+    HEADER_ARRAYS,
+    KEYFRAME,
+    TICKS,
+    Content,
+    Unsound,
+    check_arrays,
+    check_changes,
+    check_keyframe,
+    refusal,
+)
+from automaton.recording.frames import Payload, decode, tick_of
+from automaton.recording.header import plan_of
+from automaton.scenario.branch import CHANGEABLE
+from automaton.scenario.document import Document
+from automaton.scenario.feasibility import check_energy
+from automaton.scenario.floors import Floor
+from automaton.scenario.resolve import checked_start, picks_of
+from automaton.scenario.schema import LAYERS, Scenario
+from automaton.strategy import lookup
+from automaton.world.cells import KINDS, SHELF, STATION, STEPS
+from automaton.world.plan import FloorPlan, bays_of
+
+MOST_CELLS = 200_000_000
+MOST_DIGEST_EVERY = 64  # ticks
+DIGEST_DIGITS = 16
+
+
+class Admission:
+    """The check of one file: its header now, its other frames as they are read."""
+
+    def __init__(self, file: str, first: Payload) -> None:
+        """Raises InputError if the header cannot be."""
+        self.file = file
+        self.sizes: dict[str, int] = {}
+        try:
+            self.header = decode(HEADER, first.data)
+            self._admit_header(self.header)
+        except Unsound as error:
+            raise refusal(error, file, 0, HEADER, first.at) from None
+        except InputError as error:
+            raise refusal(Unsound(error.message), file, 0, HEADER, first.at) from None
+
+    def content(self, index: int, payload: Payload) -> Content:
+        """The content of a frame behind the header. Raises InputError if it cannot be."""
+        kind = payload.kind
+        try:
+            content = decode(kind, payload.data)
+            self._admit(kind, content)
+            check_ticks(payload, content)
+            return content
+        except Unsound as error:
+            raise refusal(error, self.file, index + 1, kind, payload.at) from None
+        except InputError as error:
+            raise refusal(Unsound(error.message), self.file, index + 1, kind, payload.at) from None
+
+    def _admit(self, kind: int, content: Content) -> None:
+        if kind == TICKS:
+            robots, names = content["did"].shape[1], content["digests"].shape[1]
+            if (robots, names) != (self.sizes["robots"], self.sizes["names"]):
+                raise Unsound(f"it tells of {robots:,} robots and {names} digests")
+            check_changes(content["changes"], self.sizes)
+        elif kind == KEYFRAME:
+            check_keyframe(content, self.sizes)
+        elif kind == CONDITIONS:
+            self._admit_conditions(content)
+        elif kind == END:
+            check_digest(content["digest"])
+
+    def _admit_header(self, header: Content) -> None:
+        floor, sizes = header["floor"], self.sizes
+        width, height = floor["width"], floor["height"]
+        if not (width > 0 and height > 0 and (width + 2) * (height + 2) <= MOST_CELLS):
+            raise Unsound(f"a floor cannot have {width:,} x {height:,} cells")
+        if not 0 <= header["seed"] < 1 << 63:
+            raise Unsound(f"a seed cannot be {header['seed']}")
+        if not 1 <= header["digest_every"] <= MOST_DIGEST_EVERY:
+            raise Unsound(f"digests cannot be {header['digest_every']:,} ticks apart")
+        sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
+        sizes |= {"spare": header["slots"]["spare"], "names": len(header["digest_names"])}
+        self.scenario = scenario_of(header["scenario"])
+        header["scenario"] = msgspec.to_builtins(self.scenario)
+        sizes["robots"] = self.scenario.fleet.robots
+        check_arrays(header, HEADER_ARRAYS, sizes)
+        self.plan = plan_of(floor)
+        check_plan(self.plan)
+        self._check_slots(header)
+        start = checked_start(
+            Document(header["scenario"]), self.scenario, Floor(self.plan, _on_floor)
+        )
+        if start != (
+            header["start"] if isinstance(header["start"], str) else tuple(header["start"])
+        ):
+            raise Unsound("robots start elsewhere than its scenario says")
+        self._check_picks(self.scenario, header["picks"])
+        self._check_counts(header)
+
+    def _check_slots(self, header: Content) -> None:
+        cells, spare = header["slots"]["cell"], self.sizes["spare"]
+        if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.plan.slots()):
+            raise Unsound("its slots are not those of its floor")
+
+    def _check_counts(self, header: Content) -> None:
+        """As many orders and works as the scenario has, before a world is built for them."""
+        orders, works = counted(self.scenario, self.plan)
+        for name, wanted in (("orders", orders), ("works", works)):
+            if self.sizes[name] != wanted:
+                raise Unsound(f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}")
+        coming = header["orders"].get("coming")
+        stream = self.scenario.orders.stream
+        if (
+            stream is not None
+            and stream.closed is not None
+            and (coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming))))
+        ):
+            raise Unsound("its orders do not come one after another")
+
+    def _check_picks(self, scenario: Scenario, recorded: Content) -> None:
+        """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
+        given = picked(recorded)
+        choices = {layer: getattr(scenario.strategy, layer) for layer in LAYERS}
+        for layer, choice in choices.items():
+            name = choice.get("name") if isinstance(choice, dict) else choice
+            if given[layer].name != name:
+                raise Unsound(f"strategy.{layer} is {name} here and {given[layer].name} there")
+        known = [layer for layer in LAYERS if lookup.is_built_in(layer, given[layer].name)]
+        document = Document(msgspec.to_builtins(scenario))
+        for layer, pick in picks_of(document, scenario, self.plan, known).items():
+            if _as_stored(pick.parameters) != given[layer].parameters:
+                raise Unsound(f"the parameters of strategy.{layer} are not those of its scenario")
+
+    def _admit_conditions(self, content: Content) -> None:
+        check_arrays(content, CONDITIONS_ARRAYS, {})
+        scenario = scenario_of(content["scenario"])
+        content["scenario"] = msgspec.to_builtins(scenario)
+        for name in Scenario.__struct_fields__:
+            same = getattr(scenario, name) == getattr(self.scenario, name)
+            if not same and (
+                name not in CHANGEABLE or not (content["tick"] or content["settings"])
+            ):
+                raise Unsound(f"{name} is not as in the header")
+        check_energy(Document(content["scenario"]), scenario, self.plan)
+        self._check_picks(scenario, content["picks"])
+
+
+class _Picked(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    parameters: dict[str, Any]
+
+
+def picked(recorded: Content) -> dict[str, _Picked]:
+    """The recorded strategies by layer. Raises Unsound."""
+    try:
+        found = msgspec.convert(recorded, dict[str, _Picked])
+    except msgspec.ValidationError as error:
+        raise Unsound(f"its strategies cannot be: {error}") from None
+    if tuple(found) != LAYERS:
+        raise Unsound(f"it has strategies for {', '.join(found) or 'nothing'}")
+    return found
+
+
+def _as_stored(parameters: msgspec.Struct) -> Any:
+    return msgspec.msgpack.decode(msgspec.msgpack.encode(msgspec.to_builtins(parameters)))
+
+
+def scenario_of(given: Content) -> Scenario:
+    """A recorded scenario as a struct. Raises Unsound."""
+    try:
+        return msgspec.convert(given, Scenario)
+    except msgspec.ValidationError as error:
+        raise Unsound(f"its scenario cannot be: {error}") from None
+
+
+def counted(scenario: Scenario, plan: FloorPlan) -> tuple[int, int]:
+    """How many orders and how many works at stations a scenario has."""
+    orders = scenario.orders
+    if orders.parts is not None:
+        works = sum(kind.count * len(kind.route) for kind in orders.parts)
+        return works - sum(kind.count for kind in orders.parts), works
+    if orders.listed is not None:
+        return len(orders.listed), 0
+    if orders.count is not None:
+        return orders.count, 0
+    shelves = plan.kind == SHELF
+    drawn = shelves & (plan.loads == 1) if orders.generator == "drawn-loads" else shelves
+    return int(np.count_nonzero(drawn)), 0
+
+
+def check_plan(plan: FloorPlan) -> None:
+    """A floor that a generator may have built: nobody drives off it. Raises Unsound, InputError."""
+    kinds = np.array([kind.drivable for kind in KINDS])
+    drivable = kinds[plan.kind]
+    inside = np.zeros_like(drivable)
+    inside[1:-1, 1:-1] = True
+    if drivable[~inside].any():
+        raise Unsound("robots can drive off its floor")
+    for direction, (x, y) in enumerate(STEPS):
+        leads = plan.exits >> direction & 1 == 1
+        if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
+            raise Unsound("a cell of its floor has an exit to where no robot can stand")
+    if not np.array_equal(plan.bays, bays_of(plan.kind)):
+        raise Unsound("its bays are not those of its floor")
+    cells = drivable.reshape(-1)
+    if not all(0 <= cell < cells.size and cells[cell] for cell in plan.starts):
+        raise Unsound("robots are drawn where none can stand")
+    stations = np.flatnonzero(plan.kind == STATION).tolist()
+    if plan.numbered and sorted(plan.numbered) != stations:
+        raise Unsound("its stations are not those of its floor")
+    if (plan.loads[plan.kind != SHELF] != 0).any():
+        raise Unsound("a load is drawn where there is no shelf")
+
+
+def check_ticks(payload: Payload, content: Content) -> None:
+    """A frame tells of the ticks that the file says. Raises Unsound."""
+    last = tick_of(payload.kind, content)
+    first = content["first"] if payload.kind == TICKS else payload.before + 1
+    if (first, last) != (payload.before + 1, payload.tick):
+        raise Unsound(f"it tells of the ticks up to {last:,} where those up to {payload.tick:,} go")
+
+
+def check_digest(text: str) -> None:
+    """Raises Unsound for what is no digest."""
+    if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
+        raise Unsound("its digest is not 16 hex digits")
+
+
+def _on_floor(message: str, row: int) -> InputError:
+    return InputError(message)

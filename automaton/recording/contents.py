@@ -1,0 +1,401 @@
+"""What frames hold: type, shape and range of every value, checked before anything else sees it.
+
+Sizes are bounded before they are allocated, and arrays checked before they index anything.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+from msgspec import UNSET, UnsetType, defstruct
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.recording.codes import (
+    DURATION,
+    LEFT_LOAD,
+    ORDER_BY,
+    PICKED_UP,
+    SET_AT,
+    SLOT_BY,
+    STATUS,
+    ZONE,
+)
+from automaton.world.cells import ALL_EXITS, KINDS
+
+HEADER: Final = 1  # what the run follows from
+TICKS: Final = 2  # decisions, committed actions, changes and digests of consecutive ticks
+KEYFRAME: Final = 3  # the state after a tick
+END: Final = 4  # how the run ended; a recording without it was cut short
+CONDITIONS: Final = (
+    5  # what holds from the next tick on: at tick 0, and where a run was branched off
+)
+
+Content = dict[str, Any]
+Array = NDArray[Any]
+
+
+class Frame(NamedTuple):
+    """One frame, decoded."""
+
+    kind: int
+    content: Content
+
+
+MIB: Final = 1 << 20
+MOST_BYTES: Final = {HEADER: 96 * MIB, TICKS: 256 * MIB, KEYFRAME: 256 * MIB, END: MIB}
+MOST_BYTES[CONDITIONS] = 32 * MIB
+MOST_TEXT: Final = 24 * MIB  # bytes of a scenario
+MOST_LISTS: Final = 4_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
+
+FRAME_TICKS: Final = 256  # at most in a TICKS frame
+KEYFRAME_TICKS: Final = 2048  # a KEYFRAME stands after each of so many ticks, and at the end
+MOST_ROWS: Final = 64  # changes of a robot in a tick
+LAST_TICK: Final = 2_000_000_000
+NUMBER: Final = 1 << 31
+
+# Routes are left out: they are the bulk of a state, and committed actions do not need them.
+KEYFRAME_ARRAYS: Final = {
+    "robots": (
+        *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
+        *("slot", "goal", "stand", "level", "try_drop", "withdrawing", "blocked", "hold", "parked"),
+        *("zone", "need", "reason", "charge", "status"),
+    ),
+    "orders": ("state", "place", "by", "released", "delivered", "legs"),
+    "slots": ("content", "by", "cell"),
+    "stations": ("first", "until", "came", "done"),
+    "zoning": ("server", "queue", "stop", "direct", "halt"),
+}
+
+
+def _part(name: str, arrays: tuple[str, ...], *others: Any) -> type[msgspec.Struct]:
+    fields = [(array, np.ndarray) for array in arrays]
+    return defstruct(name, [*fields, *others], forbid_unknown_fields=True)
+
+
+_MAYBE = np.ndarray | UnsetType
+_FLOOR = _part(
+    "Floor",
+    ("kind", "exits", "capacity", "bays", "loads"),
+    ("width", int),
+    ("height", int),
+    ("starts", tuple[int, ...]),
+    ("numbered", tuple[int, ...]),
+)
+_ORDERS = _part(
+    "Orders", ("source", "target", "released"), ("coming", _MAYBE, UNSET), ("weight", _MAYBE, UNSET)
+)
+
+
+class _Frame(msgspec.Struct, forbid_unknown_fields=True):
+    pass
+
+
+class _Header(_Frame):
+    scenario: msgspec.Raw
+    seed: int
+    picks: msgspec.Raw
+    start: str | tuple[int, ...]
+    overrides: tuple[str, ...]
+    text: str
+    sources: str
+    versions: dict[str, str]
+    digest_names: tuple[str, ...]
+    digest_every: int
+    floor: _FLOOR  # type: ignore[valid-type]
+    robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
+    orders: _ORDERS  # type: ignore[valid-type]
+    works: _part("Works", ("ticks", "came"))  # type: ignore[valid-type]
+    slots: _part("Slots", ("cell",), ("spare", int))  # type: ignore[valid-type]
+    files: dict[str, str] | UnsetType = UNSET
+
+
+class _Conditions(_Frame):
+    tick: int
+    settings: tuple[str, ...]
+    scenario: msgspec.Raw
+    picks: msgspec.Raw
+    every: np.ndarray
+    wait: np.ndarray
+    files: dict[str, str] | UnsetType = UNSET
+
+
+class _Ticks(_Frame):
+    first: int
+    did: np.ndarray
+    decisions: np.ndarray
+    changes: np.ndarray
+    due: np.ndarray
+    digests: np.ndarray
+
+
+class _End(_Frame):
+    ticks: int
+    finished: bool
+    digest: str
+    metrics: dict[str, int | float]
+
+
+_KEYFRAME = defstruct(
+    "Keyframe",
+    [("tick", int), *((name, _part(name, arrays)) for name, arrays in KEYFRAME_ARRAYS.items())],
+    forbid_unknown_fields=True,
+)
+
+_FRAMES: Final[dict[int, Any]] = {
+    HEADER: _Header,
+    TICKS: _Ticks,
+    KEYFRAME: _KEYFRAME,
+    END: _End,
+    CONDITIONS: _Conditions,
+}
+
+
+class Unsound(ValueError):
+    """What a frame holds cannot be; the text says what, without the file and the frame."""
+
+
+def read_content(kind: int, payload: bytes | memoryview) -> Content:
+    """The content of a frame: the types are right, shapes and ranges unchecked. Raises Unsound."""
+    data = inflated(payload, MOST_BYTES[kind])
+    try:
+        frame = msgspec.msgpack.decode(data, type=_FRAMES[kind], ext_hook=_array_in)
+    except msgspec.MsgspecError as error:
+        raise Unsound(f"its content cannot be read: {error}") from None
+    return _as_content(frame)
+
+
+def inflated(payload: bytes | memoryview, most: int) -> bytes:
+    """Decompressed bytes, so many at most. Raises Unsound."""
+    unpacking = zlib.decompressobj()
+    try:
+        data = unpacking.decompress(payload, most + 1)
+    except zlib.error as error:
+        raise Unsound(f"its content cannot be decompressed: {error}") from None
+    if len(data) > most:
+        raise Unsound(f"its content has more than {most:,} bytes")
+    if not unpacking.eof or unpacking.unused_data:
+        raise Unsound("its content is not one compressed piece")
+    return data
+
+
+def _as_content(frame: msgspec.Struct) -> Content:
+    found: Content = {}
+    for name in frame.__struct_fields__:
+        value = getattr(frame, name)
+        if isinstance(value, msgspec.Raw):
+            found[name] = _mapping(name, bytes(value))
+        elif isinstance(value, msgspec.Struct):
+            found[name] = _as_content(value)
+        elif value is not UNSET:
+            found[name] = value
+    return found
+
+
+def _mapping(name: str, data: bytes) -> Content:
+    if len(data) > MOST_TEXT:
+        raise Unsound(f"{name} has more than {MOST_TEXT:,} bytes")
+    heads = np.frombuffer(data, np.uint8)
+    lists = np.count_nonzero((heads >> 5 == 4) | (heads >> 2 == 0xDC >> 2))
+    if lists > MOST_LISTS:
+        raise Unsound(f"{name} has more than {MOST_LISTS:,} lists and mappings")
+    try:
+        found: Content = msgspec.msgpack.decode(data, type=dict[str, Any])
+    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
+        raise Unsound(f"{name} cannot be read: {error}") from None
+    return found
+
+
+ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
+_DTYPES: Final = {
+    np.dtype(kind).newbyteorder("<").str: np.dtype(kind).newbyteorder("<")
+    for kind in ("u1", "i2", "u2", "i4", "i8", "u8")
+}
+_DESCRIBED = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], memoryview])
+
+
+def array_out(value: Any) -> Any:
+    """An array, or a number of NumPy, as msgpack stores it."""
+    if isinstance(value, np.generic):
+        return value.item()
+    little = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+    described = (little.dtype.str, little.shape, little.tobytes())
+    return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode(described))
+
+
+def _array_in(code: int, data: memoryview) -> Array:
+    if code != ARRAY_CODE:
+        raise Unsound(f"it has an unknown extension {code}")
+    try:
+        name, shape, content = _DESCRIBED.decode(data)
+    except msgspec.MsgspecError as error:
+        raise Unsound(f"an array of it cannot be read: {error}") from None
+    dtype = _DTYPES.get(name)
+    if dtype is None:
+        raise Unsound(f"an array of it has the type {name[:20]!r}")
+    count = 1
+    for extent in shape:
+        if not 0 <= extent < NUMBER:
+            raise Unsound(f"an array of it has an extent of {extent}")
+        count *= extent
+    if len(shape) > 2 or count * dtype.itemsize != len(content):
+        raise Unsound("an array of it has another size than its shape says")
+    array: Array = np.frombuffer(content, dtype).reshape(shape)
+    return array
+
+
+class Range(NamedTuple):
+    """What an array must be; a text among shape and bounds names a size."""
+
+    dtype: str
+    shape: tuple[str | int, ...]  # a size that is not known yet is the one found
+    least: int
+    below: str | int
+
+
+# Those that others are measured by come first.
+HEADER_ARRAYS: Final = {
+    "floor.kind": Range("u1", ("rows", "columns"), 0, len(KINDS)),
+    "floor.exits": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
+    "floor.capacity": Range("u1", ("rows", "columns"), 0, 3),
+    "floor.loads": Range("u1", ("rows", "columns"), 0, 2),
+    "floor.bays": Range("i4", ("bays", 2), 0, "cells"),
+    "robots.home": Range("i4", ("robots",), 0, "cells"),
+    "robots.bay": Range("i4", ("robots",), -1, "cells"),
+    "robots.cell": Range("i4", ("robots",), -1, "cells"),
+    "robots.heading": Range("u1", ("robots",), 0, 4),
+    "robots.charge": Range("i4", ("robots",), 0, 1_000_001),
+    "slots.cell": Range("i4", ("slots",), -1, "cells"),
+    "orders.source": Range("i4", ("orders",), 0, "spare"),
+    "orders.target": Range("i4", ("orders",), 0, "spare"),
+    "orders.released": Range("i4", ("orders",), 0, NUMBER),
+    "orders.coming": Range("i4", ("orders",), -1, "orders"),
+    "orders.weight": Range("i4", ("orders",), 0, NUMBER),
+    "works.ticks": Range("i4", ("works",), 0, NUMBER),
+    "works.came": Range("i4", ("works",), -1, NUMBER),
+}
+CONDITIONS_ARRAYS: Final = {
+    "every": Range("i4", (5,), 0, NUMBER),
+    "wait": Range("i4", (5,), 1, 10_001),
+}
+# Only the validator reads states, as numbers; `verify` compares them with the run made again.
+STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots"}
+
+
+def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:
+    """Check arrays, found by dotted names; a size that is not known yet is entered. Raises Unsound."""
+    for name, (dtype, shape, least, below) in wanted.items():
+        *path, last = name.split(".")
+        part = content
+        for key in path:
+            part = part[key]
+        if last not in part:
+            continue
+        array = part[last]
+        if array.dtype != np.dtype(dtype):
+            raise Unsound(f"{name} has the type {array.dtype}, not {np.dtype(dtype)}")
+        _check_shape(name, array, shape, sizes)
+        most = sizes[below] if isinstance(below, str) else below
+        if array.size and not (int(array.min()) >= least and int(array.max()) < most):
+            found = int(array.min()) if int(array.min()) < least else int(array.max())
+            raise Unsound(f"{name} has the value {found}; {least} to {most - 1} are possible")
+
+
+def _check_shape(
+    name: str, array: Array, shape: tuple[str | int, ...], sizes: dict[str, int]
+) -> None:
+    if array.ndim != len(shape):
+        raise Unsound(f"{name} has {array.ndim} dimensions, not {len(shape)}")
+    for extent, size in zip(array.shape, shape, strict=True):
+        expected = sizes.setdefault(size, extent) if isinstance(size, str) else size
+        if extent != expected:
+            raise Unsound(f"{name} has {extent:,} rows or columns where there are {expected:,}")
+
+
+def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
+    """Check the shapes of a state. Raises Unsound."""
+    for part, arrays in KEYFRAME_ARRAYS.items():
+        for name in arrays:
+            array = content[part][name]
+            if array.ndim != 1:
+                raise Unsound(f"{part}.{name} has {array.ndim} dimensions, not 1")
+            if part in STATE_SIZES and len(array) != sizes[STATE_SIZES[part]]:
+                text = f"{len(array):,} {part} where there are {sizes[STATE_SIZES[part]]:,}"
+                raise Unsound(f"{part}.{name} tells of {text}")
+
+
+def unpacked_ticks(content: Content) -> Content:
+    """TICKS as they are used: a row for each tick. Raises Unsound if parts do not fit each other."""
+    ticks = content["did"].shape[1] if content["did"].ndim == 2 else 0
+    sizes = {"ticks": ticks}
+    below = {"ticks": FRAME_TICKS + 1}
+    if not 0 < ticks < below["ticks"] or not 0 < content["first"] <= LAST_TICK:
+        raise Unsound(f"it tells of {ticks} ticks from tick {content['first']} on")
+    robots = len(content["did"])
+    most = MOST_ROWS * (robots + 1) * ticks
+    if content["changes"].ndim == 2 and content["changes"].shape[1] > most:
+        raise Unsound(f"it tells of more than {most:,} changes")
+    check_arrays(
+        content,
+        {
+            "did": Range("u1", ("robots", "ticks"), 0, 256),
+            "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
+            "changes": Range("i4", (4, "changes"), -NUMBER, NUMBER),
+            "due": Range("i4", ("due",), 0, "ticks"),
+            "digests": Range("u8", ("names", "due"), 0, 1 << 64),
+        },
+        sizes,
+    )
+    due, changes = content["due"], content["changes"].T.astype(np.int64)
+    if (np.diff(due) <= 0).any():
+        raise Unsound("digests are not in the sequence of their ticks")
+    if len(changes) and (
+        (np.diff(changes[:, 0]) < 0).any() or changes[0, 0] < 0 or changes[-1, 0] >= ticks
+    ):
+        raise Unsound("changes are not in the sequence of its ticks")
+    changes[:, 0] += content["first"]
+    digests = np.zeros((ticks, len(content["digests"])), np.uint64)
+    digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
+    return {
+        "first": content["first"],
+        "did": np.ascontiguousarray(content["did"].T),
+        "decisions": content["decisions"],
+        "changes": changes,
+        "digests": digests,
+    }
+
+
+def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
+    """Changes name robots, orders and slots that there are. Raises Unsound."""
+    robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
+    limits = {
+        ORDER_BY: (orders, -1, robots),
+        SLOT_BY: (slots, -1, robots),
+        DURATION: (robots, 0, NUMBER),
+        PICKED_UP: (robots, 0, orders),
+        SET_AT: (robots, 0, slots),
+        ZONE: (robots, -1, NUMBER),
+        LEFT_LOAD: (robots, 0, slots),
+        STATUS: (robots, 0, 7),
+    }
+    table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
+    code, subject, value = changes[:, 1:].T
+    known = (code > 0) & (code < len(table))
+    subjects, least, values = table[np.where(known, code, 0)].T
+    wrong = ~known | (subject < 0) | (subject >= subjects) | (value < least) | (value >= values)
+    if wrong.any():
+        tick, *row = changes[int(wrong.argmax())].tolist()
+        raise Unsound(f"in tick {tick} it tells of a change that cannot be: {row}")
+
+
+def refusal(error: Unsound, file: str, number: int, kind: int, at: int) -> InputError:
+    """The sentence about a frame that cannot be."""
+    name = {HEADER: "the header", TICKS: "ticks", KEYFRAME: "a state", END: "the end"}.get(
+        kind, "conditions"
+    )
+    text = " ".join(str(error).split())
+    return InputError(f"damaged or altered: frame {number} at byte {at:,} ({name}): {text}", file)

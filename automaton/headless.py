@@ -69,13 +69,15 @@ def run_to_end(
 ) -> float:
     """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
 
-    `on_window` is called every WINDOW ticks. `still`: (n,) int64 output, the last window's end at
-    which each stored robot had worked since the one before.
+    `on_window` is called before the first and after every WINDOW ticks. `still`: (n,) int64 output,
+    the last window's end at which each stored robot had worked since the one before.
     """
     limit = simulation.resolved.scenario.stop.at_most
     limit = limit if until is None else min(limit, until)
     begun = time.perf_counter() - seconds_compiled()
     worked = operations(simulation)
+    if on_window is not None:
+        on_window(simulation)
     while not simulation.finished and simulation.tick < limit:
         simulation.run(min(simulation.tick + WINDOW, limit))
         if still is not None:

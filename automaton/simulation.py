@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.compiled import first_compilation_announced
+from automaton.interruption import give_up, interruptible
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
 from automaton.recording.contents import KEYFRAME_TICKS
@@ -211,28 +212,47 @@ class Simulation:
         return bool(self.world.clock[FINISHED])
 
     def run(self, until: int | None = None) -> None:
-        """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`."""
+        """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`.
+
+        Ctrl-C, SIGTERM and `interrupt` end it within a moment, in mid-tick if need be: KeyboardInterrupt.
+        Then it cannot be run any more; what was recorded up to the tick before is whole.
+        """
         limit = self.resolved.scenario.stop.at_most
         limit = limit if until is None else min(until, limit)
-        self.world.clock[UNTIL] = self._pause_before(limit)
-        with np.errstate(over="ignore"):  # with the JIT off, NumPy warns where hashes wrap
-            for event in self._ticks:
-                if event != loop_kernels.PAUSE:
-                    self._decide(event)
-                    continue
+        # With the JIT off, NumPy warns where hashes wrap.
+        with interruptible(self.space.stop), np.errstate(over="ignore"):
+            try:
+                self._carry_on(limit)
+            except KeyboardInterrupt:
                 if self.on_record:
-                    self.on_record(self)
-                if self.on_observe:
-                    self.on_observe(self)
-                if self.finished or self.world.clock[TICK] >= limit:
-                    return
-                self.world.clock[UNTIL] = self._pause_before(limit)
+                    self.on_record(self)  # the ticks before this one
+                raise
+
+    def _carry_on(self, limit: int) -> None:
+        self.world.clock[UNTIL] = self._pause_before(limit)
+        for event in self._ticks:
+            if event == loop_kernels.GIVEN_UP:
+                give_up()
+            if event != loop_kernels.PAUSE:
+                self._decide(event)
+                continue
+            if self.on_record:
+                self.on_record(self)
+            if self.on_observe:
+                self.on_observe(self)
+            if self.finished or self.world.clock[TICK] >= limit:
+                return
+            self.world.clock[UNTIL] = self._pause_before(limit)
 
     def _pause_before(self, limit: int) -> int:
         """The tick of the next pause: a recording keeps the states after certain ticks."""
         if self.on_record is None:
             return limit
         return min(limit, (self.tick // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS)
+
+    def interrupt(self) -> None:
+        """Let `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
+        self.space.stop[0] = 1
 
     def look_for_end(self) -> None:
         """Ask again whether the stop condition holds: the state or the rules were replaced."""

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from automaton.interruption import interruptible
 from automaton.kernels.tasks import least_drives
 from automaton.scenario.measures import TASK_METRICS as TASK_METRICS
 from automaton.scenario.resolve import Resolved
@@ -82,7 +83,8 @@ def least_times(run: Measured, tasks: Array) -> Array:
     """(k,) the least ticks that each of these delivered orders could have taken."""
     unknown = tasks[run.least[tasks] == NIL]
     if len(unknown):
-        least_drives(run.view, run.space, unknown, run.least)
+        with interruptible(run.space.stop):
+            least_drives(run.view, run.space, unknown, run.least)
     duration = run.world.rules.duration[0]  # types differ in their moves alone
     times: Array = run.least[tasks] + int(duration[PICK]) + min(1, int(duration[DROP]))
     return times

@@ -32,7 +32,9 @@ FIGURES_S: Final = 0.3  # between two readings of the metrics
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
 RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
-PATIENCE_S: Final = 3.0  # with a strategy that is to be left
+PATIENCE_S: Final = 3.0  # with a strategy that is to be left,
+TICK_S: Final = 0.5  # and with the tick that is being computed
+LONG_S: Final = 2.0  # from then on it is said which tick is being computed
 
 
 class Player:
@@ -45,6 +47,7 @@ class Player:
         self._alive = True
         self._direction, self._speed = 0, 1.0
         self._tick = 0
+        self._busy_since = math.inf  # when it began to compute
         self._goal: int | None = None  # a tick to be shown, however long it takes,
         self._heeding = False  # and whether breakpoints stop on the way
         self._anchor = (0.0, 0)  # time and tick at which the clock was set
@@ -69,6 +72,13 @@ class Player:
         """The newest shot; never waits."""
         self._seen = True
         return self._shot
+
+    def computing(self) -> tuple[int, int] | None:
+        """The tick that takes long, and for how many seconds it has; None: none does."""
+        seconds = time.monotonic() - self._busy_since
+        return (
+            None if seconds < LONG_S else (max(run.front.tick for run in self.runs), int(seconds))
+        )
 
     @property
     def thread(self) -> int:
@@ -132,6 +142,10 @@ class Player:
             self._alive = False
             self._wake.notify()
         if self._thread.is_alive():
+            self._thread.join(TICK_S)
+        if self._thread.is_alive():
+            for run in self.runs:
+                run.front.interrupt()
             self._thread.join(PATIENCE_S)
         if self._thread.is_alive():
             return  # a strategy does not answer; what was recorded so far lies on the disk
@@ -157,6 +171,8 @@ class Player:
                 if busy and self._until_next_tick() > SLICE_S:
                     self._look_ahead()
                 self._publish()
+            except KeyboardInterrupt:
+                return  # given up
             except Exception as error:
                 self._fail(error)
                 busy = False
@@ -253,10 +269,14 @@ class Player:
         goal = self._goal if self._goal is not None else self._due()
         heeding = self._heeding if self._goal is not None else self._direction > 0
         before = self._tick
-        if heeding and self._breakpoints and goal > before:
-            self._creep(goal)
-        else:
-            self._tick = self._show(goal)
+        self._busy_since = time.monotonic()
+        try:
+            if heeding and self._breakpoints and goal > before:
+                self._creep(goal)
+            else:
+                self._tick = self._show(goal)
+        finally:
+            self._busy_since = math.inf
         if self._tick != before:
             self._stale = True
         if self._tick == self._goal or (self._goal is not None and self._tick == before):

@@ -224,6 +224,8 @@ class Stage(App[None]):
         if self.shot is not before:
             self._untold = True
             self._take_notice(before)
+        if self.player is not None and self.player.computing():
+            self._untold = True  # the seconds go on
         drawn = False
         if self.shot is not before or self._stale:
             drawn = self._draw_maps()
@@ -344,6 +346,8 @@ class Stage(App[None]):
         error = self.error or self.broken or (shot.error if shot is not None else "")
         if error:
             return [word(error, styles.FAULT, "play_pause")]
+        if self.player is not None and (slow := self.player.computing()):
+            return [word(f"computing tick {slow[0]:,}, {slow[1]} s", styles.CURSOR)]
         if shot is not None and shot.stopped:
             return [word(f"stopped: {shot.stopped}", styles.CURSOR, "breakpoints")]
         if self.hovered != NIL:

@@ -6,19 +6,16 @@ Commands are imported when they are asked for, so that `automaton --help` answer
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib
 import io
 import os
 import re
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from types import FrameType
+from collections.abc import Sequence
 from typing import NoReturn
 
 from automaton.errors import InputError, WorkerDied, nearest
+from automaton.interruption import Terminated, signals_heeded
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
@@ -44,10 +41,6 @@ LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, such as at the time limit of a job: what minds Ctrl-C minds it, too."""
-
-
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are InputErrors."""
 
@@ -63,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
     try:
-        with _termination_heard():
+        with signals_heeded():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
         sys.stdout.flush()
         return code
@@ -90,25 +83,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         what = what if len(what) < LONGEST_ERROR else what[:LONGEST_ERROR] + " ..."
         print(f"automaton: internal error, {what} (--debug shows where)", file=sys.stderr)
         return FAILED
-
-
-@contextlib.contextmanager
-def _termination_heard() -> Iterator[None]:
-    """While inside, SIGTERM raises Terminated, unless somebody minds or ignores it already."""
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-
-    def on_signal(number: int, _: FrameType | None) -> None:
-        signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
-        raise Terminated
-
-    signal.signal(signal.SIGTERM, on_signal)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _show_traceback(debug: bool) -> None:

@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import json
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 1.0  # before a run on a terminal begins to say how far it is
 REFRESH_S = 0.2
+LONG_S = 2.0  # from then on it says which tick is being computed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,30 +84,47 @@ def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def progress(resolved: Resolved) -> Iterator[Any]:
-    """What says on a terminal how far a long run is; None in a pipe."""
+    """What says on a terminal how far a long run is, also within a long tick; None in a pipe."""
     if not sys.stderr.isatty():
         yield None
         return
-    begun = shown = time.monotonic()
     limit = resolved.scenario.stop.at_most
+    watched: list[Simulation] = []
+    over = threading.Event()
 
-    def tell(simulation: Simulation) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if now - begun < PATIENCE_S or now - shown < REFRESH_S:
-            return
-        shown = now
+    def tell() -> None:
+        pause, told, tick, since = PATIENCE_S, False, 0, time.monotonic()
+        while not over.wait(pause):
+            pause = REFRESH_S
+            for simulation in watched:
+                now = time.monotonic()
+                if simulation.tick != tick:
+                    tick, since = simulation.tick, now
+                print(
+                    f"\r\x1b[K{words(simulation, now - since)}", end="", file=sys.stderr, flush=True
+                )
+                told = True
+        if told:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+    def words(simulation: Simulation, seconds: float) -> str:
+        if seconds >= LONG_S:
+            return f"computing tick {simulation.tick:,}, {seconds:.0f} s"
         orders = simulation.world.orders
         done = int((orders.delivered >= 0).sum())
         ticks = f"tick {simulation.tick:,} of at most {limit:,}"
-        text = f"{ticks}, {done:,} of {len(orders.state):,} orders delivered"
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+        return f"{ticks}, {done:,} of {len(orders.state):,} orders delivered"
 
+    def watch(simulation: Simulation) -> None:
+        watched[:] = [simulation]
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
     try:
-        yield tell
+        yield watch
     finally:
-        if shown > begun:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        over.set()
+        teller.join()
 
 
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:

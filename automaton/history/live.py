@@ -81,6 +81,9 @@ class LiveRun(Run):
         except InputError as error:
             self._end_before(str(error))
             raise
+        except KeyboardInterrupt:
+            self._failed = "given up"  # the state is that of an unfinished tick
+            raise
         self._forget(self.journal.first)
         self._end()
 

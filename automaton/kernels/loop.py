@@ -66,8 +66,9 @@ from automaton.world.state import (
 )
 from automaton.world.waiting import EVENTS, ROWS
 
-# What the generator yields: the layer (0..4) that a Python strategy has to decide for, or PAUSE.
+# What the generator yields: the layer (0..4) that a Python strategy has to decide for, or
 PAUSE = 5
+GIVEN_UP = 6  # space.stop is set: it must not be resumed
 
 ABSENT = 0  # how a layer is served
 COMPILED = 1
@@ -85,7 +86,7 @@ def ticks(
     """Run ticks until world.clock[UNTIL]; pauses there, when a buffer is full, and at the end.
 
     `seen` and `view`, `asked` and `shown` are the same memory, writable and read-only: strategies
-    get the latter.
+    get the latter. Gives the run up in mid-tick once space.stop is set.
     """
     clock = world.clock
     decide = (zoning, charging, allocation, routing, right_of_way)
@@ -95,6 +96,8 @@ def ticks(
         if clock[TICK] >= clock[UNTIL] or clock[FINISHED] or is_full(world, record, watch):
             yield PAUSE
             continue
+        if space.stop[0]:
+            yield GIVEN_UP
         clock[TICK] += 1
         world.robots.did[:] = 0
         if world.rules.may_fail:
@@ -114,6 +117,8 @@ def ticks(
                     decide[layer](view, shown, answers, memories[layer], space)
                 else:
                     yield layer
+                if space.stop[0]:
+                    yield GIVEN_UP
                 if layer == ZONING:
                     judge_design(world, asked, answers.zoning)
                 if clock[RECORDING]:

@@ -53,11 +53,11 @@ def pop(heap, size):
 
 
 @kernel
-def fill_field(grid, kind, duration, target, field, heap):
+def fill_field(grid, kind, duration, target, field, heap, stop):
     """field[pose] = least cost from the pose to the target cell in any heading; FAR if there is none.
 
     `duration`: (A,) ticks of each action of robots of the type `kind`. Dijkstra from the target
-    against the direction of travel.
+    against the direction of travel. False if it was given up, since stop[0] is set.
     """
     field[:] = FAR
     ways = grid.ways[kind]
@@ -67,7 +67,7 @@ def fill_field(grid, kind, duration, target, field, heap):
         field[pose] = 0
         push(heap, size, np.int64(pose))
         size += 1
-    while size > 0:
+    while size > 0 and stop[0] == 0:
         key = pop(heap, size)
         size -= 1
         pose = key & _POSE_MASK
@@ -87,6 +87,7 @@ def fill_field(grid, kind, duration, target, field, heap):
             size = relax(field, heap, size, cell * grid.headings + ahead, cost + duration[TURN])
             behind = (heading - 1) & (grid.headings - 1)
             size = relax(field, heap, size, cell * grid.headings + behind, cost + duration[TURN])
+    return stop[0] == 0
 
 
 @kernel
@@ -100,19 +101,24 @@ def relax(field, heap, size, pose, cost):
 
 @kernel
 def field_to(view, space, kind, target):
-    """The row of space.field with the costs of a type to a target cell, computed if it is not there."""
+    """The row of space.field with the costs of a type to a target cell; NIL once space.stop is set.
+
+    It is computed if it is not there.
+    """
     entry = np.int64(kind) * view.grid.ways.shape[1] + target
     row = np.int64(space.field_of[entry])
-    if row != NIL:
+    if row != NIL or space.stop[0]:
         return row
     row = np.int64(space.field_next[0])
     space.field_next[0] = (row + 1) % space.field.shape[0]
     if space.field_owner[row] != NIL:
         space.field_of[space.field_owner[row]] = NIL
+    space.field_owner[row] = NIL
+    duration = view.rules.duration[kind]
+    if not fill_field(view.grid, kind, duration, target, space.field[row], space.heap, space.stop):
+        return np.int64(NIL)
     space.field_owner[row] = entry
     space.field_of[entry] = row
-    duration = view.rules.duration[kind]
-    fill_field(view.grid, kind, duration, target, space.field[row], space.heap)
     return row
 
 
@@ -120,6 +126,8 @@ def field_to(view, space, kind, target):
 def distance(view, space, kind, cell, heading, target):
     """Ticks of a robot of a type from a pose to a target cell on the empty floor, FAR: no way."""
     row = field_to(view, space, kind, target)
+    if row == NIL:
+        return np.int64(FAR)
     return np.int64(space.field[row, cell * view.grid.headings + heading])
 
 
@@ -127,9 +135,10 @@ def distance(view, space, kind, cell, heading, target):
 def descend(view, space, kind, cell, heading, target, steps):
     """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
     grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
-    field = space.field[field_to(view, space, kind, target)]
+    row = field_to(view, space, kind, target)
+    field = space.field[row]
     length = 0
-    if field[cell * grid.headings + heading] >= FAR:
+    if row == NIL or field[cell * grid.headings + heading] >= FAR:
         return NIL
     while cell != target:
         cost = np.int64(field[cell * grid.headings + heading])
@@ -194,12 +203,12 @@ def find_path(view, space, kind, cell, heading, target, around, steps):
     """
     grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
     row = field_to(view, space, kind, target)
-    if space.field[row, cell * grid.headings + heading] >= FAR:
+    if row == NIL or space.field[row, cell * grid.headings + heading] >= FAR:
         return NIL
     search = begin_search(space)
     start = cell * grid.headings + heading
     size = reach(space, search, 0, start, 0, space.field[row, start], STARTED)
-    while size > 0:
+    while size > 0 and space.stop[0] == 0:
         key = pop(space.heap, size)
         size -= 1
         pose = key & _POSE_MASK
@@ -286,7 +295,7 @@ def nearest_mark(view, space, search, kind, cell, heading, around):
     size = reach(space, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
     best = NIL
     best_cost = FAR
-    while size > 0:
+    while size > 0 and space.stop[0] == 0:
         key = pop(space.heap, size)
         size -= 1
         pose = key & _POSE_MASK

@@ -50,7 +50,7 @@ def least_by(view, space, kind, start, stand, end):
     search = begin_search(space)
     size = reach(space, search, 0, start, 0, estimate(view, kind, start, stand), STARTED)
     least = best = FAR
-    while size > 0:
+    while size > 0 and space.stop[0] == 0:
         key = pop(space.heap, size)
         size -= 1
         pose = key & POSE

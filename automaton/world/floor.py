@@ -41,6 +41,7 @@ class Floor(NamedTuple):
         Simulations may run in threads side by side, so no two share one.
         """
         space = self.spaces.pop() if self.spaces else workspace(self.grid, self.longest_route)
+        space.stop[0] = 0
         weakref.finalize(user, self.spaces.append, space)
         return space
 
@@ -103,6 +104,7 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
     poses = cells * grid.headings
     types = len(grid.ways)
     fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
+    stop = np.zeros(1, np.int64)
     return Workspace(
         cost=np.zeros(poses, np.int32),
         stamp=np.zeros(poses, np.int64),
@@ -111,12 +113,13 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
         mark_stamp=np.zeros(cells, np.int64),
         heap=np.zeros(6 * poses + 16, np.int64),
         generation=np.zeros(2, np.int64),
+        stop=stop,
         steps=np.zeros(longest_route, np.uint8),
         field=np.empty((fields, poses), np.int32),
         field_of=np.full(types * cells, NIL, np.int32),
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
-        routes=route_space(poses, grid.zones),
+        routes=route_space(poses, grid.zones, stop),
         zoning=zone_space(0, 0, 0),
         parts=parts_for(0),
     )

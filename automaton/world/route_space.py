@@ -24,6 +24,7 @@ class RouteSpace(Struct):
     item: Array  # (4P + 1,) int64, heap: number << 32 | pose
     lane: Array  # (4P + 1,) int64: row << 32 | pose of the level that is expanded
     state: Array  # (8,) int64, automaton.kernels.routes.frontier
+    stop: Array  # (1,) int64: not 0 = searches find nothing any more (Workspace.stop)
     closed: Array  # (Z,) uint8: 1 = no robot may enter
     count: Array  # (Z,) int32: others that are foreseen in each zone
 
@@ -47,7 +48,7 @@ class TrialSpace(Struct):
     actual: Array  # (Z,) int32: others with a path through each zone
 
 
-def route_space(poses: int, zones: int) -> RouteSpace:
+def route_space(poses: int, zones: int, stop: Array | None = None) -> RouteSpace:
     """Scratch for searches on a floor with so many poses; pages that no search uses cost nothing."""
     found = IN_DEGREE * poses + 1
     return RouteSpace(
@@ -58,6 +59,7 @@ def route_space(poses: int, zones: int) -> RouteSpace:
         item=np.zeros(found, np.int64),
         lane=np.zeros(found, np.int64),
         state=np.zeros(8, np.int64),
+        stop=np.zeros(1, np.int64) if stop is None else stop,
         closed=np.zeros(zones, np.uint8),
         count=np.zeros(zones, np.int32),
     )

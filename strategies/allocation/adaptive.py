@@ -87,6 +87,8 @@ def rather_carries(view, space, i):
 def decide(view, asked, answers, memory, space):
     given = answers.allocation
     for k in range(asked.count[0]):
+        if space.stop[0]:
+            return
         i = np.int64(asked.robot[k])
         reason = asked.reason[k]
         if reason == PICKED and rather_carries(view, space, i):

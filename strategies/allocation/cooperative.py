@@ -146,6 +146,8 @@ def pass_right(view, given, memory, k, i):
 def decide(view, asked, answers, memory, space):
     given = answers.allocation
     for k in range(asked.count[0]):
+        if space.stop[0]:
+            return
         i = np.int64(asked.robot[k])
         reason = asked.reason[k]
         if reason == PICKED:

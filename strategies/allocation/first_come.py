@@ -68,6 +68,8 @@ def decide(view, asked, answers, memory, space):
     given = answers.allocation
     again = gave_back(view, given, memory)
     for k in range(asked.count[0]):
+        if space.stop[0]:
+            return
         i = np.int64(asked.robot[k])
         if asked.reason[k] == PICKED:
             deliver(view, given, k, i)

@@ -94,6 +94,8 @@ def bring(view, given, k, i):
 def decide(view, asked, answers, memory, space):
     given = answers.allocation
     for k in range(asked.count[0]):
+        if space.stop[0]:
+            return
         i = np.int64(asked.robot[k])
         if asked.reason[k] == PICKED:
             bring(view, given, k, i)

@@ -63,10 +63,10 @@ def search(grid, kind, duration, space, ties, seed, start, target, closing):
     label[start] = fresh
     space.came[start] = STARTED
     put(space, ties, salt, start, row, h, h)
-    while True:
+    while space.stop[0] == 0:
         item = take(space, ties, width, shift)
         if item == NIL:
-            return np.int64(NIL)
+            break
         pose, row = item & POSE, item >> 32
         cell = pose >> shift
         column = cell - row * width
@@ -97,6 +97,7 @@ def search(grid, kind, duration, space, ties, seed, start, target, closing):
             find_turns(space, ties, salt, mask, pose, row, fresh, g + turn, state[LEVEL] + turn)
         if ties == LARGER_G and state[TAIL] - before == 2:
             swap_last(space.lane, state[TAIL])  # the one found first is expanded first
+    return np.int64(NIL)
 
 
 @kernel

@@ -49,7 +49,7 @@ def find_in_time(view, space, memory, beta, i, around, steps):
     search = begin_search(space)
     start = row[PLACE] * headings + row[HEADING]
     size = label(view, move, space, search, bits, 0, start, 0, row[FREE], target, STARTED)
-    while size > 0:
+    while size > 0 and space.stop[0] == 0:
         pose = pop(space.heap, size) & ((1 << bits) - 1)
         size -= 1
         now = np.int64(space.routes.tick[pose])

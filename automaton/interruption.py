@@ -1,0 +1,141 @@
+"""Ctrl-C and SIGTERM inside compiled code: a tick that takes minutes ends within a moment.
+
+Python runs the handler of a signal only when compiled code has returned. So whatever may take long
+there looks at a flag now and then, and a thread that hears of signals through Python's wakeup
+descriptor sets it:
+
+    signal -> a byte in the pipe -> the watcher sets the flag -> the search returns -> the handler raises
+
+What is computed after the flag is set is worthless, and nobody may keep it.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Flag = NDArray[Any]  # (1,) int64: not 0 = return as soon as possible
+
+PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+NOBODY: Final = -1  # no wakeup descriptor
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM, such as at the time limit of a job: what minds Ctrl-C minds it, too."""
+
+
+class _Watcher:
+    """The thread that hears of signals while the main thread runs compiled code."""
+
+    def __init__(self) -> None:
+        self.flags: list[Flag] = []
+        self.handlers: dict[int, Any] = {}  # ours; they tell when they have run,
+        self.answered = threading.Event()  # here
+        self.other = NOBODY  # an event loop's descriptor: it hears of signals as well
+        self._process = 0
+        self._write = NOBODY
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """While inside, signals set the flags. In the main thread only."""
+        if self._process != os.getpid():
+            self._process = os.getpid()
+            read, self._write = os.pipe()
+            os.set_blocking(self._write, False)
+            threading.Thread(target=self._listen, args=(read,), name="signals", daemon=True).start()
+        before = signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
+        if before != self._write:
+            self.other = before
+        try:
+            yield
+        finally:
+            signal.set_wakeup_fd(before)
+
+    def _listen(self, read: int) -> None:
+        while byte := os.read(read, 1):
+            if byte[0] in SIGNALS:
+                for flag in list(self.flags):
+                    flag[0] = 1
+            if self.other != NOBODY:
+                os.write(self.other, byte)
+            handler = self.handlers.get(byte[0])
+            if handler is not None and signal.getsignal(byte[0]) is handler:
+                self._insist(byte[0])
+
+    def _insist(self, number: int) -> None:
+        if self.answered.wait(PATIENCE_S):
+            return
+        os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _words(number) + b", at once\n")
+        os._exit(128 + number)
+
+
+_WATCHER: Final = _Watcher()
+
+
+@contextmanager
+def interruptible(flag: Flag) -> Iterator[None]:
+    """While inside, a signal sets `flag`; who leaves with it set leaves by KeyboardInterrupt.
+
+    Other threads hear of no signal, but may set the flag of a run to end it.
+    """
+    if threading.current_thread() is threading.main_thread():
+        _WATCHER.flags.append(flag)
+        try:
+            with _WATCHER.listening():
+                yield
+        finally:
+            _WATCHER.flags.pop()
+    else:
+        yield
+    if flag[0]:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def signals_heeded() -> Iterator[None]:
+    """While inside, SIGINT and SIGTERM raise, or end the process where compiled code does not return.
+
+    SIGINT raises KeyboardInterrupt, SIGTERM Terminated; but not where somebody minds or ignores them
+    already.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual: dict[signal.Signals, Any] = {
+        signal.SIGINT: signal.default_int_handler,
+        signal.SIGTERM: signal.SIG_DFL,
+    }
+    ours = [number for number in SIGNALS if signal.getsignal(number) is usual[number]]
+    _WATCHER.answered.clear()
+    for number in ours:
+        signal.signal(number, _on_signal)
+    _WATCHER.handlers = dict.fromkeys(ours, _on_signal)
+    try:
+        with _WATCHER.listening():
+            yield
+    finally:
+        _WATCHER.handlers = {}
+        for number in ours:
+            signal.signal(number, usual[number])
+
+
+def _on_signal(number: int, _: FrameType | None) -> NoReturn:
+    _WATCHER.answered.set()
+    if number == signal.SIGTERM:
+        signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
+        raise Terminated
+    raise KeyboardInterrupt
+
+
+def _words(number: int) -> bytes:
+    return b"automaton: terminated" if number == signal.SIGTERM else b"automaton: interrupted"

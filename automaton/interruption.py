@@ -98,7 +98,12 @@ def interruptible(flag: Flag) -> Iterator[None]:
     else:
         yield
     if flag[0]:
-        raise KeyboardInterrupt
+        give_up()
+
+
+def give_up() -> NoReturn:
+    """Raise what the handler of the signal raises, which Python calls on entry, or KeyboardInterrupt."""
+    raise KeyboardInterrupt
 
 
 @contextmanager

@@ -137,10 +137,12 @@ class Simulation:
         return strategy
 
     def _admitted(self, strategy: Strategy | None) -> Strategy | None:
-        """Check a strategy, and enter how often and after which waits it is asked."""
+        """Check a strategy, and enter how often, after which waits and with what it is asked."""
         if strategy is not None:
             check_decides(strategy)
-            self.world.rules.every[LAYERS.index(strategy.layer)] = checked_every(strategy)
+            layer = LAYERS.index(strategy.layer)
+            self.world.rules.every[layer] = checked_every(strategy)
+            self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
                 self.world.rules.wait[:] = checked_waits(strategy)
         return strategy

@@ -14,6 +14,7 @@ import pytest
 from automaton.bench import (
     PARTS,
     congestion,
+    crowd,
     layers,
     loop,
     observing,
@@ -54,12 +55,12 @@ def quoted(readme: str) -> Iterator[tuple[str, set[str]]]:
 def test_each_size_that_the_readme_quotes_is_measured() -> None:
     names = {
         part: [set(re.findall(r"\d[\d,]*", one.name)) for one in measurements([part])]
-        for part in ("step", "auctions", "routes")
+        for part in ("step", "auctions", "routes", "crowd")
     }
-    names["step"] += names["routes"]
+    names["step"] += names["routes"] + names["crowd"]
     readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
     lines = list(quoted(readme))
-    assert len(lines) == 11
+    assert len(lines) == 12
     for part, sizes in lines:
         assert any(sizes <= measured for measured in names[part]), f"{part}: {sizes}"
 
@@ -193,6 +194,8 @@ def test_the_layer_is_asked_every_tick_and_moves_nobody(strategy: str) -> None:
 def test_every_sampler_returns_a_figure() -> None:
     assert prepare(CROWDED._replace(robots=20_000, side=200))() > 0
     assert routes.prepare(60, 10, 30)() > 0
+    assert crowd.prepare_holders(CROWDED)() > 0
+    assert crowd.prepare_crowd(50, 3)() > 0
     assert isinstance(observing.prepare(60, 10, 30)(), float)
     assert isinstance(observing.prepare(60, 10, 30, at_random=True)(), float)
     assert tabletop.prepare([1])() > 0

@@ -20,6 +20,7 @@ PARTS: Final[dict[str, Part]] = {
     "step": Part("automaton.bench.step", True, "the bare step: occupancy rules alone"),
     "tabletop": Part("automaton.bench.tabletop", True, "whole runs of the table-top warehouse"),
     "routes": Part("automaton.bench.routes", True, "the loop, driving routes without decisions"),
+    "crowd": Part("automaton.bench.crowd", True, "robots looked up by cell; giving way in a crowd"),
     "observing": Part("automaton.bench.observing", True, "what watching adds to a tick"),
     "plans": Part("automaton.bench.plans", True, "A* and traffic avoidance on three warehouses"),
     "congestion": Part(

@@ -31,6 +31,7 @@ from automaton.kernels.drive import drive, leave_bays, settle, stand_still
 from automaton.kernels.energy import hold_back
 from automaton.kernels.events import find_cycles, most_events, note_events
 from automaton.kernels.faults import break_down_and_repair
+from automaton.kernels.holders import enter_holders, remove_holders
 from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
 from automaton.kernels.operations import MOST_CHANGES
@@ -113,10 +114,14 @@ def ticks(
             for turn in range(turns(world, batch)):
                 take_turn(world, seen, batch, asked, memories[layer], vaults[layer], turn)
                 clear_answers(asked, answers, layer)
+                if world.rules.holders[layer]:
+                    enter_holders(seen)
                 if serving[layer] == COMPILED:
                     decide[layer](view, shown, answers, memories[layer], space)
                 else:
                     yield layer
+                if world.rules.holders[layer]:
+                    remove_holders(seen)
                 if space.stop[0]:
                     yield GIVEN_UP
                 if layer == ZONING:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from automaton.compiled import kernel
 from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
+from automaton.kernels.holders import lane_of
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar, search
@@ -85,6 +86,7 @@ __all__ = [
     "has_room",
     "has_zone",
     "kernel",
+    "lane_of",
     "mark_goal",
     "nearest_mark",
     "next_stand",

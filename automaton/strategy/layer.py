@@ -36,6 +36,9 @@ class Strategy:
     compiled: ClassVar[Callable[..., None] | None] = None
     counters: ClassVar[Mapping[str, int]] = {}  # metric -> column of memory.own, summed over robots
     every: int = 0  # also asked every so many ticks (below); 0 = only when concerned
+    holders: bool = (
+        False  # it looks robots up by cell: while it is asked, traffic.holder is entered
+    )
 
     def __init_subclass__(cls) -> None:
         # A decide written in a subclass of a compiled strategy replaces its kernel.

@@ -161,6 +161,7 @@ def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
         want=np.zeros(robots, np.uint8),
         span=np.ones(robots, np.uint16),
         crowd=np.zeros(zones, np.int32),
+        holder=np.full((len(occupancy), 2), NIL, np.int32),
         pending=np.zeros((robots, 8), np.int32),
         dirty=np.zeros(robots, np.int32),
         release=np.zeros(4 * robots, np.int32),

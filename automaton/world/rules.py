@@ -43,6 +43,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         payload=np.array([kind.payload for kind in types], np.int32),
         wait=np.ones(5, np.int32),
         every=np.zeros(5, np.int32),
+        holders=np.zeros(5, np.uint8),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick * 2**32),
         delay=scenario.durations.delay,

@@ -156,6 +156,7 @@ class Rules(Struct):
     payload: Array  # (K,) int32: the heaviest order that robots of a type carry
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
     every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+    holders: Array  # (5,) uint8: 1 = a layer's strategy reads traffic.holder
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
     extra_tick: int  # of 2**32 moves, how many take a tick more
     delay: int  # a pick or drop takes up to so many ticks more
@@ -243,6 +244,10 @@ class Traffic(Struct):
     want: Array  # (n,) uint8: the intent before motion, its outcome after
     span: Array  # (n,) uint16: ticks that the wanted move takes
     crowd: Array  # (Z,) int32: robots in each zone as the tick began, where zones slow moves down
+    # (C, 2) int32: identity of the robot that stands in a limited cell or enters it, or NIL; the
+    # second column is for travel W or N through a cell for two. Entered while a strategy that says
+    # `holders` is asked (automaton.kernels.holders), else NIL; so is a cell without limit.
+    holder: Array
     pending: Array  # (n, 8) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick

@@ -4,6 +4,8 @@ The world runs the waits and retries that `waits` sets. After a failed retry the
 the other one wants its cell (head-on), or when it failed `limit` times; else it keeps its plan.
 A withdrawal is a random number of moves away from the target; the plan is made anew after it.
 With `give_way` a robot that has nothing to do makes room for one that wants its cell.
+
+Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
 """
 
 import numpy as np
@@ -16,6 +18,7 @@ from automaton.strategy.kernels import (
     draw_between,
     has_room,
     kernel,
+    lane_of,
 )
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import (
@@ -34,33 +37,96 @@ from automaton.world.state import (
 LIMIT = 0
 MOVES = 1  # and 2: range
 ABORT = 3  # and 4: range
+FILES = 5  # numbers in `files`; the rest of memory.shared is `crowds`
+
+# memory.shared: `files`, [0] counts the calls, then what the last one has found of two robots, one
+# behind another (8 n entries, call << 2 | ...); and `crowds`, of cells without limit, the first place
+# in each (C,), the place after each (2 n,); robots that stand have places 1 to n, then those that enter.
+IN_VAIN = 1
+PRESSES = 2
 
 
 @kernel
-def holder_of(view, cell, direction):
+def capacity_of(view, cell):
+    """How many robots a cell is for; 0: any number."""
+    return (np.int64(view.grid.rule[cell]) >> 5) & 3
+
+
+@kernel
+def list_crowds(view, crowds):
+    """List the robots that stand in each cell without limit, or enter it, by identity."""
+    robots = view.robots
+    if crowds.shape[0] == 0:
+        return
+    n, cells = robots.cell.shape[0], view.grid.rule.shape[0]
+    for back in range(n):
+        i = np.int64(robots.at_index[n - 1 - back])
+        for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
+            if cell != NIL and capacity_of(view, cell) == 0:
+                crowds[cells + place - 1] = crowds[cell]
+                crowds[cell] = place
+
+
+@kernel
+def forget_crowds(view, crowds):
+    robots = view.robots
+    if crowds.shape[0] == 0:
+        return
+    for i in range(robots.cell.shape[0]):
+        for cell in (robots.cell[i], robots.claim[i]):
+            if cell != NIL:
+                crowds[cell] = 0
+
+
+@kernel
+def next_place(view, crowds, cell, place):
+    """The place in a cell after this one, where a robot may be; 0 is before the first, after the last."""
+    capacity = capacity_of(view, cell)
+    if capacity:
+        return place + 1 if place < capacity else 0
+    if crowds.shape[0] == 0:
+        return 0
+    return crowds[cell] if place == 0 else crowds[view.grid.rule.shape[0] + place - 1]
+
+
+@kernel
+def robot_at(view, cell, place):
+    """The robot at a place of a cell, or NIL."""
+    robots = view.robots
+    if capacity_of(view, cell) == 0:
+        return (place - 1) % robots.cell.shape[0]
+    identity = np.int64(view.traffic.holder[cell, place - 1])
+    return np.int64(NIL) if identity == NIL else np.int64(robots.at_index[identity])
+
+
+@kernel
+def of_lower_identity(robots, best, j):
+    """Robot j if there is none yet, or if its identity is lower."""
+    return j if best == NIL or robots.identity[j] < robots.identity[best] else best
+
+
+@kernel
+def holder_of(view, crowds, cell, direction):
     """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
 
-    Of several, the one of lowest identity: the order of storage must not matter.
+    In a cell without limit the one of lowest identity: the order of storage must not matter.
     """
-    robots = view.robots
-    lanes = (np.int64(view.grid.rule[cell]) >> 5) & 3 == 2
-    for identity in range(robots.cell.shape[0]):
-        j = np.int64(robots.at_index[identity])
-        if robots.cell[j] == cell and (not lanes or robots.travel[j] >> 1 == direction >> 1):
-            return j
-        if robots.claim[j] == cell:
-            return j
-    return NIL
+    lane = lane_of(np.int64(view.grid.rule[cell]), direction)
+    if lane != NIL:
+        identity = np.int64(view.traffic.holder[cell, lane])
+        return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
+    place = next_place(view, crowds, cell, 0)
+    return robot_at(view, cell, place) if place else np.int64(NIL)
 
 
 @kernel
-def is_head_on(view, i):
+def is_head_on(view, crowds, i):
     """Whether the robot ahead plans to move into robot i's cell next, and is not withdrawing."""
     robots, grid = view.robots, view.grid
     if robots.at[i] >= robots.length[i]:
         return False
     way = np.int64(robots.route[i, robots.at[i]])
-    j = holder_of(view, robots.cell[i] + grid.offset[way], way)
+    j = holder_of(view, crowds, robots.cell[i] + grid.offset[way], way)
     if j == NIL or robots.withdrawing[j] or robots.at[j] >= robots.length[j]:
         return False
     direction = np.int64(robots.route[j, robots.at[j]])
@@ -118,17 +184,6 @@ def is_idle(view, i):
 
 
 @kernel
-def are_beside(view, i, j):
-    """Whether a way leads from the cell of robot j to that of robot i."""
-    cell = np.int64(view.robots.cell[j])
-    for direction in range(4):
-        if (np.int64(view.grid.ways[view.robots.type[j], cell]) >> direction) & 1:
-            if cell + view.grid.offset[direction] == view.robots.cell[i]:
-                return True
-    return False
-
-
-@kernel
 def wants(view, j, i):
     """Whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
     robots = view.robots
@@ -139,12 +194,19 @@ def wants(view, j, i):
 
 
 @kernel
-def is_wanted(view, i):
-    """Whether the route of any robot leads into the cell of robot i next."""
-    for j in range(view.robots.cell.shape[0]):
-        if j != i and view.robots.cell[j] != NIL and wants(view, j, i):
-            return True
-    return False
+def who_wants_in(view, crowds, i):
+    """The robot of lowest identity whose route leads into the cell of robot i next, or NIL."""
+    robots = view.robots
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[i] - view.grid.offset[direction]
+        place = next_place(view, crowds, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and robots.cell[j] == cell and wants(view, j, i):
+                best = of_lower_identity(robots, best, j)
+            place = next_place(view, crowds, cell, place)
+    return best
 
 
 @kernel
@@ -162,51 +224,104 @@ def is_hemmed_in(view, i):
 
 
 @kernel
-def who_presses(view, i):
+def who_presses(view, crowds, files, i):
     """A robot beside robot i that has to leave its cell and cannot, NIL if none is seen.
 
     Found by what is seen alone: along a file of robots that are hemmed in, up to one that withdraws or
-    whose cell is wanted.
+    whose cell is wanted. The one of lowest identity.
     """
     robots = view.robots
-    n = robots.cell.shape[0]
-    for identity in range(n):
-        first = np.int64(robots.at_index[identity])
-        if first == i or robots.cell[first] == NIL or not are_beside(view, i, first):
-            continue
-        behind, at = np.int64(i), first
-        for _ in range(n):
-            if at == NIL or not is_hemmed_in(view, at):
-                break
-            if robots.withdrawing[at] or is_wanted(view, at):
-                return first
-            behind, at = at, next_in_file(view, behind, at)
-    return NIL
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[i] - view.grid.offset[direction]
+        place = next_place(view, crowds, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and leads(view, j, cell, direction):
+                if of_lower_identity(robots, best, j) == j and presses(view, crowds, files, i, j):
+                    best = j
+            place = next_place(view, crowds, cell, place)
+    return best
 
 
 @kernel
-def next_in_file(view, behind, at):
+def leads(view, j, cell, direction):
+    """Whether robot j stands in a cell, and may leave it in this direction."""
+    way = np.int64(view.grid.ways[view.robots.type[j], cell]) >> direction
+    return view.robots.cell[j] == cell and way & 1 != 0
+
+
+@kernel
+def next_in_file(view, crowds, behind, at):
     """The robot of lowest identity beside another one, but for the one behind; NIL if there is none."""
-    for identity in range(view.robots.cell.shape[0]):
-        j = np.int64(view.robots.at_index[identity])
-        if j != behind and j != at and view.robots.cell[j] != NIL and are_beside(view, at, j):
-            return j
-    return np.int64(NIL)
+    robots = view.robots
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[at] - view.grid.offset[direction]
+        place = next_place(view, crowds, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and j != behind and leads(view, j, cell, direction):
+                best = of_lower_identity(robots, best, j)
+            place = next_place(view, crowds, cell, place)
+    return best
 
 
 @kernel
-def who_wants(view, i):
+def presses(view, crowds, files, i, first):
+    """Whether the file that begins at robot `first`, beside robot i, ends at one that has to get on.
+
+    Files run together: what is found is kept for every link of the file, and no link is walked twice.
+    """
+    behind, at = np.int64(i), np.int64(first)
+    found = IN_VAIN
+    walked = 0
+    while at != NIL and walked < view.robots.cell.shape[0]:
+        link = link_of(view, behind, at)
+        if link != NIL and files[link] >> 2 == files[0] and files[link] & 3:
+            found = files[link] & 3
+            break  # a file that comes back to a link of its own is a ring, and in vain
+        if not is_hemmed_in(view, at):
+            break
+        if view.robots.withdrawing[at] or who_wants_in(view, crowds, at) != NIL:
+            found = PRESSES
+            break
+        if link != NIL:
+            files[link] = files[0] << 2 | IN_VAIN
+        behind, at = at, next_in_file(view, crowds, behind, at)
+        walked += 1
+    if found == PRESSES:
+        behind, at = np.int64(i), np.int64(first)
+        for _ in range(walked):
+            link = link_of(view, behind, at)
+            if link != NIL:
+                files[link] = files[0] << 2 | PRESSES
+            behind, at = at, next_in_file(view, crowds, behind, at)
+    return found == PRESSES
+
+
+@kernel
+def link_of(view, behind, at):
+    """The entry in `files` of two robots, one behind another; NIL for one in a cell without limit."""
+    cell = np.int64(view.robots.cell[behind])
+    lane = lane_of(np.int64(view.grid.rule[cell]), np.int64(view.robots.travel[behind]))
+    if lane == NIL:
+        return np.int64(NIL)
+    direction = np.int64(0)
+    while cell + view.grid.offset[direction] != view.robots.cell[at]:
+        direction += 1
+    return 1 + 8 * np.int64(at) + 2 * direction + lane
+
+
+@kernel
+def who_wants(view, crowds, files, i):
     """A robot that idle robot i makes room for, NIL if there is none.
 
     The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
     that has to leave its own cell and has no room.
     """
-    robots = view.robots
-    for identity in range(robots.cell.shape[0]):
-        j = np.int64(robots.at_index[identity])
-        if j != i and robots.cell[j] != NIL and wants(view, j, i):
-            return j
-    return who_presses(view, i)
+    j = who_wants_in(view, crowds, i)
+    return j if j != NIL else who_presses(view, crowds, files, i)
 
 
 @kernel
@@ -244,17 +359,21 @@ def decide(view, asked, answers, memory, space):
     given = answers.right_of_way
     seed, tick = view.rules.seed, view.clock[TICK]
     p = memory.parameters
+    files, crowds = memory.shared[: p[FILES]], memory.shared[p[FILES] :]
+    list_crowds(view, crowds)
+    if files.shape[0]:
+        files[0] += 1
     for k in range(asked.count[0]):
         i = np.int64(asked.robot[k])
         who = np.int64(view.robots.identity[i])
         if asked.reason[k] == PERIODIC:
-            waiting = who_wants(view, i) if is_idle(view, i) else NIL
+            waiting = who_wants(view, crowds, files, i) if is_idle(view, i) else NIL
             direction = step_aside(view, i, waiting) if waiting != NIL else NIL
             if direction != NIL:
                 given.verb[k] = STEP
                 given.value[k] = direction
         elif asked.reason[k] == STUCK:
-            if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, i):
+            if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, crowds, i):
                 given.verb[k] = RETREAT
                 given.value[k] = draw_between(p[MOVES], p[MOVES + 1], seed, WITHDRAWALS, tick, who)
                 given.release[k] = 1
@@ -266,6 +385,7 @@ def decide(view, asked, answers, memory, space):
             else:
                 given.verb[k] = STEP
                 given.value[k] = direction
+    forget_crowds(view, crowds)
 
 
 class Withdraw(Strategy):
@@ -273,6 +393,7 @@ class Withdraw(Strategy):
 
     layer = "right_of_way"
     compiled = decide
+    holders = True
 
     def __init__(self, parameters=None):
         super().__init__(parameters)
@@ -284,5 +405,11 @@ class Withdraw(Strategy):
 
     def reset(self, view):
         """The parameters; where idle robots give way, all robots are asked about in every tick."""
-        p = self.parameters
-        return memory_of(view, parameters=(p.limit, *p.withdraw, *p.abort_wait))
+        p, rule, n = self.parameters, view.grid.rule, len(view.robots.cell)
+        unlimited = bool(np.any((rule & 15 != 0) & (rule >> 5 & 3 == 0)))
+        files = 1 + 8 * n if p.give_way else 0
+        return memory_of(
+            view,
+            shared=files + (len(rule) + 2 * n if unlimited else 0),
+            parameters=(p.limit, *p.withdraw, *p.abort_wait, files),
+        )

@@ -1,0 +1,272 @@
+"""Robots are looked up by cell: `traffic.holder` is what a scan of all robots finds."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_strategies import Mood, RandomAllocation, RandomRightOfWay, RandomRouting
+
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+from automaton.strategy.layer import Strategy
+from automaton.world.state import NIL
+from strategies.right_of_way import withdraw
+
+FLOORS = (
+    "......\n.####.\n......",  # a ring for one robot in each cell
+    "==..==\n.####=\n==~~..",  # lanes, and cells for any number
+    "~~====\n=~.~=.\n....~~",
+    "......\n>>..=.\n......",  # a one-way aisle
+)
+SCENARIO = """name: crowd
+layout:
+  picture: |
+    {floor}
+    sdsdsd
+fleet: {{robots: {robots}, kinematics: {kinematics}, start: random}}
+durations: {{move: {move}, turn: 2, pick: 2, drop: 1}}
+faults: {{rate: 0.01, tow_after: 3, repair: 5}}
+information: {information}
+stop: {{when: never, at_most: 25}}
+seed: {seed}
+"""
+
+
+def standing(view: Any, i: int) -> bool:
+    return bool(view.robots.cell[i] != NIL)
+
+
+def naive_holders(view: Any) -> Any:
+    """(C, 2): for each lane, who stands in it or enters it; all robots are asked."""
+    robots, rule = view.robots, view.grid.rule
+    found = np.full((len(rule), 2), NIL, np.int32)
+    for i in range(len(robots.cell)):
+        if not standing(view, i):
+            continue
+        held = [(robots.cell[i], robots.travel[i])]
+        if robots.claim[i] == robots.cell[i]:
+            held.append((robots.cell[i], robots.travel[i] ^ 2))
+        elif robots.claim[i] != NIL:
+            step = robots.claim[i] - robots.cell[i]
+            held.append((robots.claim[i], view.grid.offset.tolist().index(step)))
+        for cell, direction in held:
+            capacity = int(rule[cell]) >> 5 & 3
+            if capacity:
+                lane = int(direction) >> 1 if capacity == 2 else 0
+                assert found[cell, lane] in (NIL, robots.identity[i]), "one robot holds it"
+                found[cell, lane] = robots.identity[i]
+    return found
+
+
+def by_identity(view: Any) -> list[int]:
+    return [int(i) for i in view.robots.at_index if standing(view, i)]
+
+
+def naive_wants(view: Any, i: int) -> int:
+    """Of all robots, the first whose route leads into the cell of robot i next."""
+    robots = view.robots
+    for j in by_identity(view):
+        if j != i and robots.at[j] < robots.length[j]:
+            step = view.grid.offset[robots.route[j, robots.at[j]]]
+            if robots.cell[j] + step == robots.cell[i]:
+                return j
+    return NIL
+
+
+def naive_beside(view: Any, i: int, *others: int) -> list[int]:
+    """All robots that may move into the cell of robot i, but for some."""
+    robots, grid = view.robots, view.grid
+    return [
+        j
+        for j in by_identity(view)
+        if j not in (i, *others)
+        for way in range(4)
+        if grid.ways[robots.type[j], robots.cell[j]] >> way & 1
+        and robots.cell[j] + grid.offset[way] == robots.cell[i]
+    ]
+
+
+def naive_presses(view: Any, i: int) -> int:
+    for first in naive_beside(view, i):
+        behind, at = i, first
+        for _ in range(len(view.robots.cell)):
+            if not withdraw.is_hemmed_in(view, at):
+                break
+            if view.robots.withdrawing[at] or naive_wants(view, at) != NIL:
+                return first
+            beside = naive_beside(view, at, behind)
+            if not beside:
+                break
+            behind, at = at, beside[0]
+    return NIL
+
+
+class Probe(RandomRightOfWay):
+    """Compares what is looked up with what scans find, then decides at random."""
+
+    holders = True
+
+    def __init__(self) -> None:
+        super().__init__(Mood(illegal=0, active=60))
+        self.memory = None
+        self.found = 0
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        assert np.array_equal(view.traffic.holder, naive_holders(view))
+        own = self.memory = self.memory or WITHDRAW.reset(view)
+        files = own.shared[: own.parameters[withdraw.FILES]]
+        crowds = own.shared[own.parameters[withdraw.FILES] :]
+        files[0] += 1
+        withdraw.list_crowds(view, crowds)
+        for i in asked.robot[: asked.count[0]]:
+            if standing(view, i):
+                wants = naive_wants(view, i)
+                assert withdraw.who_wants_in(view, crowds, i) == wants
+                pressing = naive_presses(view, i)
+                assert withdraw.who_presses(view, crowds, files, i) == pressing
+                self.found += wants != NIL or pressing != NIL
+        withdraw.forget_crowds(view, crowds)
+        assert not crowds[: len(view.grid.rule)].any()
+        super().decide(view, asked, answers, memory, space)
+
+
+GIVE_WAY = "strategy.right_of_way={name: withdraw, give_way: true}"
+WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).picks["right_of_way"].parameters)
+
+
+@given(
+    floor=st.sampled_from(FLOORS),
+    robots=st.integers(3, 12),
+    kinematics=st.sampled_from(["omni", "differential"]),
+    move=st.integers(1, 3),
+    information=st.sampled_from(["everything", "orders", "{radius: 2}"]),
+    seed=st.integers(0, 2**32),
+    data=st.data(),
+)
+@settings(max_examples=60)
+def test_what_is_looked_up_is_what_a_scan_of_all_robots_finds(
+    tmp_path_factory: pytest.TempPathFactory,
+    floor: str,
+    robots: int,
+    kinematics: str,
+    move: int,
+    information: str,
+    seed: int,
+    data: Any,
+) -> None:
+    path = tmp_path_factory.mktemp("crowd") / "crowd.yaml"
+    path.write_text(
+        SCENARIO.format(
+            floor=floor.replace("\n", "\n    "),
+            robots=robots,
+            kinematics=kinematics,
+            move=move,
+            information=information,
+            seed=seed,
+        )
+    )
+    probe = Probe()
+    mood = Mood(seed=seed, illegal=0, active=200)
+    storage = np.array(data.draw(st.permutations(range(robots))), np.int32)
+    run = Simulation(
+        resolve(path),
+        storage=storage,
+        strategies=[None, None, RandomAllocation(mood), RandomRouting(mood), probe],
+    )
+    run.run()
+    assert run.tick == 25
+    assert np.all(run.world.traffic.holder == NIL), "nothing outlasts a decision"
+    FOUND.append(probe.found)
+
+
+FOUND: list[int] = []
+
+
+def test_robots_were_in_the_way_of_others_in_those_runs() -> None:
+    assert sum(FOUND) > 100
+
+
+class Blind(Strategy):
+    """Says nothing of holders, and so sees none."""
+
+    layer = "right_of_way"
+    every = 1
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        assert np.all(view.traffic.holder == NIL)
+
+
+def test_who_does_not_say_that_it_looks_robots_up_sees_no_holders(tmp_path: Path) -> None:
+    scenario = resolve(file_of(tmp_path, 5))
+    strategies: list[Strategy | None] = [None, None, None, None, Blind()]
+    run = Simulation(scenario, strategies=strategies)
+    run.run(until=3)
+    assert np.all(run.world.robots.cell != NIL), "there is somebody to see"
+
+
+COUNTED = """
+import sys
+import numpy as np
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+
+class Counted(np.ndarray):
+    def __getitem__(self, index):
+        global looks
+        looks += 1
+        return np.asarray(self)[index]
+
+run = Simulation(resolve(sys.argv[1]))
+run.run(until=2)
+run.view.robots.__dict__["cell"] = run.world.robots.cell.view(Counted)
+looks = 0
+run.run(until=3)
+print(looks)
+"""
+FILE = """name: file
+layout:
+  picture: |
+    {cells}
+    sd{wall}
+fleet: {{robots: {robots}, kinematics: omni, start: random}}
+orders: {{list: [{{from: [0, 1], to: [1, 1]}}]}}
+strategy:
+  allocation: {{name: shortest-job, idle: stay}}
+  right_of_way: {{name: withdraw, give_way: true}}
+stop: {{when: never, at_most: 10}}
+"""
+
+
+def file_of(folder: Path, robots: int) -> Path:
+    """A floor that is a file of robots, so that nobody can move."""
+    path = folder / f"{robots}.yaml"
+    cells, wall = "." * robots, "#" * (robots - 2)
+    path.write_text(FILE.format(cells=cells, wall=wall, robots=robots))
+    return path
+
+
+def looks(folder: Path, robots: int) -> int:
+    """How often cells of robots are looked up in a tick."""
+    path = file_of(folder, robots)
+    done = subprocess.run(
+        [sys.executable, "-c", COUNTED, str(path)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return int(done.stdout)
+
+
+def test_twice_as_many_robots_are_looked_at_twice_as_often(tmp_path: Path) -> None:
+    """A hundred robots that stand in a file; each asked whether one of them has to get on."""
+    few, many = looks(tmp_path, 50), looks(tmp_path, 100)
+    assert 50 < few < many < 2.2 * few

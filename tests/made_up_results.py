@@ -23,7 +23,7 @@ def made_up(
         "seed": lambda p, r: r,
         "finished": lambda p, r: True,
         "failed": lambda p, r: None,
-        "digest": lambda p, r: "0",
+        "digest": lambda p, r: f"{p}-{r}",
         "T_total": value,
     }
     made = {name: [of(*run) for run in runs] for name, of in {**usual, **columns}.items()}

@@ -237,7 +237,7 @@ def test_a_family_shares_its_error() -> None:
     found = comparisons(made_up(study, noise))
     assert [one.family for one in found] == [3, 3, 3]
     alone = effect(
-        [noise(1, r) for r in range(60)], [noise(0, r) for r in range(60)], level=1 - 0.05 / 3
+        [noise(1, r) for r in range(60)], [noise(0, r) for r in range(60)], True, 1 - 0.05 / 3
     )
     assert found[0].effect.difference == alone.difference
     assert all(one.adjusted >= one.effect.p for one in found)

@@ -30,6 +30,29 @@ def test_pairs_are_those_of_a_replication_that_both_finished() -> None:
     assert "pairing helps" in pairing_remark([one], True)
 
 
+@pytest.mark.parametrize(("common", "paired"), [(True, True), (False, False)])
+def test_runs_with_the_same_seed_are_compared_in_pairs_unless_declared_otherwise(
+    common: bool, paired: bool
+) -> None:
+    """Demand moves both fleets by 10, what is their own by 1; three runs failed, each of one fleet."""
+
+    def ticks(point: int, replication: int) -> float:
+        return 100.0 + (replication % 2 * 20 - 10) + noise(point, replication) / 10
+
+    study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
+    study = replace(study, common_random_numbers=common)
+    failed = {(0, 3), (0, 4), (1, 9)}
+    results = made_up(study, ticks, failed=lambda p, r: "killed" if (p, r) in failed else None)
+    (one,) = comparisons(results)
+    assert one.effect.paired is study.paired is paired
+    assert one.runs == ((57, 57) if paired else (59, 58))
+    assert one.effect.difference.half is not None
+    assert (one.effect.difference.half < 0.5) is paired
+    declared = replace(study, analysis=replace(study.analysis, paired=False))
+    (one,) = comparisons(made_up(declared, ticks))
+    assert not one.effect.paired
+
+
 def test_the_report_says_if_pairing_does_not_help() -> None:
     study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
     results = made_up(study, lambda p, r: 100.0 + (r if p else -r))

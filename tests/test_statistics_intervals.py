@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from statistics_trials import coverage, drawn_from, false_families
+from statistics_trials import SHIPPED, coverage, drawn_from, false_families
 
-from automaton.statistics.addressed import resamples, uniforms
+from automaton.glossary import GLOSSARY
+from automaton.scenario.resolve import resolve
 from automaton.statistics.effects import effect
 from automaton.statistics.families import bonferroni, holm
 from automaton.statistics.intervals import ENOUGH, mean_interval, skewness
@@ -58,14 +59,20 @@ def test_sixty_runs_have_students_interval() -> None:
     assert found.half == pytest.approx(2.0010 * np.std(values, ddof=1) / math.sqrt(60), rel=1e-4)
 
 
-def test_few_runs_have_a_bootstrap_interval_and_a_warning_with_skew_and_n() -> None:
+def test_few_runs_have_students_interval_too_and_a_warning_with_skew_and_n() -> None:
     values = [1, 2, 2, 3, 3, 3, 4, 4, 5, 30]
     found = mean_interval(values)
-    assert found.method == "BCa"
-    assert found.low is not None and found.high is not None
-    assert found.high - found.value > found.value - found.low  # it follows the skew
+    assert (found.method, found.value) == ("t", pytest.approx(5.7))
+    assert found.half == pytest.approx(2.262157 * np.std(values, ddof=1) / math.sqrt(10))
     assert "only 10 runs, skew 2.6" in found.warning
-    assert found == mean_interval(values)  # draws are addressed
+
+
+@given(NUMBERS, st.sampled_from([0.9, 0.95, 0.999]))
+def test_intervals_of_means_agree_with_scipy(values: list[float], level: float) -> None:
+    found = mean_interval(values, level)
+    if np.ptp(values) > 1e-6:
+        low, high = stats.ttest_1samp(values, 0).confidence_interval(level)
+        assert (found.low, found.high) == (pytest.approx(low), pytest.approx(high))
 
 
 def test_one_run_and_equal_runs() -> None:
@@ -146,33 +153,19 @@ def test_differences_hold_at_the_level_of_a_family_in_small() -> None:
     assert missed <= 1000 * 0.0025 + 3 * math.sqrt(1000 * 0.0025)  # 3 standard errors
 
 
-def test_the_method_says_where_resamples_cannot_show_the_ends() -> None:
-    values = [1.0, 2.0, 4.0, 7.0, 9.0, 12.0, 13.0, 20.0]
-    assert mean_interval(values).method == "BCa"
-    assert effect(values, values[::-1]).difference.method == "BCa"
-    for few, level in ((values[:7], 0.95), (values, 0.99)):
-        found, apart = mean_interval(few, level), effect(few, few[::-1], level=level).difference
-        assert (found.method, apart.method) == ("t", "Welch")
-        assert found.half == pytest.approx(
-            student(len(few) - 1, level) * np.std(few, ddof=1) / math.sqrt(len(few))
-        )
-        assert f"only {len(few)} runs" in found.warning and found.warning == apart.warning
-
-
 def test_coverage_of_skewed_runs_in_small() -> None:
     pool = np.random.default_rng(4).gamma(1.1, 1, 50_000)  # skew 1.9, that of table-top runs
     found = coverage(drawn_from(pool, 5), float(pool.mean()), ENOUGH, 400)
     assert 0.91 <= found <= 0.98
 
 
-def test_resamples_are_addressed_and_even() -> None:
-    assert np.array_equal(resamples(1, 50, 10), resamples(1, 50, 10))
-    assert not np.array_equal(resamples(1, 50, 10), resamples(2, 50, 10))
-    assert np.array_equal(resamples(1, 50, 10)[:20], resamples(1, 20, 10))
-    counts = np.bincount(resamples(1, 1000, 10).ravel(), minlength=10)
-    assert counts.min() > 900 and counts.max() < 1100
-    assert uniforms(1, 10, 10).min() > 0 and uniforms(1, 10, 10).max() < 1
-    assert resamples(1, 1, 5).tolist() == [[0, 2, 1, 3, 0]]
+def test_coverage_is_measured_on_shipped_scenarios_of_each_kind() -> None:
+    for scenario, settings, metric, number in SHIPPED:
+        resolve(scenario, settings)
+        assert metric in GLOSSARY and number >= 300
+    assert {one[0].partition("-")[0] for one in SHIPPED} == {
+        *("tabletop", "depots", "factory", "warehouse")
+    }
 
 
 def test_holm_by_hand() -> None:

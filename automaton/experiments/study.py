@@ -57,9 +57,12 @@ class Analysis(Part, frozen=True, kw_only=True):
         Meta(min_length=1, description="Metrics that are reported, such as T_total."),
     ]
     paired: Annotated[
-        bool,
-        Meta(description="Compare runs of the same replication with each other (common demand)."),
-    ] = False
+        bool | None,
+        Meta(
+            description="Compare runs of the same replication with each other (common demand); "
+            "default: whether they have the same seed, as common_random_numbers says."
+        ),
+    ] = None
     baseline: Annotated[
         Levels | None,
         Meta(description="Levels of some factors: points that have them are compared with."),
@@ -174,6 +177,12 @@ class Study(Part, frozen=True, kw_only=True):
             points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
         if points > MAX_POINTS:
             raise ValueError(f"factors cross to {points:,} points; {MAX_POINTS:,} are allowed")
+
+    @property
+    def paired(self) -> bool:
+        """Whether runs of the same replication are compared with each other."""
+        declared = self.analysis.paired if self.analysis else None
+        return self.common_random_numbers if declared is None else declared
 
     @property
     def scenarios(self) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 baseline   each other level of the baseline's factors with the baseline, at equal other levels
 pairs      all pairs of points
 
-The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together.
+The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points with
+the same runs are not compared, and what is compared with both of them counts once.
 """
 
 from __future__ import annotations
@@ -68,6 +69,25 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
             yield point, base
 
 
+def differing(
+    results: Results, metric: str, pairs: list[tuple[Point, Point]]
+) -> Iterator[tuple[Point, Point]]:
+    """The pairs whose runs differ; of several that compare the same runs, the first."""
+    seen: set[frozenset[int]] = set()
+    for a, b in pairs:
+        runs = frozenset(results.alike(point, metric) for point in (a, b))
+        if len(runs) == 2 and runs not in seen:
+            seen.add(runs)
+            yield a, b
+
+
+def left_out(results: Results) -> int:
+    """Comparisons that were declared but are of the same runs, or of runs compared already."""
+    pairs = list(declared_pairs(results))
+    metrics = [metric for metric in results.analysis.metrics if results.has(metric)]
+    return sum(len(pairs) - len(list(differing(results, metric, pairs))) for metric in metrics)
+
+
 def _level(point: Point, key: str) -> object:
     return point.scenario if key == SCENARIO else point.levels.get(key)
 
@@ -83,11 +103,12 @@ def _family(
     asked = [
         (metric, a, b, results.values(a, metric), results.values(b, metric))
         for metric in metrics
-        for a, b in pairs
+        for a, b in differing(results, metric, pairs)
     ]
+    paired = results.study.paired
     usable = []
     for metric, a, b, x, y in asked:
-        if analysis.paired:
+        if paired:
             both = sorted(set(x) & set(y))
             x, y = {r: x[r] for r in both}, {r: y[r] for r in both}
         if min(len(x), len(y)) >= 2:
@@ -96,7 +117,7 @@ def _family(
         return
     level = bonferroni(1 - analysis.error, len(usable))
     common = results.study.common_random_numbers
-    effects = [_effect(x, y, analysis.paired, level, common) for _, _, _, x, y in usable]
+    effects = [_effect(x, y, paired, level, common) for _, _, _, x, y in usable]
     adjusted = holm([one.p for one in effects])
     for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
         needed = runs_needed(x, y, analysis.precision, level, common)
@@ -149,15 +170,15 @@ def pairing_remark(compared: list[Compared], paired: bool) -> str:
         return ""
     low, high = min(ratios), max(ratios)
     spread = f"{low:.2f}" if high - low < 0.005 else f"{low:.2f} to {high:.2f}"
-    declared = "paired" if paired else "not paired"
+    declared = "paired" if paired else "not paired, as declared"
     helps = sum(ratio < HELPS for ratio in ratios)
     if helps == len(ratios):
-        what = "pairing helps" if paired else "pairing would have helped; it was not declared"
+        what = "pairing helps" if paired else "pairing would have helped"
     elif helps == 0:
         what = "pairing does not help"
     else:
         what = f"pairing helps in {helps} of {len(ratios)} comparisons"
-    return f"Comparisons are {declared}, as declared; variance ratio of pairs {spread}: {what}."
+    return f"Comparisons are {declared}; variance ratio of pairs {spread}: {what}."
 
 
 def precision_remark(compared: list[Compared], precision: float | None) -> str:

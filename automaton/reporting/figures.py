@@ -16,6 +16,7 @@ from automaton.reporting.results import (
     factor_heads,
     point_name,
 )
+from automaton.reporting.same_runs import same_cells, same_heads
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved
 from automaton.statistics.intervals import ENOUGH, SAME, Interval, mean_interval, skewness
@@ -87,9 +88,10 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             sd = "-" if one.sd is None else figure(one.sd)
             cells = [figure(interval.value), *ends, sd, interval.method]
         cells += [one.bound or "-"] if bounded else []
-        rows.append([*factor_cells(results.study, one.point), *cells, *run_cells(one.counts)])
+        cells += run_cells(one.counts) + same_cells(results, one.point)
+        rows.append([*factor_cells(results.study, one.point), *cells])
     left = len(factor_heads(results.study))
-    yield Table([*heads, *RUN_HEADS], rows, left=max(1, left))
+    yield Table([*heads, *RUN_HEADS, *same_heads(results)], rows, left=max(1, left))
     if bounded:
         yield Text(
             f"{limit}: no strategy can do better; by the work of the orders over the robots, each "

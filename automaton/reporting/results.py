@@ -113,6 +113,43 @@ class Results:
             if self._finished(row) and column[row] is not None
         }
 
+    @cached_property
+    def _alike(self) -> dict[int, int]:
+        """Of each point, the first one that has the same runs: equal digests, seed by seed."""
+        runs = {number: self._digests(rows) for number, rows in self._rows.items()}
+        first: dict[tuple[int, str], int] = {}  # seed and digest -> the first point with such a run
+        found: dict[int, int] = {}
+        for number, own in runs.items():
+            earlier = sorted({first[run] for run in own.items() if run in first})
+            same = (one for one in earlier if _agree(own, runs[one]))
+            found[number] = next(same, number)
+            if found[number] == number:
+                for run in own.items():
+                    first.setdefault(run, number)
+        return found
+
+    def _digests(self, rows: npt.NDArray[np.int64]) -> dict[int, str]:
+        """Seed -> digest, of the runs that did not fail."""
+        seed, digest = self.columns["seed"], self.columns["digest"]
+        return {int(seed[row]): digest[row] for row in rows if self.columns["failed"][row] is None}
+
+    def alike(self, point: Point, metric: str | None = None) -> int:
+        """The number of the first point with the same runs as this one, if only its own.
+
+        With a metric: the same runs, measured alike.
+        """
+        number = self._alike[point.number]
+        if metric is None or number == point.number:
+            return number
+        own = self.values(point, metric)
+        theirs = self.values(point._replace(number=number), metric)
+        return number if _agree(own, theirs) else point.number
+
+    @cached_property
+    def repeats(self) -> tuple[Point, ...]:
+        """The points whose runs are those of an earlier one."""
+        return tuple(p for p in self.points if self.alike(p) != p.number)
+
     def series(self, point: Point) -> list[Sequence[int]]:
         """The deliveries by window of each run that has them, in the order of replications."""
         column = self.columns.get("series")
@@ -129,6 +166,11 @@ class Results:
 
     def _finished(self, row: int) -> bool:
         return self.columns["failed"][row] is None and bool(self.columns["finished"][row])
+
+
+def _agree(one: Mapping[int, object], other: Mapping[int, object]) -> bool:
+    """Whether two columns are equal wherever both have something."""
+    return all(other.get(key, value) == value for key, value in one.items())
 
 
 def read_results(store: Store) -> Results:

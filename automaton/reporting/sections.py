@@ -8,6 +8,7 @@ from typing import Final
 from automaton.reporting.comparing import (
     Compared,
     comparisons,
+    left_out,
     pairing_remark,
     precision_remark,
 )
@@ -20,13 +21,12 @@ from automaton.reporting.results import (
     level_text,
     levels_apart,
 )
+from automaton.reporting.same_runs import same_remarks
 from automaton.scenario.measures import TASK_METRICS
-from automaton.statistics.intervals import ENOUGH, FEWEST, SAME, Interval
+from automaton.statistics.intervals import ENOUGH, SAME, Interval
 from automaton.units import count, percent
 
-INTERVALS: Final = (
-    f"Student's; BCa with {FEWEST} to {ENOUGH - 1} runs unless a family puts the ends too far out"
-)
+INTERVALS: Final = f"Student's, with a warning on skew below {ENOUGH} runs"
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -95,7 +95,7 @@ def family(results: Results) -> str:
     what = "all pairs of points"
     if analysis.comparisons == "baseline" and analysis.baseline:
         what = "against " + ", ".join(f"{k} {v}" for k, v in analysis.baseline.items())
-    pairs = "paired by replication" if analysis.paired else "not paired"
+    pairs = "paired by replication" if results.study.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
     wanted = (
         "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
@@ -126,6 +126,7 @@ def remarks(results: Results) -> Iterator[str]:
         )
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
+    yield from same_remarks(results)
 
 
 def comparison_section(results: Results) -> Iterator[Block]:
@@ -134,27 +135,34 @@ def comparison_section(results: Results) -> Iterator[Block]:
         return
     compared = comparisons(results)
     yield Heading("Comparisons")
+    same = left_out(results)
+    if same:
+        yield Text(
+            f"{count(same, 'comparison')} left out of the family: the same runs, or the same as in "
+            "another one."
+        )
     if not compared:
-        yield Text("None can be made: two finished runs of each point are needed.")
+        needed = "None can be made: two finished runs of each point are needed."
+        yield Text("None is left." if same else needed)
         return
     yield Text(comparison_text(results, compared))
     yield comparison_table(results, compared)
-    remark = pairing_remark(compared, results.analysis.paired)
+    remark = pairing_remark(compared, results.study.paired)
     if remark:
         yield Text(remark)
     takes = precision_remark(compared, results.analysis.precision)
     if takes:
         yield Text(takes)
-    same = sum(one.effect.difference.warning == SAME for one in compared)
-    small = sum(bool(one.effect.difference.warning) for one in compared) - same
+    still = sum(one.effect.difference.warning == SAME for one in compared)
+    small = sum(bool(one.effect.difference.warning) for one in compared) - still
     if small:
         yield Text(
             f"Warning: {small} of these intervals rest on fewer than {ENOUGH} runs and may hold the "
             "truth less often than they say."
         )
-    if same:
+    if still:
         yield Text(
-            f"Warning: in {same} of these comparisons all runs of a point gave the same: without "
+            f"Warning: in {still} of these comparisons all runs of a point gave the same: without "
             "spread the interval has no width, and p is that of a permutation test."
         )
 

@@ -12,6 +12,7 @@ from automaton.experiments.study import Point
 from automaton.reporting.document import Block, Heading, Listed, Table, Text
 from automaton.reporting.figures import RUN_HEADS, figure, run_cells
 from automaton.reporting.results import Results, factor_cells, factor_heads, point_name
+from automaton.reporting.same_runs import same_cells, same_heads
 from automaton.statistics.intervals import Interval
 from automaton.statistics.steady import (
     ENOUGH_REPLICATIONS,
@@ -73,10 +74,10 @@ def steady_section(results: Results, windows: Mapping[int, int]) -> Iterator[Blo
             cells = [*ends, f"{found.cut:,}", interval.method]
         elif found is not None:
             refused.append(f"{point_name(results.study, point)}: {found.refused}")
-        rows.append(
-            [*factor_cells(results.study, point), *cells, *run_cells(results.counts(point))]
-        )
+        cells += run_cells(results.counts(point)) + same_cells(results, point)
+        rows.append([*factor_cells(results.study, point), *cells])
     heads = [*factor_heads(results.study), "orders/1000 ticks", "low", "high", "warm-up", "by"]
-    yield Table([*heads, *RUN_HEADS], rows, left=max(1, len(factor_heads(results.study))))
+    heads += [*RUN_HEADS, *same_heads(results)]
+    yield Table(heads, rows, left=max(1, len(factor_heads(results.study))))
     if refused:
         yield Listed(refused)

@@ -1,8 +1,7 @@
 """Effects: by how much one set of runs differs from another, with an interval.
 
 paired     mean and interval of the differences of runs with the same seed
-unpaired   difference of means; Welch's interval with the degrees of freedom of Satterthwaite (1946),
-           BCa where a mean would have it
+unpaired   difference of means; Welch's interval with the degrees of freedom of Satterthwaite (1946)
 relative   a / b - 1; by the delta method on log a - log b, which stays correct for skewed ratios
 
 Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
@@ -17,21 +16,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.statistics.addressed import resamples
 from automaton.statistics.intervals import (
-    BOOTSTRAP_SEED,
     LEVEL,
-    RESAMPLES,
     SAME,
     Interval,
     Values,
-    bca,
     checked,
     constant,
-    expanded,
     few,
     mean_interval,
-    resampled,
 )
 from automaton.statistics.student import student, tails
 
@@ -85,19 +78,12 @@ def variance_ratio(x: Values, y: Values) -> float:
 
 
 def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
-    """mean x - mean y of independent samples: BCa where resamples show its ends, else Welch."""
+    """mean x - mean y of independent samples, with Welch's interval."""
     difference, n = float(x.mean() - y.mean()), min(len(x), len(y))
     error, degrees = _welch(x, y)
-    reach = expanded(n, degrees, level)
-    if error == 0 or not resampled(n, reach):
-        half = student(degrees, level) * error
-        ends = difference - half, difference + half
-        return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else SAME)
-    means = x[resamples(BOOTSTRAP_SEED, RESAMPLES, len(x))].mean(axis=1)
-    means = means - y[resamples(BOOTSTRAP_SEED + 1, RESAMPLES, len(y))].mean(axis=1)
-    influence = np.concatenate([(x - x.mean()) / len(x), (y.mean() - y) / len(y)])
-    low, high = bca(difference, means, influence, reach)
-    return Interval(difference, low, high, n, "BCa", level, few(x, y))
+    half = student(degrees, level) * error
+    ends = difference - half, difference + half
+    return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else SAME)
 
 
 def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:

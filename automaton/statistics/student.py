@@ -29,11 +29,6 @@ def normal_quantile(probability: float) -> float:
     return _NORMAL.inv_cdf(probability)
 
 
-def normal_probability(z: float) -> float:
-    """P(Z <= z)."""
-    return _NORMAL.cdf(z)
-
-
 def tails(t: float, degrees: float) -> float:
     """P(|T| >= |t|) with so many degrees of freedom (> 0): the two-sided p value of a t statistic."""
     if degrees <= 0:

@@ -31,6 +31,7 @@ from automaton.reproductions.tabletop import (
 from automaton.scenario.resolve import resolve
 from automaton.statistics.student import student
 
+SIXTH = ("T_total", "T_R", "least_picks", "sixth_idle")
 METRICS = ("T_total", "T_R", "T_Rtotal", "E_U_moves", "E_U_operations", "E_U_cycles")
 
 # Table 3 as it is printed, in its own layout.
@@ -91,7 +92,7 @@ def test_there_is_a_row_for_each_metric_of_each_cell(two_seeds: Reproduced) -> N
     expected: list[Any] = list(
         product((1, 2), ("independent", "cooperative"), (1, 2, 3, 4, 5), METRICS)
     )
-    expected += [(1, "cooperative", 6, metric) for metric in ("T_total", "T_R", "idle_robots")]
+    expected += [(1, "cooperative", 6, metric) for metric in SIXTH]
     assert [(*row.case.values(), row.metric) for row in rows] == expected
     assert set(rows[0].case) == {"configuration", "strategy", "robots"}
     assert two_seeds.unfinished == 0
@@ -205,15 +206,16 @@ def test_no_range_of_a_claim_is_without_a_reason() -> None:
     assert silent == []
 
 
-def test_a_sixth_cooperative_robot_stays_idle_in_every_run(six_seeds: Reproduced) -> None:
-    [row] = [row for row in six_seeds.rows() if row.metric == "idle_robots"]
-    assert (row.case["robots"], row.mean, row.sd) == (6, 1, 0)
+def test_a_sixth_cooperative_robot_stays_idle(six_seeds: Reproduced) -> None:
+    """In nine of ten runs: in some it gets an alley that another robot has just left."""
+    rows = {row.metric: row for row in six_seeds.rows() if row.case["robots"] == 6}
+    assert (rows["sixth_idle"].mean, rows["least_picks"].mean) == (1, 0)
     samples = six_seeds.samples()
     judged = judge(claim_about("a sixth"), samples, {})
     assert judged is not None and judged.verdict == "not contradicted"
-    busy = samples | {("idle_robots", (1, "cooperative", 6)): [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]}
+    busy = samples | {("sixth_idle", (1, "cooperative", 6)): [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]}
     judged = judge(claim_about("a sixth"), busy, {})
-    assert judged is not None and judged.verdict != "not contradicted"
+    assert judged is not None and judged.verdict == "does not hold"
 
 
 def test_other_seeds_are_other_runs_of_which_the_claims_are_told(
@@ -278,7 +280,7 @@ def json_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, An
 def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
     found = json_of(capsys, "--seeds", "1", "--workers", "1")
     assert (found["name"], found["seeds"], found["unfinished"]) == ("tabletop", 1, 0)
-    assert found["runs"] == 21 and len(found["rows"]) == 123
+    assert found["runs"] == 21 and len(found["rows"]) == 124
     assert set(found["rows"][0]) == {"case", "metric", "paper", "mean", "sd", "error"}
     assert found["rows"][0]["case"] == {
         "configuration": 1,

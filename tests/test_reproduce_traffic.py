@@ -175,11 +175,11 @@ def test_json_has_the_agreed_keys(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["rows"][0]["case"] == {"slowdown": "static", "path": "A*", "counts": "-"}
     assert found["rows"][0]["paper"] == 229.97
     assert found["remarks"]
-    stored = [row for row in found["rows"] if "table" in row["case"]]
+    stored = [row for row in found["rows"] if {"table", "study"} & set(row["case"])]
     assert [row.get("stored") for row in found["rows"]] == [
         True if row in stored else None for row in found["rows"]
     ]
-    assert len(stored) == 3 * 57
+    assert len(stored) == 3 * 57 + 4 * 6
 
 
 @pytest.mark.parametrize("columns", [80, 200])

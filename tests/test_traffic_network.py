@@ -1,14 +1,23 @@
 """Tables 1 to 4 and the shipped network: what is stored follows from the legs, and is complete."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
+from automaton.learning.depths import HIDDEN, constant_loss
+from automaton.learning.depths import LOSSES as DEPTHS
 from automaton.learning.legs import legs_of, site_of
 from automaton.learning.losses import LOSSES
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
 from automaton.learning.tables import COLUMNS, PRINTED, from_json
-from automaton.reproductions.traffic_network import TABLES_1_TO_4, network, stored
+from automaton.reproductions.traffic_network import (
+    TABLES_1_TO_4,
+    network,
+    stored,
+    stored_depths,
+)
 from automaton.reproductions.traffic_trials import tasks_of, warehouse
 from automaton.scenario.resolve import resolve
 from automaton.strategy.network import floor_fingerprint, load_network, shipped
@@ -58,6 +67,16 @@ def test_the_printed_hinge_predicts_every_zone_that_it_ever_saw_touched(site, ro
         for name in ("accuracy", "precision"):
             assert most[name] - 0.0001 < row.ours[name] < least[name] + 0.0001
         assert most["precision"] > 0.028 and least["precision"] < 0.035
+
+
+def test_the_stored_depths_are_complete_and_of_these_legs(site):
+    found = stored_depths()
+    assert found["floor"] == floor_fingerprint(site.floor.grid, site.duration)
+    assert [(row["loss"], row["hidden"]) for row in found["rows"]] == list(product(DEPTHS, HIDDEN))
+    known = legs_of(site, found["settings"]["legs"], found["settings"]["seed"])
+    for row in found["rows"]:
+        assert row["constant"] == pytest.approx(constant_loss(row["loss"], known.touched))
+        assert 1 <= row["epochs"] <= found["settings"]["epochs"]
 
 
 def test_rows_that_monitor_the_same_thing_twice_are_equal(rows):

@@ -3,11 +3,14 @@
 import json
 import math
 import sys
+from itertools import product
 
 import numpy as np
 import pytest
 
 from automaton.commands import main
+from automaton.learning.depths import HIDDEN, constant_loss
+from automaton.learning.depths import LOSSES as DEPTHS
 from automaton.learning.legs import Legs, site_of, unseen
 from automaton.learning.losses import LOSSES, first_bias
 from automaton.learning.metrics import measured
@@ -182,7 +185,7 @@ def test_a_network_of_bias_alone_starts_at_the_share_of_touched_zones(torch):
     from automaton.learning.training import first_layers
 
     touched = made_up_legs().touched
-    layers = first_layers(12, first_bias(touched), torch.Generator())
+    layers = first_layers(12, first_bias(touched), torch.Generator(), 3)
     assert torch.sigmoid(layers[-1][1]).detach().numpy() == pytest.approx(touched.mean(), abs=1e-6)
 
 
@@ -230,6 +233,26 @@ def test_tables_of_a_floor_have_the_rows_of_the_paper(torch, tiny, tmp_path, cap
         assert tuple(row.paper.values()) == PRINTED[row.table][row.monitored]
     text = capsys.readouterr().out
     assert "…" not in text and max(map(len, text.splitlines())) <= 80
+
+
+def test_networks_of_other_depths_are_trained_beside_a_constant_answer(
+    torch, tiny, tmp_path, capsys
+):
+    out = tmp_path / "depths.json"
+    arguments = ["--scenario", str(tiny), "--epochs", "1", "--legs", "60", "--out", str(out)]
+    assert main(["train", "traffic", "--depths", *arguments]) == 0
+    rows = json.loads(out.read_text())["rows"]
+    assert [(row["loss"], row["hidden"]) for row in rows] == list(product(DEPTHS, HIDDEN))
+    assert len({row["least"] for row in rows}) == len(rows)
+    text = capsys.readouterr().out
+    assert "cross-entropy" in text and max(map(len, text.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(("loss", "least"), [("hinge", 3 / 4), ("cross-entropy", 0.5623351)])
+def test_a_constant_answer_has_this_loss_at_least(loss, least):
+    """One zone of four is touched: -1/4 log 1/4 - 3/4 log 3/4, or all of them said to be."""
+    touched = np.array([[True, False, False, False]])
+    assert constant_loss(loss, touched) == pytest.approx(least)
 
 
 def test_other_classifiers_learn_the_same_legs():

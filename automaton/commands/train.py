@@ -33,6 +33,7 @@ NUMBERS = {  # option: (field of Settings, least value, help)
 # What a mode does not use, it refuses.
 REFUSED = {
     "tables": ("loss", "weighting", "keep"),
+    "depths": ("loss", "weighting", "keep"),
     "classifiers": ("loss", "weighting", "keep", "batch", "epochs", "patience", "rate", "out"),
 }
 Told = Callable[[str], None]  # what is done now
@@ -72,6 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tables", action="store_true", help="train for Tables 1 to 4 of the paper instead"
     )
     modes.add_argument(
+        "--depths", action="store_true", help="train networks of 3, 6 and 12 hidden layers instead"
+    )
+    modes.add_argument(
         "--classifiers", action="store_true", help="try other classifiers instead of a network"
     )
 
@@ -83,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
             f"nothing called '{args.name}' to train{nearest(args.name, NAMES)}; "
             f"there is {alternatives(NAMES)}"
         )
-    mode = "tables" if args.tables else "classifiers" if args.classifiers else "network"
+    modes = ("tables", "depths", "classifiers")
+    mode = next((name for name in modes if getattr(args, name)), "network")
     for name in REFUSED.get(mode, ()):
         if getattr(args, name) is not None:
             raise InputError(f"--{name} does not go together with --{mode}")
@@ -98,6 +103,8 @@ def run(args: argparse.Namespace) -> int:
             outcome = session.train_network(keep, args.out or Path(f"{session.name}.npz"), told)
         elif mode == "tables":
             outcome = session.train_tables(args.out, told)
+        elif mode == "depths":
+            outcome = session.train_depths(args.out, told)
         else:
             outcome = session.try_classifiers(told)
     if args.json:

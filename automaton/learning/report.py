@@ -26,6 +26,7 @@ def print_outcome(mode: str, outcome: Mapping[str, Any]) -> None:
     printers = {
         "network": print_network,
         "tables": print_tables,
+        "depths": print_depths,
         "classifiers": print_classifiers,
     }
     printers[mode](out, outcome)
@@ -77,6 +78,23 @@ def print_rows(out: Console, rows: Sequence[Row]) -> None:
                 figures = (f"{row.paper[name]:.2f} / {row.ours[name]:.2f}" for name in COLUMNS)
                 table.add_row(row.short, row.loss, *figures, f"{row.epoch} of {row.epochs}")
         print_table(out, table)
+
+
+def print_depths(out: Console, outcome: Mapping[str, Any]) -> None:
+    """The least loss of each network beside that of a constant answer."""
+    settings = outcome["settings"]
+    out.print(
+        f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
+        f"at most {settings['epochs']} epochs; loss beside the least of a constant answer",
+        soft_wrap=True,
+    )
+    out.print()
+    table = plain_table("loss", "hidden", "epochs", "least", "constant", "precision", "recall")
+    table.columns[0].justify = "left"
+    for row in outcome["rows"]:
+        figures = (f"{row[name]:.4f}" for name in ("least", "constant", "precision", "recall"))
+        table.add_row(row["loss"], str(row["hidden"]), str(row["epochs"]), *figures)
+    print_table(out, table)
 
 
 def print_classifiers(out: Console, outcome: Mapping[str, Any]) -> None:

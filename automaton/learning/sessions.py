@@ -94,6 +94,20 @@ class Session:
                 file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
         return results
 
+    def train_depths(self, out: Path | None, told: Told | None = None) -> dict[str, Any]:
+        """Train networks of several depths; written to `out` if there is one."""
+        from automaton.learning.depths import train_depths
+
+        rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
+        shared = asdict(self.settings)
+        for name in ("loss", "weighting", "hidden"):
+            del shared[name]
+        results = {**self._origin(), "settings": shared, "rows": rows}
+        if out is not None:
+            with written(out) as file:
+                file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
+        return results
+
     def try_classifiers(self, told: Told | None = None) -> dict[str, Any]:
         """Let other classifiers learn the same legs, or as many as they manage."""
         from automaton.learning.classifiers import JUDGED, try_classifiers

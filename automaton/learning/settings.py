@@ -16,4 +16,5 @@ class Settings:
     patience: int = 5  # epochs without lower loss after which training ends
     rate: float = 0.001  # of Adam; the paper prints none
     seed: int = 1  # of the first weights, the legs and their order
+    hidden: int = 3  # layers of 256
     legs: int = 15_000  # half from racks to docks, half back

@@ -1,6 +1,6 @@
 """Training of a zone network with PyTorch (Bhattathiri, Li & Kuhl, section 5.1).
 
-    one-hot start and end zone -> 256 -> 256 -> 256 -> a sigmoid for each zone
+    one-hot start and end zone -> 256 -> 256 -> 256 -> a sigmoid for each zone  (3 hidden layers)
 
 Adam, weights from Glorot's uniform distribution, biases 0. One thread, and draws from a generator of
 the seed's own: equal on equal machines. After each epoch the network answers all legs that it is
@@ -24,7 +24,7 @@ from automaton.learning.metrics import METRICS, Counts, counts
 from automaton.learning.settings import Settings
 from automaton.world.state import NIL
 
-WIDTHS: Final = (256, 256, 256)  # hidden layers
+WIDTH: Final = 256  # of a hidden layer
 AT_ONCE: Final = 3000  # legs that are answered in one go
 
 Keep = tuple[str, ...]  # metrics that must all improve; () = the loss
@@ -89,7 +89,7 @@ def _train(
     inputs, truth = input_rows(legs), torch.from_numpy(legs.touched)
     bias = first_bias(legs.touched) if settings.weighting == "bias" else 0.0
     weights = sample_weights(legs.touched) if settings.weighting == "samples" else (1.0, 1.0)
-    network = first_layers(legs.touched.shape[1], bias, generator)
+    network = first_layers(legs.touched.shape[1], bias, generator, settings.hidden)
     parts = [part for layer in network for part in layer]
     optimizer = torch.optim.Adam(parts, lr=settings.rate, fused=True)
     trained = Trained({keep: Kept() for keep in keeps})
@@ -136,16 +136,16 @@ def input_rows(legs: Legs) -> Any:
     return torch.from_numpy(np.stack([start, end], axis=1).astype(np.int64))
 
 
-def first_layers(zones: int, bias: float, generator: Any) -> list[tuple[Any, Any]]:
+def first_layers(zones: int, bias: float, generator: Any, hidden: int) -> list[tuple[Any, Any]]:
     """Layers before training; the first one has a last row of zeros, for a cell in no zone."""
     layers = []
     inputs = 2 * zones
-    for outputs in (*WIDTHS, zones):
+    for outputs in (*[WIDTH] * hidden, zones):
         limit = math.sqrt(6 / (inputs + outputs))  # Glorot & Bengio 2010
         weights = torch.empty(inputs, outputs).uniform_(-limit, limit, generator=generator)
         layers.append((weights, torch.zeros(outputs)))
         inputs = outputs
-    first = torch.cat([layers[0][0], torch.zeros(1, WIDTHS[0])])
+    first = torch.cat([layers[0][0], torch.zeros(1, WIDTH)])
     layers[0] = (first, layers[0][1])
     layers[-1][1].fill_(bias)
     for layer in layers:

@@ -15,7 +15,7 @@ from typing import Final
 from automaton.parallel import OnDone
 from automaton.reproductions.study import Case, Key, Reproduction, Table
 from automaton.reproductions.traffic_claims import CLAIMS, REMARKS
-from automaton.reproductions.traffic_network import TABLES_1_TO_4, network
+from automaton.reproductions.traffic_network import DEPTHS, TABLES_1_TO_4, network
 from automaton.reproductions.traffic_trials import TRIALS, Setting, exact, noisy, run_seeds
 
 A_STAR: Final = "A*"
@@ -108,6 +108,7 @@ REPRODUCTION: Final = Reproduction(
             grouped=1,
         ),
         TABLES_1_TO_4,
+        DEPTHS,
     ),
     averaged=(),
     claims=CLAIMS,

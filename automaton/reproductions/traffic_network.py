@@ -23,6 +23,7 @@ from automaton.world.state import Array
 
 SCENARIO: Final = "warehouse-100"
 COMMAND: Final = "automaton train traffic --tables --out FILE"
+DEPTHS_COMMAND: Final = "automaton train traffic --depths --epochs 5 --out FILE"
 
 
 def network(where: Warehouse, seed: int, tasks: Array) -> Array:
@@ -97,6 +98,57 @@ def origin() -> str:
         "monitors."
     )
 
+
+@cache
+def stored_depths() -> dict[str, Any]:
+    """The file of networks of several depths: how they were trained, and what they came to."""
+    path = shipped(SCENARIO).with_name(f"{SCENARIO}-depths.json")
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def depths() -> dict[Key, dict[str, Any]]:
+    """The trainings by loss and hidden layers."""
+    return {("depth", row["loss"], row["hidden"]): row for row in stored_depths()["rows"]}
+
+
+def read_depths(
+    cases: Sequence[Case],
+    seeds: Sequence[int],
+    workers: int | None = None,
+    on_done: OnDone | None = None,
+) -> list[list[Trained]]:
+    """One training each; beyond: by how much the loss stays above that of a constant answer."""
+    known = [depths()[case.key] for case in cases]
+    return [
+        [Trained({name: row[name] for name in DEPTH} | {"beyond": row["least"] - row["constant"]})]
+        for row in known
+    ]
+
+
+def origin_of_depths() -> str:
+    """How the stored trainings were made."""
+    settings = stored_depths()["settings"]
+    return (
+        f"From a file that `{DEPTHS_COMMAND}` wrote: {settings['legs']:,} legs, batches of "
+        f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; the least "
+        "loss of an epoch, beside the least of a constant answer."
+    )
+
+
+DEPTH: Final = ("least", "constant", "precision", "recall")
+DEPTHS: Final = Table(
+    title="Deeper networks: what they learn",
+    cases=lambda strategies: [
+        Case({"study": study, "loss": loss, "hidden": hidden}) for study, loss, hidden in depths()
+    ],
+    panels=(DEPTH,),
+    published=lambda key, metric: None,
+    run=read_depths,
+    stored=origin_of_depths,
+    digits=4,
+    grouped=2,
+)
 
 TABLES_1_TO_4: Final = Table(
     title="Tables 1 to 4: what the network learns",

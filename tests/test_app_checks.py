@@ -6,7 +6,8 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from test_app_actions import CHECKS, carry_out
+from action_checks import CHECKS
+from viewer_actions import carry_out
 from viewing import Watched
 
 from tui.app import Viewer

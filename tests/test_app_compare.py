@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from test_app_actions import said
+from action_checks import said
 from viewing import compared, record, viewing
 
 from tui.opening import recorded

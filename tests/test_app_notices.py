@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from test_app_actions import said
+from action_checks import said
 from viewing import Watched, compared, mini, record, screen_text, viewing
 
 from automaton.recording.frames import read_recording

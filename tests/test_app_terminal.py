@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pseudo_terminal import TRUECOLOR, Replay, painted, wrong_cells
+from command_in_terminal import KEPT, Session, automaton
+from pseudo_terminal import TRUECOLOR, painted, wrong_cells
 from viewing import record
 
 from automaton.history.snapshot import take_snapshot
@@ -30,7 +31,6 @@ from tui.render.scene import Scene
 from tui.render.styles import Look
 from tui.terminal_host import TerminalHost
 
-KEPT = ("PATH", "HOME", "PYTHONPATH", "AUTOMATON_CACHE_DIR", "XDG_CACHE_HOME", "NUMBA_CPU_NAME")
 RESTORED = {
     "the alternate screen is left": b"\x1b[?1049l",
     "the cursor is shown": b"\x1b[?25h",
@@ -38,43 +38,6 @@ RESTORED = {
     "pasting is as before": b"\x1b[?2004l",
 }
 ENDS = {"q": 0, "\x03": 130, signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 129}
-
-
-class Session:
-    """`automaton` in a terminal."""
-
-    def __init__(self, host: TerminalHost) -> None:
-        self.host = host
-        self.replay = Replay(host)
-
-    def wait_for_text(self, text: str, present: bool = True) -> None:
-        self.host.wait_for(lambda: (text in self.replay.text()) == present, text)
-
-    def wait_for_tick(self, least: int) -> None:
-        """While it plays: on a busy machine not every tick gets on the screen."""
-
-        def come() -> bool:
-            shown = re.search(r"tick ([\d,]+)", self.replay.text())
-            return shown is not None and int(shown[1].replace(",", "")) >= least
-
-        self.host.wait_for(come, f"tick {least} or later")
-
-    def press(self, keys: str) -> None:
-        self.host.send(keys)
-
-    def settle(self) -> None:
-        self.host.wait_for_quiet(0.4)
-
-
-@contextmanager
-def automaton(
-    folder: Path, *arguments: str, rows: int = 24, columns: int = 80, **environ: str
-) -> Iterator[Session]:
-    kept = {name: os.environ[name] for name in KEPT if name in os.environ}
-    variables = {**kept, **TRUECOLOR, "XDG_STATE_HOME": str(folder), **environ}
-    command = [sys.executable, "-m", "automaton", *arguments]
-    with TerminalHost(command, rows=rows, columns=columns, environ=variables) as host:
-        yield Session(host)
 
 
 @contextmanager

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_in_terminal import automaton
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 from rich.segment import ControlType, Segment
-from test_app_terminal import automaton
 from textual.color import Color
 
 from tui.ascii_only import AsciiOnly

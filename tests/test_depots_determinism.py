@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_determinism import told
+from fresh_process import told
 
 from automaton.parallel import run_all
 from automaton.scenario.resolve import resolve

@@ -6,13 +6,11 @@ strategy changes them, and `pytest tests/test_determinism.py --update-grids` wri
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
+from fresh_process import told
 
 from automaton.kernels.digest import (
     DIGEST_NAMES,
@@ -32,15 +30,6 @@ from automaton.world.state import TICK
 ALLOCATIONS = ("independent", "cooperative", "adaptive", "independent-python")
 SETTINGS = ("fleet.robots=4", "strategy.allocation=adaptive")
 
-TOLD = """
-import sys
-from automaton.scenario.resolve import resolve
-from automaton.simulation import Simulation
-run = Simulation(resolve(sys.argv[1], sys.argv[3:]), seed=7)
-run.run(until=int(sys.argv[2]))
-print(run.tick, run.digest)
-"""
-
 
 def simulation(name: str, *settings: str, seed: int = 7, **options: Any) -> Simulation:
     return Simulation(resolve(name, settings), seed=seed, **options)
@@ -52,20 +41,6 @@ def digest(name: str, *settings: str, seed: int = 7, **options: Any) -> str:
     run.run()
     assert run.finished
     return run.digest
-
-
-def told(name: str, until: int, *settings: str, **environment: str) -> str:
-    """ "TICK DIGEST" of a run in a fresh process."""
-    done = subprocess.run(
-        [sys.executable, "-c", TOLD, name, str(until), *settings],
-        env={**os.environ, **environment},
-        cwd=os.getcwd(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
 
 
 def test_two_fresh_processes_agree() -> None:

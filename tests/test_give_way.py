@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_playback import recorded
+from played_back import recorded
 
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve

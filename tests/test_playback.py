@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from played_back import check_at, digests_of, playback_of, recorded
 from test_random_decisions import Case, cases
 
 from automaton.errors import InputError
@@ -21,38 +22,15 @@ from automaton.history.run import RecordedRun
 from automaton.kernels.decisions import first_other_tick
 from automaton.recording import frames as stored
 from automaton.recording.frames import TICKS, Recording, read_recording
-from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.recorder import Recorder
 from automaton.recording.verification import verify
-from automaton.scenario.resolve import Resolved, resolve
+from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.condition import PERCENT
 from automaton.world.waiting import CHARGED
 
 ALLOCATION = ("independent", "cooperative", "adaptive", "independent-python")
 SIGHT = ("everything", "orders", "{radius: 3}")
-
-
-def recorded(resolved: Resolved, until: int | None = None, storage: Any = None) -> Recording:
-    memory = MemoryRecorder(resolved)
-    order = None if storage is None else np.array(storage, np.int32)
-    Simulation(resolved, storage=order, on_record=memory).run(until)
-    return memory.recording()
-
-
-def digests_of(recording: Recording) -> Any:
-    """(T, D): the recorded digests; row t - 1 tells of tick t."""
-    return np.concatenate([f.content["digests"] for f in recording.frames if f.kind == TICKS])
-
-
-def playback_of(recording: Recording, **more: Any) -> Playback:
-    return Playback(recording.header, recording.stored(), **more)
-
-
-def check_at(playback: Playback, digests: Any, tick: int) -> None:
-    playback.go_to(tick)
-    assert playback.tick == tick
-    if tick:
-        assert np.array_equal(playback.simulation.digests(), digests[tick - 1]), f"tick {tick}"
 
 
 def check_everywhere(recording: Recording) -> None:

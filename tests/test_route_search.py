@@ -5,62 +5,23 @@ Checked against Bellman and Ford, and against an A* in plain Python that has one
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
+from drawn_legs import Case, cases
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_astar import path
-from plain_paths import FAR, Pose, Ways
+from plain_paths import FAR, Ways
 
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import COST, EXPANDED, STAMP, TIES
 from automaton.scenario.pictures import draw_floor
-from automaton.world.floor import Floor, floor_for
-from automaton.world.route_space import RouteSpace, route_space
-from automaton.world.state import ACTIONS, MOVE, NIL, TURN, Array
+from automaton.world.route_space import RouteSpace
+from automaton.world.state import NIL
 
-SYMBOLS = ".......++--||==~><v^##"
 PLAIN_RULES = ("fifo", "larger_g")  # those that need no draw
-
-
-class Case(NamedTuple):
-    """A floor and a leg on it."""
-
-    ways: Ways
-    start: Pose
-    target: int
-    mode: str = "undirected"
-
-    def built(self) -> tuple[Floor, Array, RouteSpace]:
-        ways = self.ways
-        floor = floor_for(ways.plan, ways.kinematics, ways.move, ways.turn, self.mode)
-        duration = np.ones(ACTIONS, np.int32)
-        duration[MOVE], duration[TURN] = ways.move, ways.turn
-        return floor, duration, route_space(floor.grid.rule.size * ways.headings, floor.grid.zones)
-
-    def start_pose(self) -> int:
-        return self.start[0] * self.ways.headings + self.start[1]
-
-
-@st.composite
-def cases(draw: Any) -> Case:
-    width = draw(st.integers(1, 6))
-    lines = draw(pictures(SYMBOLS, width, draw(st.integers(1, 6)))).split("\n")
-    if all(set(line) == {"#"} for line in lines):
-        lines.append("." * width)
-    ways = Ways(
-        plan=draw_floor("\n".join(lines)),
-        kinematics=draw(st.sampled_from(["rail", "differential", "omni"])),
-        move=draw(st.integers(1, 3)),
-        turn=draw(st.sampled_from([0, 1, 2, 5])),
-    )
-    cells = ways.cells()
-    start = (draw(st.sampled_from(cells)), draw(st.integers(0, ways.headings - 1)))
-    mode = draw(st.sampled_from(["undirected", "directed", "with-intersections"]))
-    return Case(ways, start, draw(st.sampled_from(cells)), mode)
 
 
 def found(

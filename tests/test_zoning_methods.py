@@ -15,16 +15,15 @@ from hypothesis import strategies as st
 from zoning_scenes import (
     FEET_PER_MINUTE,
     check_partition,
-    ddz_rules,
     drawn,
     everyone,
     factory,
     factory_rules,
     scratch,
-    shipped,
     stations,
     training_flow,
 )
+from zoning_trials import ANNEALED, evolved, repaired, south, turn
 
 from automaton.world.partition import Design
 from automaton.zoning import annealing, genetic, negotiation
@@ -33,37 +32,10 @@ from automaton.zoning.designs import design_arrays, read_design
 from automaton.zoning.exponential import exponential, logarithm, temperature
 from automaton.zoning.herd import population_for
 from automaton.zoning.load import find_loads
-from automaton.zoning.negotiation import Parts, lead, parts_for
 from automaton.zoning.roads import typical_distance
 from automaton.zoning.seeding import first_design, random_design
 from automaton.zoning.space import zone_rules
-from automaton.zoning.transfer import connected, find_transfers
-
-ANNEALED = (annealing.HOT, annealing.COLD, annealing.STEPS, annealing.MOST)
-
-
-def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
-    _, _, roads = factory()
-    design, space = design_arrays(roads, zones), scratch(roads, zones)
-    rules, reach = factory_rules(roads), everyone(zones)
-    done = annealing.repair(
-        roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, space, reach, seed, 0
-    )
-    return done, design
-
-
-def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) -> Design:
-    _, _, roads = factory()
-    design, space, herd = (
-        design_arrays(roads, 3),
-        scratch(roads, 3),
-        population_for(roads, individuals),
-    )
-    rules, reach = factory_rules(roads), everyone(3)
-    limits = (generations, genetic.SELECTED, genetic.MUTATION)
-    assert genetic.evolve(roads, rules, flow, *limits, herd, design, space, reach, seed, 0)
-    assert connected(design, space)
-    return design
+from automaton.zoning.transfer import connected
 
 
 def test_phase_1_gives_every_station_a_zone() -> None:
@@ -194,38 +166,9 @@ def test_evolved_designs_are_partitions(seed: int) -> None:
     check_partition(roads, evolved(flow, seed, generations=2, individuals=6))
 
 
-def waiting(legs: list[tuple[int, int]]) -> Parts:
-    """Parts at stations on their way to others, as users count them; nobody has queued them."""
-    parts = parts_for(len(legs) + 3)
-    parts.count[0] = len(legs)
-    for k, (at, to) in enumerate(legs):
-        parts.at[k], parts.to[k] = at - 1, to - 1
-    return parts
-
-
-def south() -> dict[str, Any]:
-    """The initial design of DDZ with all the parts in the south."""
-    _, _, roads = factory()
-    space, rules, reach = scratch(roads, 3), ddz_rules(), everyone(3)
-    design = shipped("factory-ddz")
-    find_transfers(roads, rules, design, space, reach)
-    parts = waiting([(17, 11), (16, 8), (12, 15), (11, 18), (18, 12), (8, 13), (13, 17)] * 3)
-    negotiation.requeue(roads, design, space, parts, reach)
-    negotiation.adopt(parts)
-    parts.zone[: parts.count[0]] = 2
-    return dict(roads=roads, rules=rules, parts=parts, design=design, space=space, reach=reach)
-
-
 @pytest.fixture
 def busy() -> dict[str, Any]:
     return south()
-
-
-def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
-    limits = (negotiation.HOT, negotiation.COLD, negotiation.STEPS, negotiation.SCALE)
-    known = (scene["design"], scene["space"], leader, scene["reach"], mean, seed, 0)
-    before = (scene["roads"], scene["rules"], scene["parts"], *limits, 0, negotiation.ITERATIONS)
-    return float(lead(*before, *known))
 
 
 def test_a_turn_never_ends_worse_than_it_began(busy: dict[str, Any]) -> None:
@@ -291,7 +234,8 @@ def test_the_temperature_falls_from_hot_to_cold() -> None:
 TOLD = """
 import sys
 sys.path.insert(0, "tests")
-from test_zoning_methods import *
+from zoning_scenes import training_flow
+from zoning_trials import evolved, repaired, south, turn
 flow = training_flow()
 print(repaired(flow, 3, 7)[1].zone.tolist(), evolved(flow, 7, 1, 4).zone.tolist())
 scene = south()

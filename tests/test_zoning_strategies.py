@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from played_back import check_at, digests_of, playback_of, recorded
 from powered import scene
-from test_playback import check_at, digests_of, playback_of, recorded
 
 from automaton.errors import InputError
 from automaton.metrics import metrics_of

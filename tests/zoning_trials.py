@@ -1,0 +1,76 @@
+"""The methods of zoning, each tried on a small flow of parts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from zoning_scenes import (
+    ddz_rules,
+    everyone,
+    factory,
+    factory_rules,
+    scratch,
+    shipped,
+)
+
+from automaton.world.partition import Design
+from automaton.zoning import annealing, genetic, negotiation
+from automaton.zoning.designs import design_arrays
+from automaton.zoning.herd import population_for
+from automaton.zoning.negotiation import Parts, lead, parts_for
+from automaton.zoning.transfer import connected, find_transfers
+
+ANNEALED = (annealing.HOT, annealing.COLD, annealing.STEPS, annealing.MOST)
+
+
+def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
+    _, _, roads = factory()
+    design, space = design_arrays(roads, zones), scratch(roads, zones)
+    rules, reach = factory_rules(roads), everyone(zones)
+    done = annealing.repair(
+        roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, space, reach, seed, 0
+    )
+    return done, design
+
+
+def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) -> Design:
+    _, _, roads = factory()
+    design, space, herd = (
+        design_arrays(roads, 3),
+        scratch(roads, 3),
+        population_for(roads, individuals),
+    )
+    rules, reach = factory_rules(roads), everyone(3)
+    limits = (generations, genetic.SELECTED, genetic.MUTATION)
+    assert genetic.evolve(roads, rules, flow, *limits, herd, design, space, reach, seed, 0)
+    assert connected(design, space)
+    return design
+
+
+def waiting(legs: list[tuple[int, int]]) -> Parts:
+    """Parts at stations on their way to others, as users count them; nobody has queued them."""
+    parts = parts_for(len(legs) + 3)
+    parts.count[0] = len(legs)
+    for k, (at, to) in enumerate(legs):
+        parts.at[k], parts.to[k] = at - 1, to - 1
+    return parts
+
+
+def south() -> dict[str, Any]:
+    """The initial design of DDZ with all the parts in the south."""
+    _, _, roads = factory()
+    space, rules, reach = scratch(roads, 3), ddz_rules(), everyone(3)
+    design = shipped("factory-ddz")
+    find_transfers(roads, rules, design, space, reach)
+    parts = waiting([(17, 11), (16, 8), (12, 15), (11, 18), (18, 12), (8, 13), (13, 17)] * 3)
+    negotiation.requeue(roads, design, space, parts, reach)
+    negotiation.adopt(parts)
+    parts.zone[: parts.count[0]] = 2
+    return dict(roads=roads, rules=rules, parts=parts, design=design, space=space, reach=reach)
+
+
+def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
+    limits = (negotiation.HOT, negotiation.COLD, negotiation.STEPS, negotiation.SCALE)
+    known = (scene["design"], scene["space"], leader, scene["reach"], mean, seed, 0)
+    before = (scene["roads"], scene["rules"], scene["parts"], *limits, 0, negotiation.ITERATIONS)
+    return float(lead(*before, *known))

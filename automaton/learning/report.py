@@ -85,10 +85,10 @@ def print_depths(out: Console, outcome: Mapping[str, Any]) -> None:
     settings = outcome["settings"]
     out.print(
         f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
-        f"at most {settings['epochs']} epochs; loss beside the least of a constant answer",
+        f"at most {settings['epochs']} epochs",
         soft_wrap=True,
     )
-    out.print()
+    out.print("least: the loss of the best epoch; constant: of the best constant answer\n")
     table = plain_table("loss", "hidden", "epochs", "least", "constant", "precision", "recall")
     table.columns[0].justify = "left"
     for row in outcome["rows"]:

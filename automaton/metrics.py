@@ -7,11 +7,14 @@ by cycles (MOVE, TURN and WAIT without load over all active cycles).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from automaton.glossary import GLOSSARY as GLOSSARY
-from automaton.station_figures import balance_figures, station_figures
-from automaton.tasks import Measured, quantile_95, task_figures
+from automaton.station_figures import busy_ticks, sums_of_parts
+from automaton.sums import LOST, metric
+from automaton.tasks import Measured, Tasks, quantile_95, summed, tasks_after
 from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
 from automaton.world.state import (
     ACTION_NAMES,
@@ -38,87 +41,142 @@ from automaton.world.state import (
 
 OPERATIONS = [MOVE, TURN, PICK, DROP, TRY_DROP, WAIT]
 DRIVING = [MOVE, TURN, WAIT]  # what can be an empty run
-LOST = {
-    "waiting": WAIT,
-    "refused": BLOCKED,
-    "withdrawing": WITHDRAW,
-    "bay": BAY_BLOCKED,
-    "in_line": IN_LINE,
-    "illegal": ILLEGAL,
-}
+LOST_IN = dict(
+    zip(LOST, (WAIT, BLOCKED, WITHDRAW, BAY_BLOCKED, IN_LINE, ILLEGAL), strict=True)
+)  # figure: action
+SHARES = ("E_U_moves", "E_U_operations", "E_U_cycles", "ticks_per_operation", "blocked")
+BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as in_balance
+
+
+class Counted(NamedTuple):
+    """What a run has counted up to a tick."""
+
+    tick: int
+    sums: dict[str, int]  # by the names of automaton.sums, those of orders and parts aside
+    actions: Array  # (A,) int64: robot ticks spent in each action
+    busy: Array  # (k,) int64: ticks in which each station worked
 
 
 def executed_ticks(world: World) -> Array:
     """(n, A, 2): ticks spent in each action, without what the operations under way still need."""
     ticks: Array = world.tally.ticks.copy()
-    robots = world.robots
-    for i in (robots.busy > 0).nonzero()[0]:
-        ticks[i, robots.action[i], int(robots.load[i] != NIL)] -= robots.busy[i]
+    at = under_way(world)
+    ticks[at[0], at[1], at[2]] -= world.robots.busy[at[0]]
     return ticks
 
 
-def metrics_of(run: Measured) -> dict[str, float | int]:
-    """All metrics of the fleet, by the names of GLOSSARY.
+def fleet_ticks(world: World) -> Array:
+    """(A, 2): the same of all robots together."""
+    ticks: Array = world.tally.ticks.sum(0)
+    at = under_way(world)
+    np.subtract.at(ticks, (at[1], at[2]), world.robots.busy[at[0]])
+    return ticks
+
+
+def under_way(world: World) -> tuple[Array, Array, Array]:
+    """The robots whose operation is not over, the operation, and whether they are loaded."""
+    robots = world.robots
+    busy = np.flatnonzero(robots.busy > 0)
+    return busy, robots.action[busy], (robots.load[busy] != NIL).astype(np.int64)
+
+
+def counted(run: Measured) -> Counted:
+    """What a run has counted so far; what it does not measure is not there."""
+    world = run.world
+    tally, rules, out = world.tally, world.rules, world.tally.out.sum(0)
+    times, ticks = tally.times.sum(0), fleet_ticks(world)
+    sums = _of_actions(times, ticks)
+    if not rules.battery:
+        del sums["lost_in_line"]
+    sums |= {"withdrawals": int(times[WITHDRAW].sum()), "illegal_answers": int(tally.illegal.sum())}
+    if may_slow(world):
+        sums["slowed"] = int(tally.slowed.sum())
+    if run.resolved.scenario.units.cell is not None:
+        sums["travel"] = sums["moves"]
+    if rules.battery:
+        sums |= {"charge": int(tally.spent.sum()), "charging": int(ticks[CHARGE].sum())}
+        sums["ran_empty"] = int(out[RAN_EMPTY])
+    if rules.may_fail:
+        sums |= {"breakdowns": int(out[BROKE_DOWN]), "towed": int(out[WAS_TOWED])}
+        sums["out_of_order"] = int(ticks[OUT_OF_ORDER].sum())
+    found = {**dict(run.counted), **sums}
+    return Counted(int(world.clock[TICK]), found, ticks.sum(1), busy_ticks(world))
+
+
+def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
+    """All metrics of the fleet, by the names of GLOSSARY, but for T_total only of what came `since`.
 
     Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer; times
     of tasks, orders and parts are there once one has ended: what was not measured is not 0. What
     strategies count themselves comes under the names that they give it, those unknown here last.
     """
-    world = run.world
-    elapsed = int(world.clock[TICK])
-    figures = _shares(world.tally.times.sum(0), executed_ticks(world).sum(0))
+    world, now = run.world, counted(run)
+    begin = 0 if since is None else since.tick
+    before = {} if since is None else since.sums
     n = len(world.robots.cell)
-    done = world.orders.state == DELIVERED
-    delivered = int(done.sum())
-    active = figures.pop("active")
-    if not world.rules.battery:
-        del figures["lost_in_line"]
-    figures |= {
-        "T_total": elapsed,
-        "T_R": figures["T_Rtotal"] / n,
-        "delivered": delivered,
-        "throughput": _ratio(1000 * delivered, elapsed),
-        "utilization": _ratio(active, n * elapsed),
-        "withdrawals": int(world.tally.times[:, WITHDRAW].sum()),
-        "illegal_answers": int(world.tally.illegal.sum()),
-    }
-    if may_slow(world):
-        figures["slowed"] = int(world.tally.slowed.sum())
-    if delivered:
-        figures["legs_per_order"] = int(world.orders.legs[done].sum()) / delivered
-    if delivered and world.orders.released.any():
-        times = (world.orders.delivered - world.orders.released)[done]
-        figures["lead_time"] = float(times.mean())
-        figures["lead_time_p95"] = quantile_95(times)
-    figures |= energy_figures(world, elapsed)
-    figures |= task_figures(run)
-    figures |= station_figures(world)
-    if run.resolved.scenario.units.cell is not None:
-        figures["travel"] = int(world.tally.times[:, MOVE].sum())
-    counted = balance_figures(dict(run.counted))
-    figures = {**counted, **figures}
-    others = [name for name in counted if name not in GLOSSARY]
+    sums = {name: value - before.get(name, 0) for name, value in now.sums.items()}
+    sums |= _of_stretch(n, now.tick - begin)
+    borders = np.array([begin, now.tick])
+    for found in (sums_of_orders(world, borders), sums_of_parts(world, borders)):
+        sums |= {name: int(value[0]) for name, value in found.items()}
+    figures: dict[str, float | int] = {"T_total": now.tick}
+    measure = run.resolved.scenario.measure
+    if measure is not None:
+        tasks = tasks_after(run, measure.warm_up)
+        sums |= _of_tasks(world, tasks, n, measure.warm_up)
+        if len(tasks.begun):
+            figures["delay_p95"] = quantile_95(tasks.delays)
+    if sums.get("timed"):
+        orders = world.orders
+        timed = (orders.state == DELIVERED) & (orders.delivered > begin)
+        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.released)[timed])
+    if world.rules.battery:
+        figures["least_charge"] = float(world.robots.charge.min() / FULL)
+    if len(world.stations.part):
+        busy = now.busy if since is None else now.busy - since.busy
+        figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
+        figures["busiest"] = float(busy[most]) / max(1, now.tick - begin)
+    others = [name for name in now.sums if name in run.counted and name not in GLOSSARY]
+    if set(BALANCE) <= set(others):
+        others = [name for name in others if name not in BALANCE]
+    for name in (*GLOSSARY, *others):
+        value = metric(name, sums)
+        if value is not None:
+            figures[name] = value
     return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}
 
 
-def energy_figures(world: World, elapsed: int) -> dict[str, float | int]:
-    """What batteries and faults add to the metrics: nothing where there are none."""
-    tally, out = world.tally, world.tally.out.sum(0)
-    figures: dict[str, float | int] = {}
-    if world.rules.battery:
-        figures |= {
-            "energy": float(tally.spent.sum() / FULL),
-            "charging": _ratio(tally.ticks[:, CHARGE].sum(), len(tally.spent) * elapsed),
-            "least_charge": float(world.robots.charge.min() / FULL),
-            "ran_empty": int(out[RAN_EMPTY]),
-        }
-    if world.rules.may_fail:
-        figures |= {
-            "breakdowns": int(out[BROKE_DOWN]),
-            "towed": int(out[WAS_TOWED]),
-            "out_of_order": int(tally.ticks[:, OUT_OF_ORDER].sum()),
-        }
-    return figures
+def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
+    return {"robots": robots, "ticks": ticks, "robot_ticks": robots * ticks}
+
+
+def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str, int]:
+    """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
+    orders, after = world.orders, max(0, int(world.clock[TICK]) - warm_up)
+    completed = (orders.state == DELIVERED) & (orders.delivered > warm_up)
+    return {
+        **{name: int(value.sum()) for name, value in tasks.sums.items()},
+        "completed": int(np.count_nonzero(completed)),
+        "watched_robot_ticks": robots * after,
+    }
+
+
+def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
+    """Of the orders that were delivered in each stretch between ascending borders, in ticks.
+
+    How many, their legs, and where orders come in over time how long they took: (borders - 1,) each.
+    """
+    orders = world.orders
+    done = np.flatnonzero(orders.state == DELIVERED)
+    at = np.maximum(orders.delivered[done], 1)  # ticks count from 1
+    found = {
+        "delivered": summed(at, np.ones(len(done)), borders),
+        "legs": summed(at, orders.legs[done], borders),
+    }
+    if orders.released.any():
+        times = orders.delivered[done].astype(np.int64) - orders.released[done]
+        found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
+    return found
 
 
 def may_slow(world: World) -> bool:
@@ -184,18 +242,22 @@ def illegal_by_layer(run: Measured) -> dict[str, int]:
 
 def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
     """Figures from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
-    operations = int(times[OPERATIONS].sum())
-    active = int(ticks[1:OUT_OF_ORDER].sum())
-    lost = {f"lost_{cause}": int(ticks[action].sum()) for cause, action in LOST.items()}
+    sums = _of_actions(times, ticks)
+    figures: dict[str, float | int] = {"T_Rtotal": sums["operations"]}
+    figures |= {name: float(metric(name, sums) or 0.0) for name in SHARES}
+    return figures | {name: sums[name] for name in ("active", *LOST)}
+
+
+def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
+    """Sums of automaton.sums from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
     return {
-        "T_Rtotal": operations,
-        "E_U_moves": _ratio(times[MOVE, 0], times[MOVE].sum()),
-        "E_U_operations": _ratio(times[DRIVING, 0].sum(), operations),
-        "E_U_cycles": _ratio(ticks[DRIVING, 0].sum(), active),
-        "ticks_per_operation": _ratio(active, operations),
-        "blocked": _ratio(sum(lost.values()), active),
-        "active": active,
-        **lost,
+        "operations": int(times[OPERATIONS].sum()),
+        "moves": int(times[MOVE].sum()),
+        "empty_moves": int(times[MOVE, 0]),
+        "empty_driving": int(times[DRIVING, 0].sum()),
+        "empty_driving_ticks": int(ticks[DRIVING, 0].sum()),
+        "active": int(ticks[1:OUT_OF_ORDER].sum()),
+        **{name: int(ticks[action].sum()) for name, action in LOST_IN.items()},
     }
 
 

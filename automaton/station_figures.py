@@ -1,19 +1,17 @@
-"""What stations did: parts finished, how long they took, and the station that works most.
-
-`station_figures` reads the works of automaton.world.work; nothing where no parts are worked on.
-"""
+"""What stations did, by the works of automaton.world.work: parts finished, and ticks of work."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from automaton.tasks import summed
 from automaton.world.state import NIL, TICK, Array, World
 
 
-def station_figures(world: World) -> dict[str, float | int]:
-    """The figures of stations, by the names of the glossary; none without parts.
+def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
+    """Of the parts that were finished in each stretch between borders: how many, and their ticks.
 
-    `part_time` is there once a part is finished.
+    Nothing without parts.
     """
     stations = world.stations
     if not len(stations.part):
@@ -21,15 +19,11 @@ def station_figures(world: World) -> dict[str, float | int]:
     ended = np.flatnonzero((stations.frees == NIL) & (stations.done != NIL))
     begun = np.full(int(stations.part.max()) + 1, NIL, np.int64)
     begun[stations.part[stations.entering]] = stations.came[stations.entering]
-    took = stations.done[ended] - begun[stations.part[ended]]
-    busy = busy_ticks(world)
-    most = int(np.argmax(busy))
-    time = {"part_time": float(took.mean())} if len(ended) else {}
+    at = stations.done[ended]
+    took = at - begun[stations.part[ended]]
     return {
-        "parts": len(ended),
-        **time,
-        "busiest_station": most + 1,
-        "busiest": float(busy[most]) / max(1, int(world.clock[TICK])),
+        "parts": summed(at, np.ones(len(at)), borders),
+        "part_times": summed(at, took, borders),
     }
 
 
@@ -43,13 +37,3 @@ def busy_ticks(world: World) -> Array:
     since = stations.until[working] - stations.ticks[stations.first[working]]
     busy[working] += np.maximum(0, now - since)
     return busy
-
-
-def balance_figures(counted: dict[str, int]) -> dict[str, float | int]:
-    """What zoning counted, with the time in balance as a share of the time that was watched."""
-    figures: dict[str, float | int] = dict(counted)
-    if "ticks_watched" in figures and "ticks_in_balance" in figures:
-        watched, good = figures.pop("ticks_watched"), figures.pop("ticks_in_balance")
-        if watched:
-            figures["in_balance"] = good / watched
-    return figures

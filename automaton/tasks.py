@@ -9,7 +9,7 @@ heading in which it begins, the pick, and the tick in which the load is set down
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from automaton.interruption import interruptible
 from automaton.kernels.tasks import least_drives
 from automaton.scenario.measures import TASK_METRICS as TASK_METRICS
 from automaton.scenario.resolve import Resolved
-from automaton.world.state import DELIVERED, DROP, NIL, PICK, TICK, Array, Workspace, World
+from automaton.world.state import DELIVERED, DROP, NIL, PICK, Array, Workspace, World
 
 
 class Measured(Protocol):
@@ -37,31 +37,42 @@ class Measured(Protocol):
     def counted(self) -> Mapping[str, int]: ...
 
 
-def task_figures(run: Measured) -> dict[str, float]:
-    """The metrics of TASK_METRICS, or none if the scenario does not measure tasks.
+class Tasks(NamedTuple):
+    """Tasks that were done: when each was taken, how long it took, and by how much too long."""
 
-    Where no task has ended nothing is known of the time that tasks take: `completions` stands alone.
-    """
-    measure = run.resolved.scenario.measure
-    if measure is None:
-        return {}
-    world, warm_up = run.world, measure.warm_up
-    orders, robots = world.orders, len(world.robots.cell)
-    done = orders.state == DELIVERED
-    tasks = np.flatnonzero(done & (orders.dispatched > warm_up) & (orders.legs == 1))
-    after = max(0, int(world.clock[TICK]) - warm_up)
-    completed = int(np.count_nonzero(done & (orders.delivered > warm_up)))
-    found = {"completions": 1000 * completed / (robots * after) if after else 0.0}
-    if not len(tasks):
-        return found
+    begun: Array  # (k,) ticks
+    times: Array
+    delays: Array
+
+    @property
+    def sums(self) -> dict[str, Array]:
+        """What automaton.sums adds up, by task."""
+        return {
+            "taken": np.ones(len(self.begun), np.int64),
+            "task_times": self.times,
+            "delays": self.delays,
+        }
+
+
+def tasks_after(run: Measured, tick: int) -> Tasks:
+    """The tasks that were taken after a tick and are done."""
+    world = run.world
+    orders = world.orders
+    whole = (orders.state == DELIVERED) & (orders.legs == 1)
+    tasks = np.flatnonzero(whole & (orders.dispatched > tick))
     times = task_times(world, tasks)
-    delays = times - least_times(run, tasks)
-    return {
-        **found,
-        "task_time": float(times.mean()),
-        "delay": float(delays.mean()),
-        "delay_p95": quantile_95(delays),
-    }
+    return Tasks(orders.dispatched[tasks], times, times - least_times(run, tasks))
+
+
+def summed(ticks: Array, values: Array, borders: Array) -> Array:
+    """(borders - 1,) int64: values by the stretch in which their ticks lie; those before are left out.
+
+    A stretch begins after a border, and ends with the next one; ascending.
+    """
+    stretch = np.minimum(np.searchsorted(borders, ticks) - 1, len(borders) - 2)
+    inside = stretch >= 0
+    found = np.bincount(stretch[inside], values[inside], len(borders) - 1)
+    return found.astype(np.int64)  # exact below 2^53
 
 
 def quantile_95(values: Array) -> float:

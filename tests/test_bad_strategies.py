@@ -67,6 +67,13 @@ class CountsNothing(Base):
         return memory_of(view, own=1)
 
 
+class CountsMoves(Base):
+    counters: ClassVar = {"moves": 0}
+
+    def reset(self, view: Any) -> Any:
+        return memory_of(view, own=1)
+
+
 class NoWait(Strategy):
     layer = "right_of_way"
 
@@ -106,6 +113,7 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
         ("Floats", "allocation", "memory.shared as int64 of shape"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
         ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.own"),
+        ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
         ("Often", "allocation", "every must be a number of ticks"),
     ],
 )

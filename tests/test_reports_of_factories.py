@@ -11,7 +11,8 @@ from automaton.commands import main
 from automaton.metrics import GLOSSARY, metrics_by_robot, metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.station_figures import balance_figures, busy_ticks
+from automaton.station_figures import busy_ticks
+from automaton.sums import metric
 from automaton.units import Unit, duration, unit
 from automaton.world.state import NIL
 
@@ -80,10 +81,9 @@ def test_travel_is_what_robots_drove(ran: Simulation) -> None:
 
 
 def test_balance_is_a_share_of_the_time_that_was_watched() -> None:
-    counted = {"redesigns": 2, "ticks_in_balance": 30, "ticks_watched": 120}
-    assert balance_figures(counted) == {"redesigns": 2, "in_balance": 0.25}
-    assert balance_figures({"ticks_in_balance": 0, "ticks_watched": 0}) == {}
-    assert balance_figures({"bids": 3}) == {"bids": 3}
+    assert metric("in_balance", {"ticks_in_balance": 30, "ticks_watched": 120}) == 0.25
+    assert metric("in_balance", {"ticks_in_balance": 0, "ticks_watched": 0}) is None
+    assert metric("in_balance", {"bids": 3}) is None and metric("bids", {"bids": 3}) == 3
 
 
 def test_what_zoning_counts_is_explained(ran: Simulation) -> None:

@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     """Read, compose, write."""
     from automaton.experiments.store import Store
     from automaton.reporting.compose import compose
+    from automaton.reporting.cutting import measured_rows
     from automaton.reporting.export import (
         CSV_BEGINS,
         PARQUET_BEGINS,
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     document = compose(store, args.floor)
     wrote: list[Path] = []
     if args.csv is not None or args.parquet is not None:
-        rows = store.rows()
+        rows, _ = measured_rows(store)
         for path, write in ((args.csv, write_csv), (args.parquet, write_parquet)):
             if path is not None:
                 write(rows, path)

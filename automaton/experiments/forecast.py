@@ -12,6 +12,8 @@ from automaton.experiments.runs import Row, figures_of
 from automaton.experiments.session import difference, warm
 from automaton.experiments.store import Store
 from automaton.headless import WINDOW, strategies_blamed
+from automaton.measured_run import Marks
+from automaton.metrics import counted
 from automaton.simulation import Simulation
 
 PILOTS = 8  # points that are tried, spread over the design
@@ -95,7 +97,11 @@ def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
             if time.perf_counter() - begun > budget:
                 break
     seconds = time.perf_counter() - begun
-    row = figures_of(simulation, plan.manifest.points[point].window)
+    window, stretch = plan.manifest.points[point].windows
+    stretches = (
+        [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
+    )  # of a whole run
+    row = figures_of(simulation, window, Marks(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.stop.when == "never":
         return seconds * limit / simulation.tick, False, row_bytes(plan, row)
@@ -105,4 +111,5 @@ def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
 def row_bytes(plan: Plan, row: Row) -> int:
     """Bytes of a row that is not compressed at all."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
+    numbers += sum(map(len, row.get("sums", {}).values()))
     return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

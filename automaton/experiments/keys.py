@@ -19,12 +19,13 @@ import msgspec
 from automaton.errors import InputError
 from automaton.experiments.study import Levels, Study
 from automaton.recording.header import DECIDING, PACKAGES, file_hashes
+from automaton.scenario.measures import warm_up_of
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 
 DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 3
+FORMAT: Final = 4
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -38,13 +39,24 @@ class Run(NamedTuple):
     seed: int
 
 
+class Windows(NamedTuple):
+    """In what steps the rows of a steady state tell of their runs; 0: they keep none."""
+
+    window: int = 0  # ticks of a window of deliveries
+    stretch: int = 0  # and of a stretch of several, of which they keep all sums
+
+
+WHOLE: Final = Windows()
+
+
 class PlannedPoint(msgspec.Struct, frozen=True):
     """A design point as it was resolved."""
 
     scenario: str
     levels: Levels
     fingerprint: str  # of the resolved scenario, floor included
-    window: int  # ticks of a window of its rows' series; 0: they keep none
+    windows: Windows
+    warm_up: int  # ticks that the figures of its rows leave out
 
 
 class Declared(msgspec.Struct, frozen=True):
@@ -121,12 +133,11 @@ def hashed(value: Any) -> str:
     return digest(json.dumps(value, sort_keys=True, ensure_ascii=False, default=str))[:16]
 
 
-def fingerprint(resolved: Resolved, window: int = 0) -> str:
+def fingerprint(resolved: Resolved, windows: Windows = WHOLE) -> str:
     """Of a resolved scenario but for its seed and summary: 32 hex digits.
 
     Files count by their contents and not by their places, so that it is the same in another folder
-    and on another machine; of a floor, what was built. `window`: ticks of a window of the series
-    that its rows keep.
+    and on another machine; of a floor, what was built. `windows`: of its rows.
     """
     scenario = msgspec.to_builtins(resolved.scenario)
     del scenario["seed"], scenario["summary"]
@@ -142,7 +153,7 @@ def fingerprint(resolved: Resolved, window: int = 0) -> str:
         by_content(picks, contents),
         resolved.plan.fingerprint,
         resolved.start,
-        window,
+        windows,
     ]
     return digest(json.dumps(whole, sort_keys=True, ensure_ascii=False, default=str))[:32]
 
@@ -283,7 +294,7 @@ def manifest_of(
     study: Study,
     text: str,
     scenarios: tuple[Resolved, ...],
-    windows: tuple[int, ...],
+    windows: Windows,
     versions: dict[str, str],
     counted: tuple[str, ...],
 ) -> tuple[Manifest, tuple[str, ...]]:
@@ -292,7 +303,7 @@ def manifest_of(
     And the modules of plug-ins that they use.
     """
     plugins = tuple(sorted(set().union(*map(plugins_of, scenarios))))
-    each = zip(study.points, scenarios, windows, strict=True)
+    each = zip(study.points, scenarios, strict=True)
     manifest = Manifest(
         study=study.name,
         text=text,
@@ -300,8 +311,14 @@ def manifest_of(
         seed=study.seed,
         common_random_numbers=study.common_random_numbers,
         points=tuple(
-            PlannedPoint(point.scenario, point.levels, fingerprint(resolved, window), window)
-            for point, resolved, window in each
+            PlannedPoint(
+                point.scenario,
+                point.levels,
+                fingerprint(resolved, windows),
+                windows,
+                warm_up_of(resolved.scenario),
+            )
+            for point, resolved in each
         ),
         sources=sources_of(plugins),
         versions=versions,

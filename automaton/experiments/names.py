@@ -8,6 +8,7 @@ from typing import Any, Final
 from automaton.errors import nearest
 from automaton.glossary import GLOSSARY
 from automaton.scenario.schema import Scenario
+from automaton.sums import SUMS
 
 # The columns of every row, before the factors and the metrics, with their types.
 COLUMNS: Final = {
@@ -27,6 +28,7 @@ COLUMNS: Final = {
     "cpu_s": "float",
 }
 SERIES: Final = "series"  # deliveries in each window, where a study asks for them
+STRETCHES: Final = "sums"  # what automaton.sums adds up, in each stretch of some windows; likewise
 COUNTS: Final = ("ticks", "orders")  # columns that an analysis may name beside the metrics
 FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
 
@@ -74,3 +76,8 @@ def metric_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
     """
     known = tuple(name for name in GLOSSARY if name not in COLUMNS)
     return (*known, *(name for name in counted if name not in known))
+
+
+def sum_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """What a row of a steady state adds up: also what strategies count themselves."""
+    return (*SUMS, *(name for name in counted if name not in SUMS))

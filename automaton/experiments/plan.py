@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from automaton.errors import InputError, nearest
-from automaton.experiments.keys import Manifest, fingerprint, manifest_of
+from automaton.experiments.keys import WHOLE, Manifest, Windows, fingerprint, manifest_of
 from automaton.experiments.names import COLUMNS, COUNTS
 from automaton.experiments.study import (
     Point,
@@ -26,10 +27,10 @@ from automaton.scenario.measures import not_measured
 from automaton.scenario.overrides import keys_of
 from automaton.scenario.reading import find
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.statistics.steady import FEWEST_OBSERVATIONS, FEWEST_REPLICATIONS
+from automaton.statistics.steady import FEWEST_OBSERVATIONS, FEWEST_REPLICATIONS, GROUP
 from automaton.strategy import lookup
 
-SHORTEST_SERIES = 1000  # windows of a run, if a study does not say how long they are
+WINDOWS = 200  # of a run, if a study does not say how long they are
 WARM_UP = ("measure", "warm_up")
 
 
@@ -51,7 +52,7 @@ def plan_of(study: str | Path | Study) -> Plan:
     declared, document, scenarios = resolved_study(study)
     names = counted_by(scenarios)
     check_metrics(document, declared, scenarios, names)
-    windows = tuple(window_of(declared, resolved) for resolved in scenarios)
+    windows = windows_of(declared, scenarios)
     text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
     manifest, plugins = manifest_of(declared, text, scenarios, windows, versions(), names)
     return Plan(declared, declared.points, scenarios, plugins, manifest)
@@ -73,7 +74,7 @@ def resolved_study(
         if first is not point:
             text = f"points {first.number} and {point.number} are the same runs: {told(point)}"
             raise document.error(_where(declared, point), text)
-        check_windows(document, declared, point, resolved)
+    check_windows(document, declared, scenarios)
     return declared, document, scenarios
 
 
@@ -157,11 +158,19 @@ def _at(document: Document, keys: tuple[str | int, ...]) -> str:
     return f"{document.file}:{line_of(document.root, keys)[0]}"
 
 
-def window_of(study: Study, resolved: Resolved) -> int:
-    """Ticks of a window of the series that a row keeps; 0: it keeps none."""
+def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
+    """The windows of a study's rows, the same for all points so that one cut fits all."""
     if study.design != "steady-state":
-        return 0
-    return study.window or max(1, resolved.scenario.stop.at_most // SHORTEST_SERIES)
+        return WHOLE
+    ticks = shortest(scenarios)
+    window = study.window or math.ceil(ticks / WINDOWS)
+    groups = math.ceil(ticks / (window * WINDOWS))
+    return Windows(window, window * GROUP * groups)
+
+
+def shortest(scenarios: tuple[Resolved, ...]) -> int:
+    """Ticks of the shortest runs of a study of steady states."""
+    return min(resolved.scenario.stop.at_most for resolved in scenarios)
 
 
 def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
@@ -192,21 +201,21 @@ def check_metrics(
             raise document.error(place, f"no point of this study measures {name}; it takes {needs}")
 
 
-def check_windows(document: Document, study: Study, point: Point, resolved: Resolved) -> None:
+def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
     """Raises InputError where MSER-5 cannot find a warm-up, whatever the runs give."""
     if study.warm_up != "mser-5":
         return
     if study.replications < FEWEST_REPLICATIONS:
         text = f"warm_up: mser-5 needs {FEWEST_REPLICATIONS} replications, there are"
         raise document.error(("replications",), f"{text} {study.replications}")
-    window, ticks = window_of(study, resolved), resolved.scenario.stop.at_most
+    window, ticks = windows_of(study, scenarios).window, shortest(scenarios)
     if ticks // window < FEWEST_OBSERVATIONS:
         text = (
             f"warm_up: mser-5 needs {FEWEST_OBSERVATIONS} windows in a run, there are "
             f"{ticks // window} of {window:,} ticks in stop.at_most {ticks:,}"
         )
         where = ("window",) if study.window else ("warm_up",)
-        raise document.error(where, f"{text} (point {point.number}: {told(point)})")
+        raise document.error(where, text)
 
 
 def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:

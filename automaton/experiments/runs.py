@@ -16,8 +16,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.experiments.keys import Run, Sources, hashed, package_sources, plugin_sources
-from automaton.headless import is_finished, run_to_end, strategies_blamed
+from automaton.experiments.keys import (
+    WHOLE,
+    Run,
+    Sources,
+    Windows,
+    hashed,
+    package_sources,
+    plugin_sources,
+)
+from automaton.experiments.names import SERIES, STRETCHES
+from automaton.headless import is_finished, strategies_blamed
+from automaton.measured_run import Marks, run_marked, sums_by_stretch
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
@@ -35,7 +45,7 @@ class Chunk(NamedTuple):
     plugins: tuple[str, ...]
     fingerprint: str  # of the scenario
     scenario: bytes  # the resolved scenario, pickled
-    window: int
+    windows: Windows
     runs: tuple[Run, ...]
 
 
@@ -49,7 +59,7 @@ def run_chunk(chunk: Chunk) -> list[Row]:
     if here != chunk.version:
         raise OtherCode(f"{os.uname().nodename} has version {here}, not {chunk.version}")
     resolved = _scenario(chunk.fingerprint, chunk.scenario)
-    return [run_one(resolved, run, chunk.window) for run in chunk.runs]
+    return [run_one(resolved, run, chunk.windows) for run in chunk.runs]
 
 
 def _version(plugins: tuple[str, ...]) -> str:
@@ -94,15 +104,15 @@ def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
     return resolved
 
 
-def run_one(resolved: Resolved, run: Run, window: int = 0) -> Row:
+def run_one(resolved: Resolved, run: Run, windows: Windows = WHOLE) -> Row:
     """Run a scenario with the seed of a run, to its end or its limit."""
     wall, cpu = time.perf_counter(), time.process_time()
     row = blank(run)
     try:
         with strategies_blamed(resolved):
             simulation = Simulation(resolved, run.seed)
-            run_to_end(simulation)
-            row |= figures_of(simulation, window)
+            marks = run_marked(simulation, windows.stretch)
+            row |= figures_of(simulation, windows.window, marks)
     except InputError as error:
         row["failed"] = reason(str(error))
     except BaseException as error:  # whatever goes wrong is told beside the other runs
@@ -131,20 +141,22 @@ def blank(run: Run, failed: str | None = None) -> Row:
     return {**run._asdict(), "finished": False, "failed": failed, "metrics": {}}
 
 
-def figures_of(simulation: Simulation, window: int) -> Row:
-    """What a row tells of a run that is over."""
+def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
+    """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
     orders = simulation.world.orders
+    delivered = orders.delivered[orders.state == DELIVERED]
     row: Row = {
         "finished": is_finished(simulation),
         "ticks": simulation.tick,
         "orders": len(orders.state),
-        "delivered": int((orders.state == DELIVERED).sum()),
+        "delivered": len(delivered),
         "digest": simulation.digest,
-        "metrics": metrics_of(simulation),
+        "metrics": metrics_of(simulation, marks.warm_up),
     }
     if window:
-        done = np.maximum(orders.delivered[orders.state == DELIVERED], 1)  # ticks count from 1
         windows = simulation.tick // window
+        done = np.maximum(delivered, 1)  # ticks count from 1
         whole = done[done <= windows * window]
-        row["series"] = np.bincount((whole - 1) // window, minlength=windows).tolist()
+        row[SERIES] = np.bincount((whole - 1) // window, minlength=windows).tolist()
+        row[STRETCHES] = sums_by_stretch(simulation, marks.stretches)
     return row

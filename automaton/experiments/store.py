@@ -18,7 +18,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, read_manifest
-from automaton.experiments.names import COLUMNS, SERIES, column_value, metric_names
+from automaton.experiments.names import (
+    COLUMNS,
+    SERIES,
+    STRETCHES,
+    column_value,
+    metric_names,
+    sum_names,
+)
 from automaton.experiments.study import Study, checked_study, document_of
 from automaton.scenario.document import Document
 
@@ -158,6 +165,8 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     fields += [pa.field(name, pa.float64()) for name in metric_names(manifest.counted)]
     if study.design == "steady-state":
         fields.append(pa.field(SERIES, pa.list_(pa.int32())))
+        sums = [pa.field(name, pa.list_(pa.int64())) for name in sum_names(manifest.counted)]
+        fields.append(pa.field(STRETCHES, pa.struct(sums)))
     return pa.schema(fields)
 
 

@@ -145,7 +145,7 @@ class Study(Part, frozen=True, kw_only=True):
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(
             description="Of a steady state: rows hold the deliveries in each so many ticks "
-            "(`series`); default a thousandth of the run, at least 1."
+            "(`series`); default a 200th of the run, at least 1."
         ),
     ] = None
     analysis: Analysis | None = None

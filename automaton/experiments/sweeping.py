@@ -203,7 +203,7 @@ def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Ch
         plugins=plan.plugins,
         fingerprint=plan.manifest.points[point].fingerprint,
         scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
-        window=plan.manifest.points[point].window,
+        windows=plan.manifest.points[point].windows,
         runs=runs,
     )
 

@@ -21,7 +21,7 @@ from typing import Any, Final
 from automaton.errors import InputError
 from automaton.experiments.copies import Copies
 from automaton.experiments.keys import MANIFEST, Manifest, Run, manifest_json
-from automaton.experiments.names import COLUMNS, SERIES
+from automaton.experiments.names import COLUMNS, SERIES, STRETCHES
 from automaton.experiments.runs import Row, blank, reason
 from automaton.experiments.store import (
     KEY_COLUMNS,
@@ -281,7 +281,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     for field in schema:
         if field.name in known:
             values = known[field.name]
-        elif field.name in COLUMNS or field.name == SERIES:
+        elif field.name in (*COLUMNS, SERIES, STRETCHES):
             values = [row.get(field.name) for row in rows]
         else:
             values = [row["metrics"].get(field.name) for row in rows]

@@ -12,12 +12,12 @@ from automaton.experiments.plan import resolved_study
 from automaton.experiments.store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.experiments.study import Study
 from automaton.reporting.curves import curves
+from automaton.reporting.cutting import LENGTHS
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.figures import Scenarios, metric_section
 from automaton.reporting.results import Results, point_name, read_results
-from automaton.reporting.sections import comparison_section, design, remarks
+from automaton.reporting.sections import comparison_section, design, left_out, remarks
 from automaton.reporting.steady_state import steady_section
-from automaton.scenario.measures import TASK_METRICS
 from automaton.scenario.reading import shipped
 from automaton.units import count
 
@@ -29,7 +29,6 @@ NOT_DECLARED = (
 
 
 MOST_NAMED = 24  # points
-WITH_WARM_UP = "Over whole runs: the warm-up is not left out of this figure."
 
 
 def compose(store: Store, floors: Sequence[int] = ()) -> Document:
@@ -51,13 +50,10 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
         if results.has(metric):
             document.add(*metric_section(results, scenarios, metric))
         else:
-            document.add(Heading(metric, 3), Text("No run has this metric."))
-        if counts_warm_up(study, metric):
-            document.add(Text(WITH_WARM_UP))
+            document.add(Heading(metric, 3), Text(without(results, metric)))
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
-    windows = {number: point.window for number, point in enumerate(store.manifest.points)}
-    document.add(*steady_section(results, windows), *comparison_section(results))
+    document.add(*steady_section(results), *comparison_section(results))
     drawn = list(curves(results))
     if drawn:
         document.add(Heading("Curves"), *drawn)
@@ -74,10 +70,13 @@ def numbered_points(study: Study) -> str:
     return f"Points by number, for --floor: {'; '.join(named)}{more}"
 
 
-def counts_warm_up(study: Study, metric: str) -> bool:
-    """Whether a study of steady states does not leave the warm-up out of a metric."""
-    left_out = isinstance(study.warm_up, int) and metric in TASK_METRICS
-    return study.design == "steady-state" and not left_out
+def without(results: Results, metric: str) -> str:
+    """Why there is no table of a metric."""
+    if results.study.design == "steady-state" and metric in LENGTHS:
+        return f"{metric} tells how long runs are, not what they do in a steady state."
+    if results.cut is not None and metric in results.cut.left_out:
+        return left_out([metric], results.cut)
+    return "No run has this metric."
 
 
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
@@ -90,7 +89,7 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
     same = {
         number: resolved
         for number, (point, resolved) in enumerate(zip(planned, scenarios, strict=True))
-        if fingerprint(resolved, point.window) == point.fingerprint
+        if fingerprint(resolved, point.windows) == point.fingerprint
     }
     other = [point for point in store.study.points if point.number not in same]
     if not other:
@@ -127,7 +126,8 @@ def add_floors(
         if first is None:
             raise InputError(f"--floor {number}: this point has no runs with figures yet")
         name = f"point {number}: {point_name(results.study, point)}"
-        document.add(*floor_maps(scenarios[number], *first, name))
+        after = 0 if results.cut is None else results.cut.ticks
+        document.add(*floor_maps(scenarios[number], *first, name, after))
 
 
 def add_repeat(document: Document, store: Store) -> None:

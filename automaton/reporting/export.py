@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.errors import InputError
+from automaton.experiments.names import STRETCHES
 from automaton.whole_file import written
 
 CSV_BEGINS: Final = b"key,"  # the first column
@@ -27,8 +28,12 @@ def check_replaced(path: Path, begins: bytes) -> None:
 
 
 def write_csv(table: Any, path: Path) -> None:
-    """All rows of an Arrow table; lists as JSON, what is absent as nothing. Raises InputError."""
-    columns = {name: table.column(name).to_pylist() for name in table.column_names}
+    """All rows of an Arrow table; lists as JSON, what is absent as nothing. Raises InputError.
+
+    Without the sums by stretches of time, which no spreadsheet reads.
+    """
+    names = [name for name in table.column_names if name != STRETCHES]
+    columns = {name: table.column(name).to_pylist() for name in names}
     with written(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="")
         writer = csv.writer(text, lineterminator="\n")

@@ -15,27 +15,45 @@ from automaton.world.state import NIL, Array
 from automaton.world.waiting import LOST_EVER, visits_of
 
 
-def floor_maps(resolved: Resolved, seed: int, digest: str, name: str) -> Iterator[HeatMap]:
-    """Robot ticks lost and robots that came by, for each cell, over the whole run.
+def floor_maps(
+    resolved: Resolved, seed: int, digest: str, name: str, after: int = 0
+) -> Iterator[HeatMap]:
+    """Robot ticks lost and robots that came by, for each cell, in the ticks `after` one.
 
     `digest`: of the run in the results; a run that comes to another one says so.
     """
     with strategies_blamed(resolved):
         simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+        simulation.run(after)
+        before = observed(simulation)
         simulation.run()
-    grid, watch = simulation.world.grid, simulation.watch
-    note = f"one run, seed {seed}, {simulation.tick:,} ticks"
+    grid = simulation.world.grid
+    lost, in_zone, visits = (
+        now - then for now, then in zip(observed(simulation), before, strict=True)
+    )
+    ticks = (
+        f"{simulation.tick:,} ticks" if not after else f"ticks {after + 1:,} to {simulation.tick:,}"
+    )
+    note = f"one run, seed {seed}, {ticks}"
     if simulation.digest != digest:
         note += "; this code comes to another end than that of the results"
-    lost = watch.delay[:, LOST_EVER].astype(np.float64)
     zone = grid.zone.max(axis=1)
-    slowed = np.where(zone == NIL, 0.0, by_cell(watch.lost_in_zone, zone))
-    visits = visits_of(watch.flow, grid.offset).astype(np.float64)
+    slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
     yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
     if slowed.any():
         title = f"Driving slowly, {name}"
         yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
     yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
+
+
+def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
+    """By cell the robot ticks lost so far, by zone those driven slowly, by cell the robots so far."""
+    grid, watch = simulation.world.grid, simulation.watch
+    return (
+        watch.delay[:, LOST_EVER].astype(np.float64),
+        watch.lost_in_zone.astype(np.float64),
+        visits_of(watch.flow, grid.offset).astype(np.float64),
+    )
 
 
 def by_cell(lost: Array, zone: Array) -> Array:

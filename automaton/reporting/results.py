@@ -16,10 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.experiments.keys import declared_by
+from automaton.experiments.names import SERIES, STRETCHES
 from automaton.experiments.study import SCENARIO, Analysis, Point, Study
 from automaton.glossary import GLOSSARY
+from automaton.reporting.cutting import LENGTHS, Cut, lists, measured_rows
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from automaton.experiments.store import Store
 
 QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
@@ -54,6 +58,8 @@ class Results:
     damaged: Sequence[str] = ()
     earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
     raised: Sequence[int] = ()  # replications that were declared before, when runs had been made
+    cut: Cut | None = None  # of a steady state: figures are of what comes after it
+    warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' figures
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -89,7 +95,9 @@ class Results:
         )
 
     def has(self, metric: str) -> bool:
-        """Whether any run has this metric."""
+        """Whether any run has this metric; of a steady state, whether it tells of that."""
+        if self.study.design == "steady-state" and metric in LENGTHS:
+            return False
         column = self.columns.get(metric)
         return column is not None and any(value is not None for value in column)
 
@@ -152,7 +160,7 @@ class Results:
 
     def series(self, point: Point) -> list[Sequence[int]]:
         """The deliveries by window of each run that has them, in the order of replications."""
-        column = self.columns.get("series")
+        column = self.columns.get(SERIES)
         if column is None:
             return []
         return [column[row] for row in self._rows[point.number] if column[row] is not None]
@@ -175,19 +183,30 @@ def _agree(one: Mapping[int, object], other: Mapping[int, object]) -> bool:
 
 def read_results(store: Store) -> Results:
     """The results of a folder. Raises InputError."""
-    table = store.rows()
+    table, cut = measured_rows(store)
     declared = [*store.manifest.earlier, declared_by(store.study)]
     counts = [one.replications for one in declared]
     return Results(
         study=store.study,
-        columns={name: table.column(name).to_pylist() for name in table.column_names},
+        columns=columns_of(table),
         version=store.manifest.version,
         versions=store.manifest.versions,
         folder=str(store.folder),
         damaged=[path.name for path in store.damaged],
         earlier=sum(not one.analysed_as(other) for one, other in itertools.pairwise(declared)),
         raised=list(dict.fromkeys(n for n in counts if n < store.study.replications)),
+        cut=cut,
+        warm_ups=sorted({point.warm_up for point in store.manifest.points}),
     )
+
+
+def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
+    """Columns as lists; deliveries by window as arrays, and no sums by stretch."""
+    names = [name for name in table.column_names if name not in (SERIES, STRETCHES)]
+    columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
+    if SERIES in table.column_names:
+        columns[SERIES] = lists(table.column(SERIES))
+    return columns
 
 
 def described(metric: str) -> tuple[str, str]:

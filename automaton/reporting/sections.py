@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from automaton.reporting.comparing import (
@@ -12,6 +12,7 @@ from automaton.reporting.comparing import (
     pairing_remark,
     precision_remark,
 )
+from automaton.reporting.cutting import Cut
 from automaton.reporting.document import Block, Heading, Table, Text
 from automaton.reporting.figures import RUN_HEADS, Scenarios
 from automaton.reporting.results import (
@@ -20,27 +21,21 @@ from automaton.reporting.results import (
     factor_heads,
     level_text,
     levels_apart,
+    point_name,
 )
 from automaton.reporting.same_runs import same_remarks
-from automaton.scenario.measures import TASK_METRICS
 from automaton.statistics.intervals import ENOUGH, SAME, Interval
 from automaton.units import count, percent
 
 INTERVALS: Final = f"Student's, with a warning on skew below {ENOUGH} runs"
+
+NO_WARM_UP: Final = "none: whole runs count"
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     """What was asked, and how it was made: all that another one needs to judge it."""
     study, analysis = results.study, results.analysis
     endings = "steady-state" if study.design == "steady-state" else "terminating"
-    warm_up = "none: whole runs count"
-    if study.warm_up == "mser-5":
-        warm_up = "found by MSER-5, and left out of the steady throughput alone"
-    elif study.warm_up is not None:
-        warm_up = (
-            f"the first {study.warm_up:,} ticks are left out of the steady throughput and of "
-            f"{', '.join(TASK_METRICS)}; other figures count whole runs"
-        )
     seeds = "replication r has the seed hash(study seed, r)"
     common = "the same for every point" if study.common_random_numbers else "one for each point"
     varied = [name for name in study.factor_names if name.startswith("durations.")]
@@ -49,7 +44,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
         ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
-        ["warm-up", warm_up],
+        ["warm-up", warm_up(results)],
         ["intervals", f"{percent(1 - analysis.error, 0)}; {INTERVALS}"],
         ["comparisons", family(results)],
         ["durations", f"varied: {', '.join(varied)}" if varied else "not varied by this study"],
@@ -68,6 +63,32 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     for name in study.factor_names:
         levels = ", ".join(level_text(study, name, level) for level in study.levels(name))
         yield Text(f"Factor {name}: {levels}")
+
+
+def warm_up(results: Results) -> str:
+    """What is left out of all figures, and who says so."""
+    cut, declared = results.cut, max(results.warm_ups)
+    if cut is None:
+        ticks = " or ".join(f"{one:,}" for one in results.warm_ups)
+        return f"the first {ticks} ticks, as the scenarios say" if declared else NO_WARM_UP
+    if not cut.ticks:
+        return NO_WARM_UP
+    of = f"the first {cut.ticks:,} ticks of every run, which count in no figure"
+    if not cut.found:
+        return f"{of}; declared"
+    least = f", not less than the {declared:,} that scenarios declare" if declared else ""
+    return (
+        f"{of}: the largest that MSER-5 finds at a point, by the deliveries in windows of "
+        f"{count(cut.window, 'tick')}{least}"
+    )
+
+
+def left_out(metrics: Sequence[str], cut: Cut) -> str:
+    """Why metrics of the runs are not those of a steady state."""
+    return (
+        f"{', '.join(metrics)}: left out, since rows keep no sums from which the warm-up could be "
+        f"taken; a study with warm_up: {cut.ticks} has runs that measure after it"
+    )
 
 
 def runs_planned(results: Results) -> str:
@@ -124,6 +145,14 @@ def remarks(results: Results) -> Iterator[str]:
             f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
             "made: what it finds is a lead, not a test"
         )
+    cut = results.cut
+    if cut is not None and not cut.ticks and not cut.refused:
+        yield "no warm-up is left out: the start of runs is part of all figures"
+    for number, why in cut.refused.items() if cut is not None else ():
+        yield f"no figures of {point_name(results.study, results.points[number])}: {why}"
+    lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
+    if cut is not None and lost:
+        yield left_out(lost, cut)
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
     yield from same_remarks(results)

@@ -40,3 +40,13 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         ),
     )
     return {name: need for names, has, need in rules if not has for name in names}
+
+
+def warm_up_of(scenario: Scenario) -> int:
+    """Ticks at the beginning of a run that figures of many runs leave out.
+
+    A run that ends with its orders has no steady state: it counts as a whole.
+    """
+    if scenario.stop.when != "never" or scenario.measure is None:
+        return 0
+    return scenario.measure.warm_up

@@ -237,7 +237,7 @@ class Stop(Part, frozen=True, kw_only=True):
 
 
 class Measure(Part, frozen=True, kw_only=True):
-    """What the metrics of tasks count: task_time, delay and completions."""
+    """What the metrics of tasks count, and in sweeps and sizes all of runs that never end."""
 
     warm_up: Annotated[
         int,

@@ -8,6 +8,7 @@ import numpy as np
 
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
+from automaton.sums import TAKEN
 from automaton.world.state import Memory, World
 
 LONGEST = 10_000  # ticks of a wait
@@ -35,6 +36,8 @@ def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
     if memory.parameters.flags.writeable:
         raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
     for name, column in strategy.counters.items():
+        if name in TAKEN:
+            raise _fault(strategy, f"counter {name!r}: every run counts this itself; rename it")
         columns = memory.own.shape[1]
         if not isinstance(column, int) or not 0 <= column < columns:
             found = f"memory.own has {columns} columns, found {column!r}"

@@ -18,6 +18,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.parallel import Rounds
 from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
 from automaton.sizing.candidates import Candidate, Place, Run, judged
 from automaton.sizing.charts import picture
 from automaton.sizing.follow_up import Purse
@@ -33,6 +34,7 @@ from automaton.sizing.runner import (
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.units import Unit
+from automaton.world.state import DELIVERED
 
 ZERO = Target("T_total", True, 0.0)
 
@@ -394,3 +396,44 @@ def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
         runner = Checked(Fleets("tabletop-mini", (), None, rounds), asked)
         with pytest.raises(InputError, match="does not measure energy"):
             runner(Place(1), 0, 5)
+
+
+SMALL = ["fleet.robots=3", "orders.count=200", "stop.at_most=600", "measure.warm_up=200"]
+
+
+def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
+    """Robots start empty: before their first orders are done nothing is delivered."""
+    run = Simulation(resolve("warehouse-100", SMALL))
+    figures = conducted_with_use(run)
+    orders = run.world.orders
+    late = int(((orders.state == DELIVERED) & (orders.delivered > 200)).sum())
+    assert figures["delivered"] == late < int((orders.state == DELIVERED).sum())
+    assert figures["throughput"] == 1000 * late / 400
+    assert figures["throughput"] == pytest.approx(3 * figures["completions"])
+
+
+def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> None:
+    given = ("warehouse-100", "--robots", "3", "--budget", "200", "--workers", "1")
+    settings = [text for setting in SMALL for text in ("--set", setting)]
+    answers = []
+    for target in ("throughput>=12", "completions>=4"):  # the same question
+        _, out, _ = size(capsys, *given, "--target", target, *settings)
+        assert "after a warm-up of 200 ticks?" in out
+        metric = target.partition(">")[0]
+        assert f"Estimand: the mean of {metric} after the first 200 ticks over runs" in out
+        answers.append(re.findall(r"(?:fails|meets|undecided)[^\n]*", out)[0])
+    assert answers[0] == answers[1]
+    _, out, _ = size(capsys, *given, "--target", "throughput>=12", *settings, "--json")
+    found = json.loads(out)
+    assert (found["estimand"], found["warm_up"]) == ("mean", 200)
+    _, out, _ = size(capsys, *given, "--target", "throughput>=12", "--share", ".9", *settings)
+    assert "that reach throughput >= 12 after the first 200 ticks; wanted 90.0 %" in out
+
+
+@pytest.mark.parametrize("measure", ["measure=null", "measure={warm_up: 0}"])
+def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any) -> None:
+    code, out, err = size(
+        capsys, "warehouse-100", "--target", "throughput>=100", "--robots", "17", "--set", measure
+    )  # fmt: skip
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "would count the start-up" in err and "--set measure.warm_up=N" in err

@@ -47,11 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--share",
         type=positive_share,
-        default=0.95,
         metavar="P",
-        help="of runs that must meet it (.95)",
+        help="of runs that must meet it (.95; of a steady state the mean must, unless P is given)",
     )
-    add("--mean", action="store_true", help="the mean must meet it, whatever the share of runs")
+    add(
+        "--mean",
+        action="store_true",
+        default=None,
+        help="the mean must meet it, whatever the share of runs",
+    )
     add(
         "--zone",
         type=positive,
@@ -116,7 +120,15 @@ def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
     strategies = strategies_of(args.strategies)
     return question(
-        target, robots, strategies, args.share, args.zone, args.error, args.budget, args.mean
+        target,
+        robots,
+        strategies,
+        args.share,
+        args.zone,
+        args.error,
+        args.budget,
+        args.mean,
+        fleets.warm_up,
     )
 
 

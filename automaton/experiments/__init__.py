@@ -104,8 +104,8 @@ def size(
     robots: str | int | tuple[int, int] | list[int],
     *,
     strategies: str | Sequence[str] | None = None,
-    share: float = 0.95,
-    mean: bool = False,
+    share: float | None = None,
+    mean: bool | None = None,
     zone: float | None = None,
     error: float = 0.05,
     budget: int = 20_000,
@@ -130,7 +130,7 @@ def size(
     with Rounds(workers, conducted_with_use) as rounds:
         fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
         wanted = read_target(target, fleets.tick)
-        asked = question(wanted, fleet, compared, share, zone, error, budget, mean)
+        asked = question(wanted, fleet, compared, share, zone, error, budget, mean, fleets.warm_up)
         session = session_of(fleets, Checked(fleets, asked))
         session.go()
     return sized(session, fleets.base.scenario.name, fleets.seed)

@@ -112,12 +112,15 @@ def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
     )
 
 
-def most_throughput(found: Bounds, robots: int) -> tuple[float, str]:
-    """Orders by 1000 ticks that so many robots cannot exceed, and why."""
+def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tuple[float, str]:
+    """Orders by 1000 ticks that so many robots cannot exceed, and why.
+
+    `ticks`: of a stretch of a run; the first order that a robot delivers there may have begun before.
+    """
     if not 0 < found.least_order < math.inf:
         return math.inf, ""
     return (
-        1000 * robots / found.least_order,
+        1000 * robots * (1 / found.least_order + 1 / ticks),
         f"the shortest order takes a robot {found.least_order:,.0f} ticks",
     )
 

@@ -69,6 +69,7 @@ class Question(NamedTuple):
     error: float = ERROR
     budget: int = BUDGET  # runs
     mean: bool = False  # the mean must meet the target, not a share of the runs
+    warm_up: int | None = None  # ticks left out of a steady state; None: runs that end count whole
 
     @property
     def candidates(self) -> int:
@@ -95,16 +96,23 @@ def question(
     target: Target,
     robots: tuple[int, int],
     strategies: tuple[str, ...] = ("",),
-    share: float = SHARE,
+    share: float | None = None,
     zone: float | None = None,
     error: float = ERROR,
     budget: int = BUDGET,
-    mean: bool = False,
+    mean: bool | None = None,
+    warm_up: int | None = None,
 ) -> Question:
-    """A checked question. Raises InputError."""
+    """A checked question. Of a steady state it is the mean unless a share is given.
+
+    Raises InputError.
+    """
+    if mean is None:
+        mean = warm_up is not None and share is None
+    share = SHARE if share is None else share
     if zone is None:
         zone = MEAN_ZONE * abs(target.value) if mean else ZONE
-    asked = Question(target, *robots, strategies, share, zone, error, budget, mean)
+    asked = Question(target, *robots, strategies, share, zone, error, budget, mean, warm_up)
     if not 0 < error < 0.5:
         raise InputError(f"--error {error:g}: an error lies between 0 and 0.5")
     if mean and zone <= 0:

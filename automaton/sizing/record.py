@@ -71,6 +71,7 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
             "unit": asked.target.unit,
         },
         "estimand": "mean" if asked.mean else "share",
+        "warm_up": asked.warm_up,
         "share": None if asked.mean else asked.share,
         "zone": asked.zone,
         "error": asked.error,

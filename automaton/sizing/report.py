@@ -38,7 +38,11 @@ def print_answer(out: Console, session: Session, name: str, ends: str, price: fl
     """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
     asked = session.asked
     unit = asked.target.in_unit(asked.target.value)
-    out.print(f"{name}: how many robots so that {asked.target.text} {unit}?")
+    steady = f" after a warm-up of {count(asked.warm_up, 'tick')}" if asked.warm_up else ""
+    out.print(
+        f"{name}: how many robots so that {f'{asked.target.text} {unit}'.strip()}{steady}?",
+        soft_wrap=True,
+    )
     out.print()
     for line in headline(session, price):
         out.print(line, soft_wrap=True)
@@ -176,7 +180,7 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
     """What a run loses time with, by cause, and how busy robots, stations and chargers are."""
     robots = candidate.place.robots
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
-    whole = robots * mean_of(candidate, "T_total")
+    whole = robots * mean_of(candidate, "measured")
     lost = [(name, ticks) for name, ticks in lost if ticks >= LEAST_SHOWN * whole]
     if lost and whole > 0:
         causes = [
@@ -300,8 +304,11 @@ def method(session: Session, ends: str) -> Iterator[str]:
     """What the answer means, what was spent, and what it rests on."""
     asked = session.asked
     sure = percent(1 - asked.error, 0)
+    after = f" after the first {count(asked.warm_up, 'tick')}" if asked.warm_up else ""
     if asked.mean:
-        yield f"Estimand: the mean of {asked.target.metric} over runs with seeds of their own."
+        yield (
+            f"Estimand: the mean of {asked.target.metric}{after} over runs with seeds of their own."
+        )
         zone = f"{shown(asked.zone)} {asked.target.in_unit(asked.zone)}".strip()
         yield (
             f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
@@ -311,8 +318,8 @@ def method(session: Session, ends: str) -> Iterator[str]:
         test = "Batur & Kim's region on means of 10 runs, 20 of them at first"
     else:
         yield (
-            f"Estimand: the share of runs, each with a seed of its own, that reach {asked.target.text}; "
-            f"wanted {percent(asked.share)}."
+            f"Estimand: the share of runs, each with a seed of its own, that reach {asked.target.text}"
+            f"{after}; wanted {percent(asked.share)}."
         )
         low, high = asked.share - asked.zone, asked.share + asked.zone
         yield (

@@ -15,11 +15,12 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.experiments.keys import seed_of
-from automaton.headless import run_to_end
-from automaton.metrics import executed_ticks, metrics_of
+from automaton.measured_run import run_marked
+from automaton.metrics import counted, metrics_of
 from automaton.parallel import Rounds
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.document import Override
+from automaton.scenario.measures import warm_up_of
 from automaton.scenario.overrides import keys_of, parse_setting
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Scenario
@@ -31,20 +32,22 @@ from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
 from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
-from automaton.world.state import CHARGE, DROP, PICK, TICK, TRY_DROP
+from automaton.world.state import CHARGE, DROP, PICK, TRY_DROP
 
 ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
+MEASURED = "measured"  # ticks of which the figures are
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
 
 def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; the metrics, and how busy stations and chargers were."""
-    run_to_end(simulation)
+    """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
+    since = run_marked(simulation).warm_up
+    figures, now = metrics_of(simulation, since), counted(simulation)
+    begin, before = (0, 0) if since is None else (since.tick, since.actions)
+    ticks, elapsed = now.actions - before, max(1, now.tick - begin)
+    figures[MEASURED] = elapsed
     world, plan = simulation.world, simulation.resolved.plan
-    ticks = executed_ticks(world).sum((0, 2))
-    elapsed = max(1, int(world.clock[TICK]))
-    figures = metrics_of(simulation)
     stations, chargers = (int(np.count_nonzero(plan.kind == k)) for k in (STATION, CHARGER))
     if stations:
         figures[STATION_USE] = float(ticks[[PICK, DROP, TRY_DROP]].sum()) / (stations * elapsed)
@@ -83,7 +86,15 @@ class Fleets:
             raise NotRunnable(error.message, error.file, error.line) from None
 
     def check(self, asked: Question) -> None:
-        """That the largest fleets can be run. Raises InputError."""
+        """That there is a steady state to ask for, and the largest fleets can be run.
+
+        Raises InputError.
+        """
+        if not self.ends_with_orders and not asked.warm_up:
+            raise InputError(
+                "--target: runs end at a given tick (stop: {when: never}), so their figures would "
+                "count the start-up; say how many ticks to leave out: --set measure.warm_up=N"
+            )
         for strategy in asked.strategies:
             for robots in sorted({asked.first, asked.last}):
                 try:
@@ -106,7 +117,7 @@ class Fleets:
                     many = f"at least {least:,.0f} ticks" if math.isfinite(least) else "without end"
                     why = f"T_total is {many}: {reason}"
             if target.metric == "throughput" and not target.at_most:
-                most, reason = most_throughput(found, robots)
+                most, reason = most_throughput(found, robots, self.measured or math.inf)
                 if most < target.value:
                     why = f"throughput is at most {most:,.3g}: {reason}"
             if why:
@@ -123,6 +134,16 @@ class Fleets:
     def tick(self) -> Unit:
         """What a tick stands for."""
         return unit(self.base.scenario.units.tick)
+
+    @property
+    def warm_up(self) -> int | None:
+        """Ticks that figures leave out; None for runs that end with their orders, which count whole."""
+        return None if self.ends_with_orders else warm_up_of(self.base.scenario)
+
+    @property
+    def measured(self) -> int:
+        """Ticks of a steady state of which figures are; 0 where runs end with their orders."""
+        return 0 if self.warm_up is None else self.base.scenario.stop.at_most - self.warm_up
 
     @property
     def ends_with_orders(self) -> bool:

@@ -16,7 +16,7 @@ from automaton.reporting.cutting import LENGTHS
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.figures import Scenarios, metric_section
 from automaton.reporting.results import Results, point_name, read_results
-from automaton.reporting.sections import comparison_section, design, left_out, remarks
+from automaton.reporting.sections import comparison_section, design, not_cut, remarks
 from automaton.reporting.steady_state import steady_section
 from automaton.scenario.reading import shipped
 from automaton.units import count
@@ -75,7 +75,7 @@ def without(results: Results, metric: str) -> str:
     if results.study.design == "steady-state" and metric in LENGTHS:
         return f"{metric} tells how long runs are, not what they do in a steady state."
     if results.cut is not None and metric in results.cut.left_out:
-        return left_out([metric], results.cut)
+        return not_cut([metric], results.cut)
     return "No run has this metric."
 
 

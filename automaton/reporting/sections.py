@@ -83,7 +83,7 @@ def warm_up(results: Results) -> str:
     )
 
 
-def left_out(metrics: Sequence[str], cut: Cut) -> str:
+def not_cut(metrics: Sequence[str], cut: Cut) -> str:
     """Why metrics of the runs are not those of a steady state."""
     return (
         f"{', '.join(metrics)}: left out, since rows keep no sums from which the warm-up could be "
@@ -152,7 +152,7 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"no figures of {point_name(results.study, results.points[number])}: {why}"
     lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
     if cut is not None and lost:
-        yield left_out(lost, cut)
+        yield not_cut(lost, cut)
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
     yield from same_remarks(results)

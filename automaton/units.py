@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+SECONDS: Final = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}  # in a unit of time
+SPELLED: Final = {  # other names of the same
+    "ms": ("millisecond", "milliseconds"),
+    "s": ("sec", "second", "seconds"),
+    "min": ("minute", "minutes"),
+    "h": ("hour", "hours"),
+}
 NUMBER_AND_NAME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(\S.*)")
 
 
@@ -17,6 +24,12 @@ class Unit(NamedTuple):
     def of(self, ticks: float) -> float:
         """Ticks in this unit."""
         return ticks * self.size
+
+    @property
+    def seconds(self) -> float | None:
+        """How many it is in seconds; None: it is no unit of time."""
+        symbol = symbol_of(self.name)
+        return None if symbol is None else self.size * SECONDS[symbol]
 
     @property
     def plural(self) -> str:
@@ -32,7 +45,11 @@ def unit(text: str) -> Unit:
     return Unit(float(found[1]), found[2].strip())
 
 
-SECOND = ("s", "sec", "second", "seconds")
+def symbol_of(name: str) -> str | None:
+    """The symbol of a unit of time, in whichever way it is written; None: it is none."""
+    return next((key for key, names in SPELLED.items() if name in (key, *names)), None)
+
+
 LONG_MINUTES = 120  # seconds from which a duration is told in minutes
 LONG_HOURS = 7200  # and in hours
 
@@ -40,7 +57,7 @@ LONG_HOURS = 7200  # and in hours
 def duration(ticks: float, tick: Unit) -> tuple[float, str]:
     """Ticks in the unit in which they are told: long ones in minutes or hours, if in seconds."""
     value = tick.of(ticks)
-    if tick.name not in SECOND or value < LONG_MINUTES:
+    if symbol_of(tick.name) != "s" or value < LONG_MINUTES:
         return value, tick.plural
     return (value / 3600, "h") if value >= LONG_HOURS else (value / 60, "min")
 

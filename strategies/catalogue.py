@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.abilities import sources
 from automaton.scenario.schema import Scenario
 from automaton.strategy.entry import (
     DYNAMIC,
@@ -19,7 +20,7 @@ from automaton.strategy.entry import (
     Entry,
     NoParameters,
 )
-from automaton.world.cells import DOCK
+from automaton.world.cells import KINDS
 from automaton.world.plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
@@ -64,12 +65,15 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """No parameters; but loads are looked for on shelves alone."""
 
     def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
-        """Loads at docks belong to no alley: nobody would ever fetch them."""
-        orders = scenario.orders
-        listed = [plan.cell(*line.source) for line in orders.listed or ()]
-        if orders.generator != "dock-to-rack" and not (plan.kind.flat[listed] == DOCK).any():
+        """Loads at docks and stations belong to no alley: nobody would ever fetch them."""
+        begun = sources(scenario, plan)
+        names = [f"{kind.name}s" for kind in KINDS if kind.supplies and kind.code in begun]
+        if not names:
             return None
-        return "it finds loads on shelves alone, and orders begin at docks; first-come takes those"
+        places = " and ".join(names)
+        return (
+            f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
+        )
 
 
 class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

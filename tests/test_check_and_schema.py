@@ -268,6 +268,50 @@ def test_light_commands_import_nothing_heavy(
     assert done.stderr.strip() == "[]"
 
 
+WITH_STATIONS = tuple(name for name in shipped() if name.startswith(("depots", "factory")))
+
+
+@pytest.mark.parametrize("allocation", ["cooperative", "adaptive"])
+def test_an_allocation_that_passes_loads_on_is_refused_at_stations(
+    allocation: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert len(WITH_STATIONS) == 8
+    for name in WITH_STATIONS:
+        assert main(["check", name, "--set", f"strategy.allocation={allocation}"]) == 2
+        errors = capsys.readouterr().err
+        told = (
+            "it finds loads on shelves alone, and orders begin at stations; first-come takes those"
+        )
+        assert told in errors and errors.count("\n") == 1
+
+
+def test_who_knows_the_orders_of_zones_alone_needs_zones(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    none = ["--set", "strategy.zoning=none"]
+    assert main(["check", "factory-ddz", *none]) == 2
+    errors = capsys.readouterr().err
+    assert "strategy.zoning is none, but with information.orders zones" in errors
+    assert errors.count("\n") == 1
+    for known in ("everything", "orders", "{radius: 131, shape: circle}"):
+        assert main(["check", "factory-ddz", *none, "--set", f"information={known}"]) == 0
+
+
+@pytest.mark.parametrize("zoning", ["static", "annealing", "genetic"])
+@pytest.mark.parametrize(
+    "information", ["orders", "{radius: 131, shape: circle, orders: zones}", "{radius: 5}"]
+)
+def test_zones_of_one_computer_need_to_see_everything(
+    zoning: str, information: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["--set", f"strategy.zoning={zoning}", "--set", f"information={information}"]
+    assert main(["check", "factory-ddz", *settings]) == 2
+    errors = capsys.readouterr().err
+    assert "one computer watches all zones, so it needs information: everything" in errors
+    assert errors.count("\n") == 1
+    assert main(["check", "factory-ddz", *settings[:2], "--set", "information=everything"]) == 0
+
+
 @pytest.mark.parametrize("allocation", ["cooperative", "adaptive"])
 def test_an_allocation_that_sees_no_docks_is_refused(
     allocation: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

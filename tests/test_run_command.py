@@ -17,7 +17,9 @@ from automaton.headless import WINDOW, run_once
 from automaton.metrics import GLOSSARY
 from automaton.scenario.resolve import resolve
 from automaton.simulation import RECORD_TICKS, Simulation
+from automaton.sizing.question import read_target
 from automaton.units import Unit, listed, number, unit
+from automaton.world.rules import tick_length
 
 METRICS = [name for name in GLOSSARY if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
@@ -152,6 +154,27 @@ def test_times_are_told_in_the_units_of_the_scenario(capsys: pytest.CaptureFixtu
 def test_units_are_a_number_and_a_name(text: str, expected: Unit, plural: str) -> None:
     assert unit(text) == expected
     assert expected.plural == plural
+
+
+@pytest.mark.parametrize(
+    ("tick", "seconds"),
+    [
+        ("0.635 seconds", 0.635), ("0.635 s", 0.635), ("1 sec", 1), ("250 ms", 0.25),
+        ("10 milliseconds", 0.01), ("2 min", 120), ("1 minute", 60), ("0.5 hours", 1800), ("1 h", 3600),
+        ("1 cycle", None), ("0 s", None),
+    ],
+)  # fmt: skip
+def test_a_time_is_the_same_to_reports_zoning_and_sizes(tick: str, seconds: float | None) -> None:
+    assert unit(tick).seconds == (None if seconds is None else pytest.approx(seconds))
+    assert tick_length(tick) == (0 if seconds is None else round(1e6 * seconds))
+    if seconds is not None:
+        assert read_target("T_total<=2 hours", unit(tick)).value == pytest.approx(7200 / seconds)
+
+
+def test_zoning_says_that_it_counts_a_tick_as_a_second(capsys: pytest.CaptureFixture[str]) -> None:
+    for tick, told in (("1 hop", True), ("0.6 seconds", False), ("1 tick", False)):
+        assert main(["check", "factory", "--set", f"units.tick={tick}"]) == 0
+        assert ("a tick counts as a second" in "".join(capsys.readouterr())) == told
 
 
 def test_numbers_in_a_row_as_text() -> None:

@@ -127,7 +127,7 @@ def test_a_share_may_be_typed_either_way() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("T_total<=8 hours", "'hours' is not understood; T_total is in ticks, or a time in s, min or h"),
+        ("T_total<=8 hors", "'hors' is not understood; T_total is in ticks, or a time in ms, s"),
         ("T_total<=8parsec", "'parsec' is not understood; T_total is in ticks, or a time in"),
         ("travel<=700m", "'m' is not understood; travel is in cells"),
     ],

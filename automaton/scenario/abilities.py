@@ -154,6 +154,15 @@ def ways(scenario: Scenario, plan: FloorPlan, served: Mask) -> Iterator[Way]:
         yield Way(keys, "an order", begin, end, weight, orders.generator == "visits")
 
 
+def sources(scenario: Scenario, plan: FloorPlan) -> set[int]:
+    """The kinds of slots where orders begin."""
+    orders = scenario.orders
+    found = {int(plan.kind.flat[plan.cell(*line.source)]) for line in orders.listed or ()}
+    if orders.generator is not None:
+        found.add(ENDS[orders.generator][0])
+    return found | ({STATION} if orders.parts is not None else set())
+
+
 def abilities(way: Way, plan: FloorPlan, types: tuple[RobotType, ...], served: Mask) -> Any:
     """(2, K, most ends) bool: whether a type can begin an order at each source, and end it."""
     number = {cell: slot for slot, cell in enumerate(plan.slots().tolist())}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.errors import alternatives
 from automaton.scenario.abilities import handed_over
 from automaton.scenario.resolve import Resolved
-from automaton.units import count
+from automaton.units import SECONDS, count, unit
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
 from automaton.world.reach import steps_from
 from automaton.world.types import least_move
@@ -29,6 +30,7 @@ def doubts(resolved: Resolved) -> list[str]:
         never_charges(resolved),
         stays_on_station(resolved),
         handed_over(resolved.scenario, resolved.plan, resolved.start),
+        counts_as_seconds(resolved),
     )
     return [sentence for sentence in found if sentence]
 
@@ -135,6 +137,20 @@ def stays_on_station(resolved: Resolved) -> str:
         f"{who}, and a station holds one robot: others that must reach it may wait for ever; say "
         "right_of_way: {name: withdraw, give_way: true}, or give robots places of their own with "
         "fleet.start or bays"
+    )
+
+
+def counts_as_seconds(resolved: Resolved) -> str:
+    """Zoning has parameters in seconds and minutes, and a tick is in a unit that is no time."""
+    text = resolved.scenario.units.tick
+    tick = unit(text)
+    if resolved.picks["zoning"].name == NO_STRATEGY or tick.seconds is not None:
+        return ""
+    if tick.name in ("tick", "ticks"):
+        return ""
+    return (
+        f"units.tick is {text!r}, no time: for the seconds and minutes of zoning a tick counts as a "
+        f"second; times are in {alternatives(SECONDS)}"
     )
 
 

@@ -257,6 +257,19 @@ def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> Non
             )
 
 
+def check_sight(document: Document, scenario: Scenario) -> None:
+    """Robots that know the orders of zones alone have zones. Raises InputError."""
+    zoning = scenario.strategy.zoning
+    named = zoning if isinstance(zoning, str) else zoning.get("name")
+    if getattr(scenario.information, "orders", "all") == "zones" and named == NO_STRATEGY:
+        raise document.error(
+            ("strategy", "zoning"),
+            "strategy.zoning is none, but with information.orders zones robots know only the orders of "
+            "their zones: nobody would ever hear of one; say information.orders: all, or zoning: "
+            "decentralized",
+        )
+
+
 def _unserved(plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
     """The first slot that nothing drives beside, and the first that is out of reach.
 

@@ -19,6 +19,7 @@ from automaton.scenario.feasibility import (
     check_floor,
     check_orders,
     check_service,
+    check_sight,
     start_of,
 )
 from automaton.scenario.floors import Floor, floor_of
@@ -71,6 +72,7 @@ def resolve(
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     start = checked_start(document, checked, floor)
+    check_sight(document, checked)
     picks = picks_of(document, checked, floor.plan)
     return Resolved(
         scenario=naming_files(checked, picks),

@@ -10,7 +10,7 @@ from automaton.errors import InputError, alternatives, nearest
 from automaton.glossary import GLOSSARY
 from automaton.statistics.selection import BATCH, FIRST, Region, region
 from automaton.statistics.shares import ShareTest, share_test
-from automaton.units import SECOND, Unit
+from automaton.units import SECONDS, Unit, symbol_of
 
 SHARE, ZONE, ERROR, BUDGET = 0.95, 0.02, 0.05, 20_000
 MEAN_ZONE: Final = 0.01  # of the target, where a mean is asked for without a zone
@@ -18,7 +18,6 @@ MOST_ROBOTS: Final = 1_000_000
 
 _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
-SECONDS: Final = {"s": 1, "min": 60, "h": 3600}
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
 
 
@@ -155,8 +154,8 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
     target = Target(metric, sign == "<=", value)
     if target.unit == "share":
         return target._replace(value=_share(target, unit, text))
-    if unit in SECONDS:
-        return _in_ticks(target, unit, tick, text)
+    if symbol := symbol_of(unit):
+        return _in_ticks(target, symbol, tick, text)
     if unit:
         allowed = f", or a time in {alternatives(SECONDS)}" if target.unit == "ticks" else ""
         raise InputError(
@@ -191,11 +190,11 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
     """A target whose value is a time: in ticks. Raises InputError."""
     if target.unit != "ticks":
         raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
-    if tick is None or tick.name not in SECOND:
+    if tick is None or tick.seconds is None:
         name = "unknown" if tick is None else tick.name
         raise InputError(f"--target '{text}': units.tick of the scenario is {name}; say ticks")
-    value = target.value * SECONDS[time] / tick.size
-    return target._replace(value=value, time=time, ticks=SECONDS[time] / tick.size)
+    ticks = SECONDS[time] / tick.seconds
+    return target._replace(value=target.value * ticks, time=time, ticks=ticks)
 
 
 def read_robots(text: str) -> tuple[int, int]:

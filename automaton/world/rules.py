@@ -19,7 +19,6 @@ from automaton.world.battery import (
 from automaton.world.state import ACTION_NAMES, MOVE, NIL, ORDER_LIST, Array, Rules
 from automaton.world.types import types_of
 
-SECONDS = {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0, "second": 1.0, "minute": 60.0}
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
 
 
@@ -67,9 +66,8 @@ def radius_of(information: Any) -> int:
 
 def tick_length(text: str) -> int:
     """A tick in millionths of a second, 0 if its name is no unit of time."""
-    tick = unit(text)
-    seconds = SECONDS.get(tick.name)
-    return 0 if seconds is None else round(1_000_000 * tick.size * seconds)
+    seconds = unit(text).seconds
+    return 0 if seconds is None else max(1, round(1_000_000 * seconds))
 
 
 def duration_table(durations: Any, pace: int = 1) -> Array:

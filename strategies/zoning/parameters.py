@@ -134,6 +134,15 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     calm: Annotated[Minutes, Meta(description="in balance so long: look seldom")] = 5.0
     share_every: Annotated[Seconds, Meta(description="between two times of sharing")] = 60.0
 
+    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+        """As of all zones; and one computer makes them, of what all robots do."""
+        if scenario.information != "everything":
+            return (
+                "one computer watches all zones, so it needs information: everything; with less, "
+                "robots make zones by decentralized"
+            )
+        return super().objection(scenario, plan)
+
 
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When zones are designed anew."""

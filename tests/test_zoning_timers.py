@@ -94,6 +94,15 @@ def test_after_more_than_a_quarter_of_an_hour_new_zones_are_made(
     ]
 
 
+def test_while_new_zones_are_made_nothing_is_shared_if_the_scenario_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log = watched(monkeypatch, FIRST + 1200, lambda _: BAD, ", share_while_computing: false")
+    begun, again = FIRST + 901, FIRST + 901 + 200 + 60
+    assert log.redesigns == [begun + 200]
+    assert log.shares == [*range(FIRST, begun, 60), again]
+
+
 def test_one_look_in_balance_starts_the_timer_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     good = FIRST + 600
     log = watched(monkeypatch, 1800, lambda tick: GOOD if tick == good else BAD)

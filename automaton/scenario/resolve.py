@@ -72,7 +72,6 @@ def resolve(
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     start = checked_start(document, checked, floor)
-    check_sight(document, checked)
     picks = picks_of(document, checked, floor.plan)
     return Resolved(
         scenario=naming_files(checked, picks),
@@ -97,6 +96,7 @@ def checked_start(document: Document, scenario: Scenario, floor: Floor) -> Start
     check_service(document, scenario, floor.plan, start)
     check_abilities(document, scenario, floor.plan, start)
     check_energy(document, scenario, floor.plan)
+    check_sight(document, scenario)
     return start
 
 

@@ -93,9 +93,10 @@ class Monitored(Strategy):
         self._consider(view, state)
         due = state[BAD_SINCE] and not redesigned
         if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
-            memory.own[view.robots.at_index[0], SHARED] += share(
-                view, space, given, self._age, self._job
-            )
+            if self._shares(state):
+                memory.own[view.robots.at_index[0], SHARED] += share(
+                    view, space, given, self._age, self._job
+                )
             state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
         given.again[: int(asked.count[0])] = max(1, min(self._due(view, state)) - now)
 
@@ -170,6 +171,10 @@ class Monitored(Strategy):
 
     def _consider(self, view: World, state: Any) -> None:
         """Called after every look, and when `_due` says: are new zones needed? Here never."""
+
+    def _shares(self, state: Any) -> bool:
+        """Whether orders are shared at a time of sharing; here always."""
+        return True
 
     def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -149,6 +149,9 @@ class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=Tru
 
     patience: Annotated[Minutes, Meta(description="out of balance so long: new zones")] = 15.0
     compute: Annotated[Seconds, Meta(description="until a new design takes effect")] = 200.0
+    share_while_computing: Annotated[
+        bool, Meta(description="robots share orders meanwhile, too; the paper leaves it open")
+    ] = True
 
 
 class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):

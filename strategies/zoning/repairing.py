@@ -58,6 +58,10 @@ class Repaired(Monitored, ABC):
             times.append(self._patience_ends(view, state))
         return times
 
+    def _shares(self, state: Any) -> bool:
+        """Not while new zones are computed, if the scenario says so."""
+        return self.parameters.share_while_computing or not state[NEW_ZONES_AT]
+
     def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
         state, now = memory.shared, int(view.clock[TICK])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -25,6 +25,9 @@ from automaton.world.plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.zoning.parameters import Annealing, Decentralized, Genetic, Monitoring
+
+if TYPE_CHECKING:
+    from automaton.scenario.resolve import Resolved
 
 Span = Annotated[
     tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
@@ -142,6 +145,29 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
     def files(self) -> tuple[Path, ...]:
         """The file of a network of one's own."""
         return (Path(self.predictor.network),) if isinstance(self.predictor, NetworkFile) else ()
+
+    @property
+    def network(self) -> Path:
+        """The file of the network that is installed, or of one's own."""
+        from automaton.strategy.network import shipped
+
+        return shipped("warehouse-100") if self.predictor == "network" else self.files[0]
+
+    def check_files(self, resolved: Resolved) -> None:
+        """Raises InputError for a network that cannot be read, or is one of another floor."""
+        from automaton.strategy.network import network_for, whole_layers
+        from automaton.world.floor import floor_for
+        from automaton.world.rules import rules_for
+        from automaton.world.types import types_of
+
+        if self.predictor in ("exact", "noisy"):
+            return
+        scenario = resolved.scenario
+        kinematics, durations = scenario.fleet.kinematics, scenario.durations
+        driving = (kinematics, durations.move, durations.turn, scenario.world.zones)
+        grid = floor_for(resolved.plan, *driving, types_of(scenario)).grid
+        duration = rules_for(scenario, scenario.seed).duration[0]
+        whole_layers(network_for(grid, duration, self.network))
 
     def located(self, folder: Path) -> Avoidance:
         """The same with that file found from a folder."""

@@ -1,6 +1,7 @@
 """traffic-avoidance with a network: what a fleet foresees is what the network says of its tasks."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -132,6 +133,53 @@ def test_check_names_a_network_that_is_not_there(own_scenario, own_file, capsys)
     setting = "strategy.routing={name: traffic-avoidance, predictor: {network: own.npz}}"
     assert main(["check", str(own_scenario), "--set", setting]) == 2
     assert capsys.readouterr().err == f"automaton: --set {setting}: {said}"
+
+
+def trained_for_another_floor(path):
+    save_network(path, drawn_network(1, zones=5, floor="another"))
+
+
+def cut_short(path):
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+def of_too_many_numbers(path):
+    """Its first layer says that it has 10^15 numbers."""
+    head = np.lib.format.header_data_from_array_1_0(np.zeros(1, np.float16)) | {"shape": (10**15,)}
+    with zipfile.ZipFile(path, "a") as file, file.open("weights9.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(member, head)
+    with zipfile.ZipFile(path) as old:
+        parts = {name: old.read(name) for name in old.namelist()}
+    parts["weights0.npy"] = parts.pop("weights9.npy")
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in parts.items():
+            file.writestr(name, data)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (trained_for_another_floor, "own.npz was trained for the floor of"),
+        (cut_short, "own.npz is no file of a zone network"),
+        (of_too_many_numbers, "own.npz is no file of a zone network"),
+        (lambda path: path.write_text("weights"), "own.npz is no file of a zone network"),
+    ],
+)
+def test_check_reads_networks_and_not_only_their_names(spoil, said, own_scenario, own_file, capsys):
+    assert main(["check", str(own_scenario)]) == 0
+    spoil(own_file)
+    capsys.readouterr()
+    assert main(["check", str(own_scenario)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and said in error
+    assert error.startswith(f"automaton: {own_scenario}:") and "strategy.routing: " in error
+
+
+def test_check_tries_the_shipped_network_on_the_floor(capsys):
+    picked = "strategy.routing={name: traffic-avoidance, predictor: network}"
+    assert main(["check", "tabletop-mini", "--set", picked]) == 2
+    assert "warehouse-100.npz was trained for the floor of" in capsys.readouterr().err
+    assert main(["check", "warehouse-100", "--set", picked]) == 0
 
 
 def test_verify_names_a_network_that_changed(own_scenario, own_file, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -181,6 +182,17 @@ def test_a_folder_without_results(capsys: Any, tmp_path: Path) -> None:
     (tmp_path / "run.rec").touch()
     code, _, err = report(capsys, str(tmp_path / "run.rec"))
     assert code == 2 and "is a file" in err and "automaton replay ONE OTHER" in err
+
+
+def test_a_report_says_what_is_damaged(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    shutil.copytree(folder, out)
+    (file,) = (out / "rows").glob("*.parquet")
+    file.write_bytes(file.read_bytes()[:-100])
+    code, _, err = report(capsys, str(out))
+    assert code == 2
+    said = f"holds no runs that can be read: damaged are {file.name}; sweep again to repair\n"
+    assert err == f"automaton: {out}: {said}"
 
 
 # Results made up, without runs.

@@ -83,12 +83,18 @@ def described_study(file: str, args: argparse.Namespace) -> str:
 
 
 def check_files(resolved: Resolved, document: Document) -> None:
-    """Raises InputError for a file that a strategy reads and that is not there."""
+    """Raises InputError for a file of a strategy that is not there, or not what it must be."""
     for layer, pick in resolved.picks.items():
         for file in files_of(pick.parameters):
             if not os.path.isfile(file):
                 said = f"strategy.{layer}: there is no file {file}"
                 raise document.error(("strategy", layer), said)
+        check = getattr(pick.parameters, "check_files", None)
+        try:
+            if check is not None:
+                check(resolved)
+        except InputError as error:
+            raise document.error(("strategy", layer), f"strategy.{layer}: {error}") from None
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

@@ -35,7 +35,11 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
     """The report; `floors`: points of which one run is observed again. Raises InputError."""
     results = read_results(store)
     if not results.rows:
-        raise InputError("holds no runs of its study yet", str(store.folder))
+        why = "holds no runs of its study yet"
+        if results.damaged:
+            names = ", ".join(results.damaged)
+            why = f"holds no runs that can be read: damaged are {names}; sweep again to repair"
+        raise InputError(why, str(store.folder))
     scenarios, lacking = scenarios_of(store)
     study = results.study
     document = Document(study.name)

@@ -27,7 +27,8 @@ class AsRecorded(msgspec.Struct, frozen=True):
 def located(parameters: Any, folder: Path) -> Any:
     """Parameters with the files that they name found from a folder, as absolute paths.
 
-    Parameters that name files have a method `located(folder)`, and `files` that lists them.
+    Parameters that name files have a method `located(folder)`, and `files` that lists them; they may
+    have `check_files(resolved)`, which reads them and raises InputError.
     """
     return parameters.located(folder) if hasattr(parameters, "located") else parameters
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -31,6 +32,7 @@ Whole = npt.NDArray[np.int64]
 LAYERS: Final = 4  # three hidden ones and the output
 HEADER: Final = 8  # numbers of a packed network before its first layer, as kernels read it
 MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
+ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
 EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
 FORMAT = "automaton zone network 1"
 
@@ -80,7 +82,7 @@ def load_network(path: Path) -> ZoneNetwork:
             layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(LAYERS))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (KeyError, ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+    except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
         raise InputError(f"{path} is no file of a zone network") from error
     network = ZoneNetwork(layers, about)
     if not isinstance(about, dict) or about.get("format") != FORMAT or not _fits(network):

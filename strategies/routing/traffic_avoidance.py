@@ -11,7 +11,6 @@ nearly every zone has A or more others foreseen for each A up to most_threshold;
 and plain A* is all there is. How often another plan was taken is counted: `alternatives`.
 """
 
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -37,11 +36,9 @@ from automaton.strategy.kernels import (
     search,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.strategy.network import network_for, packed, scratch_size, shipped
+from automaton.strategy.network import network_for, packed, scratch_size
 from automaton.world.state import NIL, TICK
 from strategies.routing.astar import RULE, around_robots, start_pose
-
-SHIPPED = "warehouse-100"  # the scenario whose network is shipped
 
 # memory.parameters, after RULE
 MOST = 1  # the largest A
@@ -259,7 +256,6 @@ class TrafficAvoidance(Strategy):
         own = SETS + 2 * words
         if p.predictor in ("exact", "noisy"):
             return memory_of(view, own, parameters=parameters)
-        file = shipped(SHIPPED) if p.predictor == "network" else Path(p.predictor.network)
-        network = network_for(view.grid, view.rules.duration[0], file)
+        network = network_for(view.grid, view.rules.duration[0], p.network)
         parameters = np.concatenate([parameters, packed(network)])
         return memory_of(view, own, scratch_size(network), parameters)

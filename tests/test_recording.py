@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterable
@@ -206,8 +207,27 @@ def test_what_is_no_recording_is_refused_in_one_sentence(
     assert str(error.value).startswith(str(tmp_path / "changed.rec"))
 
 
-def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
-    for place in (tmp_path / "nothing.rec", tmp_path):
+def test_what_comes_before_damage_can_be_kept(whole: bytes, tmp_path: Path) -> None:
+    begin = starts_of_frames(whole)[5]
+    data = whole[:begin] + b"\x07" + whole[begin + 1 :]
+    kept = reread(tmp_path, data[:begin])
+    assert kept.ticks > 0 and not kept.complete
+    with pytest.raises(
+        InputError, match=f"ticks 0 to {kept.ticks} come before .* `head -c {begin} "
+    ):
+        reread(tmp_path, data)
+
+
+def test_nothing_stands_after_the_end(whole: bytes, tmp_path: Path) -> None:
+    for more in (b"\n", whole[starts_of_frames(whole)[1] :]):
+        with pytest.raises(InputError, match="damaged: frame "):
+            reread(tmp_path, whole + more)
+
+
+def test_what_is_no_ordinary_file_is_not_read(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.rec"
+    os.mkfifo(pipe)
+    for place in (pipe, Path("/dev/zero"), tmp_path, tmp_path / "nothing.rec"):
         with pytest.raises(InputError, match="cannot read the recording"):
             read_recording(place)
 

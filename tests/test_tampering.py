@@ -136,6 +136,7 @@ set_key("factory", "strategy.zoning", "static")
 for name in ("name", "summary"):
     set_key("tables", name, "another", found=False)
 set_key("tables", "seed", 77, found=False)
+set_key("tables", "units.tick", "3 s", found=False)
 
 for place in (
     *("header.orders.target", "header.orders.source", "header.orders.released"),

@@ -222,6 +222,7 @@ def clear_answers(asked, answers, layer):
     elif layer == ZONING:
         answers.zoning.redesigned[0] = 0
         answers.zoning.queued[0] = 0
+        answers.zoning.refused[0] = 0
         answers.zoning.server[:] = KEEP
         for k in range(n):
             answers.zoning.zone[k] = KEEP

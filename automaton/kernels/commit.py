@@ -283,9 +283,9 @@ def commit_right_of_way(world, record, asked, answers):
             if robots.hold[i] == HOLD_ASK:
                 robots.hold[i] = HOLD_NONE
                 no_way_needed(world, i)
-        elif robots.parked[i] and (verb != STEP or robots.cell[i] == NIL):
+        elif robots.parked[i] and verb != STEP:
             refuse(world, RIGHT_OF_WAY, i)
-        elif verb == STEP:
+        elif verb == STEP and robots.cell[i] != NIL:
             step(world, i, value)
         elif verb == PAUSE and 1 <= value <= MOST_TICKS:
             pause(world, record, i, value)

@@ -36,10 +36,10 @@ from automaton.kernels.motion import move_all
 from automaton.kernels.observe import observe
 from automaton.kernels.operations import MOST_CHANGES
 from automaton.kernels.releases import release_orders
-from automaton.kernels.sight import end_turn, take_turn, turns
+from automaton.kernels.sight import end_turn, name_robots, take_turn, turns
 from automaton.kernels.stations import work_at_stations
 from automaton.kernels.zones import count_robots, slow_down
-from automaton.kernels.zoning import commit_zoning, judge_design
+from automaton.kernels.zoning import commit_zoning, judge_zoning
 from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.world.state import (
     ALLOCATION,
@@ -120,12 +120,13 @@ def ticks(
                     decide[layer](view, shown, answers, memories[layer], space)
                 else:
                     yield layer
+                    name_robots(world, batch, asked, turn)  # whatever stands there now
                 if world.rules.holders[layer]:
                     remove_holders(seen)
                 if space.stop[0]:
                     yield GIVEN_UP
                 if layer == ZONING:
-                    judge_design(world, asked, answers.zoning)
+                    judge_zoning(world, asked, answers.zoning)
                 if clock[RECORDING]:
                     keep_decisions(world, record, asked, answers, layer)
                 commit(world, record, asked, answers, layer)

@@ -17,6 +17,7 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.motion import CLAIMS, RULE, U
 from automaton.world.state import ACTIONS, NEVER, NIL, NO_STEP, UNRELEASED
+from automaton.zoning.paths import copy_segment
 
 HIDDEN = -2  # design.held: the point belongs to somebody out of sight
 
@@ -30,20 +31,26 @@ def turns(world, batch):
 @kernel
 def take_turn(world, seen, batch, asked, memory, vault, turn):
     """Prepare call number `turn`: the robots asked, what they see, what they remember."""
+    name_robots(world, batch, asked, turn)
     if world.rules.radius == NIL:
-        asked.count[0] = batch.count[0]
-        for k in range(batch.count[0]):
-            asked.robot[k] = batch.robot[k]
-            asked.reason[k] = batch.reason[k]
         return
     i = np.int64(batch.robot[turn])
-    asked.count[0] = 1
-    asked.robot[0] = i
-    asked.reason[0] = batch.reason[turn]
     look(world, seen, i)
     if world.rules.radius > 0:
         for k in range(memory.own.shape[1]):
             memory.own[i, k] = vault.own[i, k]
+
+
+@kernel
+def name_robots(world, batch, asked, turn):
+    """Enter the robots that call number `turn` is about: the whole batch, or one of it."""
+    everything = world.rules.radius == NIL
+    first = 0 if everything else turn
+    count = batch.count[0] if everything else 1
+    asked.count[0] = count
+    for k in range(count):
+        asked.robot[k] = batch.robot[first + k]
+        asked.reason[k] = batch.reason[first + k]
 
 
 @kernel
@@ -79,15 +86,13 @@ def is_seen(world, i, j):
 @kernel
 def look(world, seen, i):
     """Fill `seen` with what robot i sees now."""
-    for j in range(world.robots.cell.shape[0]):
-        forget_cell(world, seen, np.int64(seen.robots.cell[j]))
-        forget_cell(world, seen, np.int64(seen.robots.claim[j]))
-        hide(seen, j)
+    hide_everything(world, seen)
     for j in range(world.robots.cell.shape[0]):
         if is_seen(world, i, j):
             show(world, seen, j)
             show_cell(world, seen, np.int64(world.robots.cell[j]))
             show_cell(world, seen, np.int64(world.robots.claim[j]))
+            show_zoning(world, seen, i, j)
     if world.rules.own_zones and world.zoning.queue.shape[0]:
         look_at_zones(world, seen, i)
     for action in range(ACTIONS):
@@ -95,6 +100,15 @@ def look(world, seen, i):
             seen.tally.times[i, action, loaded] = world.tally.times[i, action, loaded]
             seen.tally.ticks[i, action, loaded] = world.tally.ticks[i, action, loaded]
     seen.tally.slowed[i] = world.tally.slowed[i]
+
+
+@kernel
+def hide_everything(world, seen):
+    """Take back what has been shown."""
+    for j in range(world.robots.cell.shape[0]):
+        forget_cell(world, seen, np.int64(seen.robots.cell[j]))
+        forget_cell(world, seen, np.int64(seen.robots.claim[j]))
+        hide(seen, j)
 
 
 @kernel
@@ -133,16 +147,11 @@ def look_at_zones(world, seen, i):
     for point in range(b.design.held.shape[0]):
         zone = np.int64(b.design.held[point])
         a.design.held[point] = zone if zone == NIL or a.server[zone] != NIL else HIDDEN
+    hide_segments(a.design)
     a.design.segments[0] = b.design.segments[0]
     for segment in range(b.design.segments[0]):
-        owner = np.int64(b.design.owner[segment])
-        shown = a.server[owner] != NIL
-        a.design.owner[segment] = owner if shown else NIL
-        a.design.points[segment] = b.design.points[segment] if shown else 0
-        for end in range(2):
-            a.design.ends[segment, end] = b.design.ends[segment, end] if shown else NIL
-        for k in range(b.design.points[segment]):
-            a.design.path[segment, k] = b.design.path[segment, k] if shown else NIL
+        if a.server[b.design.owner[segment]] != NIL:
+            copy_segment(b.design, segment, a.design, segment)
     for x in range(zones):
         for y in range(zones):
             shown = a.server[x] != NIL and a.server[y] != NIL
@@ -150,12 +159,17 @@ def look_at_zones(world, seen, i):
                 a.design.transfer[x, y, station] = b.design.transfer[x, y, station] if shown else 0
     look_at_orders(world, seen, i)
     look_at_works(world, seen)
-    for j in range(b.wake.shape[0]):
-        shown = is_seen(world, i, j)
-        a.halt[j] = b.halt[j] if shown else NIL
-        a.wake[j] = b.wake[j] if j == i else NIL
-        for word in range(b.said.shape[1]):
-            a.said[j, word] = b.said[j, word] if shown else 0
+
+
+@kernel
+def hide_segments(design):
+    """Segments look as if nobody owned them."""
+    for segment in range(design.segments[0]):
+        for k in range(design.points[segment]):
+            design.path[segment, k] = NIL
+        design.points[segment] = 0
+        design.owner[segment] = NIL
+        design.ends[segment] = NIL
 
 
 @kernel
@@ -174,6 +188,7 @@ def look_at_orders(world, seen, i):
         a.target[order] = b.target[order] if shown else NIL
         a.by[order] = by if shown else NIL
         a.released[order] = b.released[order] if shown else NEVER
+        a.weight[order] = b.weight[order] if shown else 0
         a.dispatched[order] = b.dispatched[order] if shown else NIL
         a.dispatched_from[order] = b.dispatched_from[order] if shown else NIL
         a.delivered[order] = b.delivered[order] if shown else NIL
@@ -221,6 +236,10 @@ def show_cell(world, seen, cell):
 @kernel
 def hide(seen, j):
     r = seen.robots
+    for k in range(r.length[j]):  # what was shown, and no more: the rows are long
+        r.route[j, k] = 0
+    for k in range(r.planned[j]):
+        r.plan[j, k] = 0
     for array in (r.cell, r.claim, r.load, r.order, r.slot, r.stand, r.zone, r.home, r.bay):
         array[j] = NIL
     for array in (r.length, r.at, r.level, r.charge, r.planned):
@@ -241,6 +260,21 @@ def hide(seen, j):
     seen.tally.times[j] = 0
     seen.tally.ticks[j] = 0
     seen.tally.slowed[j] = 0
+    if seen.zoning.wake.shape[0]:
+        seen.zoning.halt[j] = NIL
+        seen.zoning.wake[j] = NIL
+        seen.zoning.said[j] = 0
+
+
+@kernel
+def show_zoning(world, seen, i, j):
+    """What robot j, in sight of robot i, was told by zoning, and what it tells others."""
+    a, b = seen.zoning, world.zoning
+    if b.wake.shape[0]:
+        a.halt[j] = b.halt[j]
+        a.wake[j] = b.wake[j] if j == i else NIL
+        for word in range(b.said.shape[1]):
+            a.said[j, word] = b.said[j, word]
 
 
 @kernel

@@ -53,15 +53,44 @@ def commit_zoning(world, record, asked, answers):
 
 
 @kernel
-def judge_design(world, asked, given):
-    """Make the design of an answer whole, and refuse it if it is not sound or changes too much."""
-    if given.redesigned[0] == 0 or world.zoning.queue.shape[0] == 0:
-        return
+def judge_zoning(world, asked, given):
+    """Make the design of an answer whole, and refuse what cannot be recorded as it stands.
+
+    That is a design that is not sound or changes too much, and a number of queued orders that
+    cannot be.
+    """
+    most = 2 * world.robots.cell.shape[0]  # of a replay, which tells of all calls at once
+    refused = min(max(np.int64(0), given.refused[0]), most)
+    if not 0 <= given.queued[0] <= given.order.shape[0]:
+        given.queued[0] = 0
+        refused += 1
+    if given.redesigned[0] and world.zoning.queue.shape[0]:
+        if not may_become(world, asked, given.design):
+            given.redesigned[0] = 0
+            refused += 1
+    given.refused[0] = refused
+    world.tally.illegal[ZONING] += refused
+
+
+@kernel
+def may_become(world, asked, design):
+    """Whether a design, made whole, is sound and changes only what may be changed."""
+    if not has_room_for(design):
+        return False
     if world.rules.own_zones and asked.count[0]:
-        fill_in_hidden(world, np.int64(asked.robot[0]), given.design)
-    if not is_sound(world, given.design) or not may_change(world, asked, given.design):
-        world.tally.illegal[ZONING] += 1
-        given.redesigned[0] = 0
+        fill_in_hidden(world, np.int64(asked.robot[0]), design)
+    return is_sound(world, design) and may_change(world, asked, design)
+
+
+@kernel
+def has_room_for(design):
+    """Whether the segments of a design and their points are as many as there is room for."""
+    if not 0 <= design.segments[0] <= design.owner.shape[0]:
+        return False
+    for segment in range(design.segments[0]):
+        if not 0 <= design.points[segment] <= design.path.shape[1]:
+            return False
+    return True
 
 
 @kernel
@@ -69,7 +98,9 @@ def commit_robot(world, record, i, given, k):
     """What zoning says of robot i, answer k of the batch."""
     zoning, tick = world.zoning, world.clock[TICK]
     zone = np.int64(given.zone[k])
-    if zone != KEEP and zone != world.robots.zone[i]:
+    if zone != KEEP and not may_serve(world, zone):
+        world.tally.illegal[ZONING] += 1
+    elif zone != KEEP and zone != world.robots.zone[i]:
         world.robots.zone[i] = zone
         note(world.clock, record, ZONE, world.robots.identity[i], zone)
     if zoning.queue.shape[0] == 0:
@@ -81,7 +112,9 @@ def commit_robot(world, record, i, given, k):
             world.clock[HALTED] = max(np.int64(world.clock[HALTED]), tick - 1 + halt)
         else:
             world.tally.illegal[ZONING] += 1
-    if again != KEEP:
+    if again != KEEP and again < NIL:
+        world.tally.illegal[ZONING] += 1
+    elif again != KEEP:
         zoning.wake[i] = tick + max(np.int64(1), again) if again != NIL else NIL
         waking = np.int64(world.clock[WAKING])
         if again != NIL and (waking == NIL or zoning.wake[i] < waking):
@@ -89,6 +122,14 @@ def commit_robot(world, record, i, given, k):
     if given.tells[k]:
         for word in range(zoning.said.shape[1]):
             zoning.said[i, word] = given.said[k, word]
+
+
+@kernel
+def may_serve(world, zone):
+    """Whether a zone exists, or is NIL; without a design there may be as many as cells."""
+    designed = world.zoning.queue.shape[0] > 0
+    zones = world.zoning.server.shape[0] if designed else world.grid.rule.shape[0]
+    return NIL <= zone < zones
 
 
 @kernel
@@ -128,7 +169,7 @@ def is_sound(world, design):
         if not 0 <= zone < zones or world.zoning.serves[zone, station] == 0:
             return False
         held[roads.point[station]] = zone
-    if not 0 <= design.segments[0] <= design.owner.shape[0]:
+    if not has_room_for(design):
         return False
     for segment in range(design.segments[0]):
         if not is_path(roads, design, segment):
@@ -222,7 +263,7 @@ def adopt(design, given):
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
             for station in range(design.zone.shape[0]):
-                design.transfer[a, b, station] = given.transfer[a, b, station]
+                design.transfer[a, b, station] = 1 if given.transfer[a, b, station] else 0
 
 
 @kernel

@@ -9,6 +9,7 @@ those that are here are whole and sound (automaton.kernels.zoning.judge_design).
     SERVERS:  a robot for each zone
     STATIONS: a zone for each station, then zone, zone, station of each transfer station
     SEGMENT:  owner, its two ends, its points
+    REFUSED:  how many answers were illegal and are not here
 """
 
 import numpy as np
@@ -23,6 +24,7 @@ QUEUES = 0
 SERVERS = 1
 STATIONS = 2
 SEGMENT = 3
+REFUSED = 4
 ROBOT_WORDS = 4
 MOST_QUEUED = 8_000  # orders of a row
 
@@ -31,15 +33,17 @@ MOST_QUEUED = 8_000  # orders of a row
 def most_zoning_words(world):
     """Words that the decisions of zoning may take in a tick."""
     zoning = world.zoning
+    robots = world.robots.cell.shape[0]
+    calls = 1 if world.rules.radius == NIL else robots
+    words = robots * (2 + ROBOT_WORDS + SAID) + 3 * calls
     if zoning.queue.shape[0] == 0:
-        return np.int64(0)
+        return words
     stations, points = zoning.design.path.shape
-    zones, robots = zoning.server.shape[0], world.robots.cell.shape[0]
+    zones = zoning.server.shape[0]
     orders = zoning.queue.shape[0]
     queues = 4 * orders + 3 * (orders // MOST_QUEUED + 1)
     design = 6 + stations + 3 * zones * zones * stations + stations * (6 + points)
-    calls = 1 if world.rules.radius == NIL else robots
-    return robots * (2 + ROBOT_WORDS + SAID) + calls * (queues + zones + 3 + design)
+    return words + calls * (queues + zones + 3 + design)
 
 
 @kernel
@@ -66,6 +70,10 @@ def keep_zoning(world, record, asked, given, key):
         return
     for k in range(asked.count[0]):
         keep_robot(world, record, asked, given, key, k)
+    if given.refused[0]:
+        at = begin_row(world, record, key, REFUSED)
+        record.decisions[at] = given.refused[0]
+        end_row(world, record, at + 1)
     if world.zoning.queue.shape[0] == 0:
         return
     if given.redesigned[0]:
@@ -178,6 +186,8 @@ def give_robot(given, words, at, size, k):
 
 @kernel
 def give_row(view, given, words, at, size, kind):
+    if kind == REFUSED:
+        given.refused[0] += words[at]
     if view.zoning.queue.shape[0] == 0:
         return
     if kind == QUEUES:

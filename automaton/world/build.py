@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from automaton.kernels.decisions import most_words
 from automaton.kernels.events import most_events
 from automaton.kernels.operations import MOST_CHANGES
+from automaton.kernels.sight import hide_everything
 from automaton.kernels.zoning_decisions import most_zoning_words
 from automaton.scenario.resolve import Resolved
 from automaton.world.battery import first_charges
@@ -301,6 +302,7 @@ def zoning_answers(zoning: Partition, robots: int) -> ZoningAnswers:
         queue=numbers(orders),
         stop=numbers(orders),
         direct=np.zeros(orders, np.uint8),
+        refused=np.zeros(1, np.int64),
     )
 
 
@@ -308,24 +310,24 @@ def build_sight(world: World, floor: Floor) -> World:
     """What strategies see: the world itself, or, with limited sight, masked copies."""
     if world.rules.radius == NIL:
         return world
-    return world.replaced(
+    zoning = world.zoning
+    seen = world.replaced(
         robots=world.robots.copied(),
         traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy(), floor.grid.zones),
         tally=world.tally.copied(),
-        **own_zone_copies(world),
+        chargers=build_chargers(world.grid.kind),  # without what the tick notes about robots
+        zoning=zoning.replaced(
+            halt=zoning.halt.copy(), wake=zoning.wake.copy(), said=zoning.said.copy()
+        ),
     )
-
-
-def own_zone_copies(world: World) -> dict[str, Any]:
-    """Masked copies of what robots know of their zones alone, if the scenario says so."""
-    if not world.rules.own_zones:
-        return {}
-    zoning = world.zoning.copied()
-    return {
-        "orders": world.orders.copied(),
-        "stations": world.stations.copied(),
-        "zoning": zoning.replaced(design=world.zoning.design.copied()),
-    }
+    if world.rules.own_zones:
+        seen = seen.replaced(
+            orders=world.orders.copied(),
+            stations=world.stations.copied(),
+            zoning=zoning.copied().replaced(design=zoning.design.copied()),
+        )
+    hide_everything(world, seen)
+    return seen
 
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:

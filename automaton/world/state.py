@@ -306,6 +306,7 @@ class ZoningAnswers(Struct):
     queue: Array  # (m,) int32: comes into the queue of this zone
     stop: Array  # (m,) int32: and is to be set down in this slot
     direct: Array  # (m,) uint8: 1 = past transfer stations
+    refused: Array  # (1,) int64: illegal answers that a recording tells of, and no strategy
 
 
 class ChargingAnswers(Struct):

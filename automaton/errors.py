@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from automaton.printable import one_line
+
 
 class InputError(Exception):
     """Something that a user wrote is wrong; `str` gives "FILE:LINE: sentence"."""
@@ -16,10 +18,9 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         if self.file is None:
-            return self.message
-        if self.line is None:
-            return f"{self.file}: {self.message}"
-        return f"{self.file}:{self.line}: {self.message}"
+            return one_line(self.message)
+        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        return one_line(f"{place}: {self.message}")
 
     def at(self, file: str | None, line: int | None = None) -> InputError:
         """The same error with its place, unless it already has one."""

@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from automaton.errors import InputError, WorkerDied, nearest
 from automaton.interruption import Terminated, signals_heeded
+from automaton.printable import PrintedText, one_line
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
@@ -55,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = "--debug" in arguments
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = map(PrintedText, before)
     try:
         with signals_heeded():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
@@ -79,10 +82,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         _show_traceback(debug)
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        what = what if len(what) < LONGEST_ERROR else what[:LONGEST_ERROR] + " ..."
+        what = one_line(" ".join(f"{type(error).__name__}: {error}".split()), LONGEST_ERROR)
         print(f"automaton: internal error, {what} (--debug shows where)", file=sys.stderr)
         return FAILED
+    finally:
+        sys.stdout, sys.stderr = before
 
 
 def _show_traceback(debug: bool) -> None:

@@ -14,6 +14,7 @@ from typing import Any, Final
 import yaml
 
 from automaton.errors import InputError
+from automaton.printable import LONGEST_NAME, escaped, one_line
 
 Keys = tuple[str | int, ...]  # the way to a value: ("fleet", "start", 0)
 
@@ -212,14 +213,16 @@ def _data(node: yaml.Node, file: str | None) -> Any:
                 f"the key '{name.value}' appears twice (first in line {first})", file, line
             )
         lines[name.value] = line
-        data[name.value] = _data(value, file)
+        found = _data(value, file)
+        is_name = name.value == "name" and isinstance(found, str)
+        data[one_line(name.value)] = one_line(found, LONGEST_NAME) if is_name else found
     return data
 
 
 def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
     text, tag, line = node.value, node.tag, node.start_mark.line + 1
     if tag in TEXT_TAGS:
-        return text
+        return escaped(text)
     if tag == TAG + "null":
         return None
     if tag == TAG + "bool":

@@ -1,0 +1,61 @@
+"""Text of others - names, keys, cells, messages of plug-ins - as it may be shown.
+
+A terminal obeys control characters: they could clear the screen, or write what nobody has said. They
+are shown as `\\u001b`, which is right in JSON, too. Names are cut, and a sentence stays one line.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Final
+
+LONGEST_NAME: Final = 100  # characters
+LONGEST_SENTENCE: Final = 2000
+
+# C0, DEL and C1, what else ends a line, what turns the direction of writing, and halves of pairs.
+_OBEYED: Final = (
+    "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
+)
+_CONTROLS: Final = re.compile(f"[{_OBEYED}]")
+_ALL_CONTROLS: Final = re.compile(f"[\t\n{_OBEYED}]")
+# What this program and its libraries write to terminals: colours, and parts of lines anew.
+_OURS: Final = re.compile(
+    f"(\x1b\\[(?:[0-9;]*m|[0-2]?K|[0-9]*A|\\?25[lh])|\r(?=\x1b\\[[0-2]?K))|[{_OBEYED}]"
+)
+
+
+def escaped(text: str) -> str:
+    """Text of any number of lines without other control characters."""
+    return _CONTROLS.sub(_shown, text)
+
+
+def one_line(text: str, most: int = LONGEST_SENTENCE) -> str:
+    """Text as one line of at most so many characters; too long a one loses its middle."""
+    if len(text) > most:
+        text = f"{text[: most * 2 // 3]} ... {text[len(text) - most // 3 :]}"
+    return _ALL_CONTROLS.sub(_shown, text)
+
+
+def for_terminal(text: str) -> str:
+    """Output as a terminal may get it: of control sequences only those that this program uses."""
+    return _OURS.sub(lambda found: found[1] or _shown(found), text)
+
+
+def _shown(found: re.Match[str]) -> str:
+    return {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(found[0], f"\\u{ord(found[0]):04x}")
+
+
+class PrintedText:
+    """A standard stream to which whatever is printed goes through here."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text, with control characters shown; colours only to a terminal."""
+        shown = for_terminal(text) if self.stream.isatty() else escaped(text).expandtabs()
+        self.stream.write(shown)
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)

@@ -23,7 +23,7 @@ from automaton.picture.partition import partition_picture
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.standstill import stuck, trouble
-from automaton.strategy.failure import strategy_failure
+from automaton.strategy.failure import is_from_outside, strategy_failure
 from automaton.world.state import DELIVERED, NIL, UNRELEASED, WAIT, WAITING, Array
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
@@ -102,8 +102,8 @@ def strategies_blamed(resolved: Resolved) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (Exception, SystemExit) as error:
-        explained = strategy_failure(error, resolved)
+    except BaseException as error:  # a strategy may raise anything
+        explained = None if is_from_outside(error) else strategy_failure(error, resolved)
         if explained is None:
             raise
         raise explained from error
@@ -115,14 +115,17 @@ def run_once(
     on_window: OnWindow | None = None,
     until: int | None = None,
     draw: bool = False,
+    patience: float | None = None,
 ) -> Outcome:
     """Run a scenario with its own seed, to its end or to tick `until`; `draw` the grid then.
+
+    `patience`: seconds that a Python strategy has for each decision.
 
     Raises InputError for a strategy that raises.
     """
     still = np.zeros(resolved.scenario.fleet.robots, np.int64)
     with strategies_blamed(resolved):
-        simulation = Simulation(resolved, on_record=on_record)
+        simulation = Simulation(resolved, on_record=on_record, patience=patience)
         wall = run_to_end(simulation, on_window, still, until)
     state = simulation.world.orders.state
     finished = is_finished(simulation)

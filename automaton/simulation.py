@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 
-from automaton.compiled import first_compilation_announced
+from automaton.compiled import first_compilation_announced, jit_is_on
 from automaton.interruption import give_up, interruptible
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
@@ -17,6 +18,7 @@ from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
 from automaton.strategy.contract import check_decides, checked_every, checked_memory, checked_waits
 from automaton.strategy.layer import Strategy
+from automaton.strategy.patience import Watchdog
 from automaton.world.build import (
     build_buffers,
     build_observation,
@@ -55,7 +57,8 @@ class Simulation:
     change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
     are called when the buffers are full and before `run` returns, and empty them. `strategies`,
     one for each layer or None, replace the scenario's; `after` is a simulation whose state this
-    one goes on from. Errors that a Python strategy raises come out of `run`.
+    one goes on from. A Python strategy has `patience` seconds for a decision, None: any time. What
+    it raises comes out of `run`.
     """
 
     def __init__(
@@ -67,8 +70,10 @@ class Simulation:
         on_observe: Callable[[Simulation], None] | None = None,
         strategies: Sequence[Strategy | None] | None = None,
         after: Simulation | None = None,
+        patience: float | None = None,
     ) -> None:
         self.resolved = resolved
+        self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
         self.space = with_zones(floor.borrow_space(self), self.world)
@@ -78,6 +83,7 @@ class Simulation:
         self.view: World = self.seen.read_only()
         self.batch, self.asked, self.answers = build_buffers(self.world)
         self._shown = self.asked.read_only()
+        self._given = self.answers.lent()
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
         self.world.clock[RECORDING] = 1 if on_record else 0
@@ -116,6 +122,7 @@ class Simulation:
             on_record=self.on_record,
             on_observe=self.on_observe,
             after=self,
+            patience=self._watchdog.seconds if self._watchdog else None,
         )
 
     def _remember(self, before: Simulation) -> None:
@@ -150,7 +157,9 @@ class Simulation:
     def _memory(self, strategy: Strategy | None) -> Memory:
         if strategy is None:
             return no_memory()
-        return checked_memory(strategy, strategy.reset(self.view), self.view)
+        with self._watchdog.watching() if self._watchdog else nullcontext():
+            memory = strategy.reset(self.view)
+        return checked_memory(strategy, memory, self.view)
 
     def _start(self) -> Iterator[int]:
         arguments = (
@@ -176,11 +185,16 @@ class Simulation:
                     loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
                 )
             functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
+            if serving[index] == loop_kernels.INTERPRETED:  # whatever becomes of the strategy's own
+                self._memories[index] = self._memories[index].copied()
         vaults = self._vaults = [memory.copied() for memory in self._memories]
         if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
             for memory in self._memories:
                 memory.own[:] = 0
                 memory.shared[:] = 0
+        self._faces = [memory.lent() for memory in self._memories]
+        # With the JIT off, kernels write to what Python sees.
+        self._sealed = self.space.sealed() if jit_is_on() else self.space
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
         self._lent = (arguments, functions, vaults)
         ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
@@ -271,7 +285,12 @@ class Simulation:
     def _decide(self, layer: int) -> None:
         strategy = self._strategies[layer]
         assert strategy is not None
-        strategy.decide(self.view, self._shown, self.answers, self._memories[layer], self.space)
+        before = self.digests()
+        with self._watchdog.watching() if self._watchdog else nullcontext():
+            strategy.decide(self.view, self._shown, self._given, self._faces[layer], self._sealed)
+        changed = np.flatnonzero(self.digests() != before)
+        if len(changed):
+            raise PermissionError(f"it has written to {DIGEST_NAMES[changed[0]]} of the world")
 
     def digests(self) -> Array:
         """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""

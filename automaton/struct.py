@@ -11,20 +11,46 @@ words for each array, at every call: the same kernels then compiled in 122 s ins
 (measured with Numba 0.68), so the world is passed by reference.
 
 Read-only arrays give a type of their own, and kernels that write to them do not compile.
+
+Strategies in Python get their structs as faces: other objects over the same memory, whose arrays can
+be neither resized nor opened for writing, since the arrays that own the memory cannot be reached from
+there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NoReturn, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 WORDS = 4  # of a row of the table
 
 
+class _Window:
+    """What an array over another one's memory has for a base: it gives nothing away."""
+
+    __slots__ = ("__array_interface__", "__weakref__")
+    __array_interface__: dict[str, Any]
+
+
+_OWNERS: WeakKeyDictionary[_Window, Any] = WeakKeyDictionary()  # kept as long as their windows
+
+
+def window(array: Any, writable: bool) -> Any:
+    """The same memory as an array that cannot be resized, nor opened for writing if it is not."""
+    base = _Window()
+    interface = array.__array_interface__
+    base.__array_interface__ = interface | {"data": (interface["data"][0], not writable)}
+    _OWNERS[base] = array
+    return np.asarray(base)
+
+
 class Struct:
     """Base of all structs; made with keyword arguments, one for each annotated field."""
 
+    _table: Any
+    _writable: bool
     _fields: ClassVar[tuple[str, ...]] = ()
     _types: ClassVar[dict[bool, Any]]  # Numba types, of the writable and the read-only form
 
@@ -35,9 +61,8 @@ class Struct:
     def __init__(self, **values: Any) -> None:
         if tuple(values) != self._fields:
             raise TypeError(f"{type(self).__name__} takes the fields {', '.join(self._fields)}")
-        self.__dict__.update(values)
-        self._table = np.zeros((len(self._fields), WORDS), np.uint64)
-        self._writable = True
+        table = np.zeros((len(self._fields), WORDS), np.uint64)
+        self.__dict__.update(values, _table=table, _writable=True)
         for row, value in enumerate(values.values()):
             self._enter(row, value)
 
@@ -51,6 +76,9 @@ class Struct:
             self._table[row, 0] = value._address
         else:
             self._table[row, 0] = int(value) % 2**64  # two's complement
+
+    def __setattr__(self, name: str, value: Any) -> NoReturn:
+        raise AttributeError(f"{type(self).__name__}.{name} cannot be replaced; write into arrays")
 
     @property
     def _address(self) -> int:
@@ -73,17 +101,26 @@ class Struct:
 
     def read_only(self) -> Self:
         """The same memory, closed to writing: what strategies see."""
-        seen = object.__new__(type(self))
-        for name, value in self.__dict__.items():
-            if isinstance(value, np.ndarray) and name in self._fields:
-                value = value.view()
-                value.setflags(write=False)
-            elif isinstance(value, Struct):
-                value = value.read_only()
-            seen.__dict__[name] = value
-        seen._writable = False
+        return self._face(python=False, kernels=False)
+
+    def sealed(self) -> Self:
+        """The same memory, closed to Python but not to kernels."""
+        return self._face(python=False, kernels=True)
+
+    def lent(self) -> Self:
+        """The same memory, open to writing as it was, for somebody who may do what he likes with it."""
+        return self._face(python=True, kernels=True)
+
+    def _face(self, python: bool, kernels: bool) -> Self:
+        face = object.__new__(type(self))
+        table = self._table.copy()
         for row, name in enumerate(self._fields):
-            if isinstance(seen.__dict__[name], Struct):
-                seen._table = seen._table.copy() if seen._table is self._table else seen._table
-                seen._table[row, 0] = seen.__dict__[name]._address
-        return seen
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                value = window(value, python and value.flags.writeable)
+            elif isinstance(value, Struct):
+                value = value._face(python, kernels)
+                table[row, 0] = value._address
+            face.__dict__[name] = value
+        face.__dict__.update(_table=window(table, False), _writable=kernels and self._writable)
+        return face

@@ -29,6 +29,16 @@ def add_settings_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
+    """How long a strategy may take: `strategy_timeout`."""
+    parser.add_argument(
+        "--strategy-timeout",
+        type=whole("a number of seconds", 1),
+        metavar="S",
+        help="a run fails when a strategy in Python takes more seconds than these for a decision",
+    )
+
+
 def tell_doubts(resolved: Resolved) -> None:
     """Say on stderr what is allowed but hardly meant."""
     sys.stdout.flush()  # keeps the order where both streams meet

@@ -15,7 +15,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
+from automaton.commands.arguments import (
+    add_scenario_arguments,
+    add_timeout_argument,
+    tell_doubts,
+    whole,
+)
 from automaton.errors import InputError
 from automaton.scenario.resolve import Resolved, resolve
 
@@ -35,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
     )
+    add_timeout_argument(parser)
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
 
@@ -46,7 +52,9 @@ def run(args: argparse.Namespace) -> int:
     resolved = resolve(args.scenario, args.settings, args.seed)
     tell_doubts(resolved)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
-        outcome = run_once(resolved, on_record, on_window, args.until, args.picture)
+        outcome = run_once(
+            resolved, on_record, on_window, args.until, args.picture, args.strategy_timeout
+        )
     if args.json:
         print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
     else:

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import whole
+from automaton.commands.arguments import add_timeout_argument, whole
 from automaton.errors import InputError
 from automaton.units import count
 
@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--retry-failed", action="store_true", help="try again also the runs that gave no figures"
     )
+    add_timeout_argument(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
 
 
@@ -81,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
             listener.rows,
             args.retry_failed,
             copies_of(args.study, plan),
+            args.strategy_timeout,
         )
     tell(args, swept, time.monotonic() - begun_at)
     return 1 if swept.failed else 0

@@ -29,6 +29,7 @@ from automaton.experiments.names import SERIES, STRETCHES
 from automaton.headless import is_finished, strategies_blamed
 from automaton.measured_run import Marks, run_marked, sums_by_stretch
 from automaton.metrics import metrics_of
+from automaton.printable import one_line
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.state import DELIVERED
@@ -47,6 +48,7 @@ class Chunk(NamedTuple):
     scenario: bytes  # the resolved scenario, pickled
     windows: Windows
     runs: tuple[Run, ...]
+    patience: float | None = None  # seconds of a decision of a Python strategy
 
 
 class OtherCode(Exception):
@@ -58,8 +60,8 @@ def run_chunk(chunk: Chunk) -> list[Row]:
     here = _version(chunk.plugins)
     if here != chunk.version:
         raise OtherCode(f"{os.uname().nodename} has version {here}, not {chunk.version}")
-    resolved = _scenario(chunk.fingerprint, chunk.scenario)
-    return [run_one(resolved, run, chunk.windows) for run in chunk.runs]
+    resolved = _scenario(chunk.fingerprint, chunk.scenario, chunk.patience)
+    return [run_one(resolved, run, chunk.windows, chunk.patience) for run in chunk.runs]
 
 
 def _version(plugins: tuple[str, ...]) -> str:
@@ -84,7 +86,7 @@ _SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
 KEPT_SCENARIOS = 16
 
 
-def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
+def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -> Resolved:
     """The scenario of a chunk: the same object again for chunks of the same point.
 
     Threads do this at the same time, and one may let go of what another one has just put there.
@@ -97,20 +99,23 @@ def _scenario(fingerprint: str, pickled: bytes) -> Resolved:
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
         if first:  # loads the compiled loop, so that no run's time counts it
             try:
-                Simulation(resolved)
+                with strategies_blamed(resolved):
+                    Simulation(resolved, patience=patience)
             except BaseException as error:
                 if is_ctrl_c(error):
                     raise
     return resolved
 
 
-def run_one(resolved: Resolved, run: Run, windows: Windows = WHOLE) -> Row:
+def run_one(
+    resolved: Resolved, run: Run, windows: Windows = WHOLE, patience: float | None = None
+) -> Row:
     """Run a scenario with the seed of a run, to its end or its limit."""
     wall, cpu = time.perf_counter(), time.process_time()
     row = blank(run)
     try:
         with strategies_blamed(resolved):
-            simulation = Simulation(resolved, run.seed)
+            simulation = Simulation(resolved, run.seed, patience=patience)
             marks = run_marked(simulation, windows.stretch)
             row |= figures_of(simulation, windows.window, marks)
     except InputError as error:
@@ -133,7 +138,7 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def reason(text: str) -> str:
     """Why a run has no figures, as a row keeps it: not too long, and text that files can hold."""
-    return text[:LONGEST_REASON].encode(errors="replace").decode()
+    return one_line(text, LONGEST_REASON)
 
 
 def blank(run: Run, failed: str | None = None) -> Row:

@@ -18,6 +18,7 @@ from automaton.experiments.store import Store, arrow, declared_in
 from automaton.experiments.study import Point
 from automaton.experiments.sweeping import Coordinator, OnRows, Tally
 from automaton.experiments.writing import Writer, check_free, declare, locked, set_damaged_aside
+from automaton.headless import strategies_blamed
 from automaton.simulation import Simulation
 from automaton.units import count
 
@@ -53,10 +54,12 @@ def sweep_into(
     on_rows: OnRows | None = None,
     retry_failed: bool = False,
     copies: Copies | None = None,
+    patience: float | None = None,
 ) -> Swept:
     """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
 
     `retry_failed`: runs that failed are lacking, too. `copies`: of the study's own files, to keep.
+    `patience`: seconds that a Python strategy has for each decision.
     """
     arrow()
     with locked(folder):
@@ -64,10 +67,10 @@ def sweep_into(
         begun, done = stock_of(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
         try:
-            tally = carried_out(plan, crew, writer, done, on_rows)
+            tally = carried_out(plan, crew, writer, done, on_rows, patience)
             if lacking(store):  # files were damaged meanwhile
                 _, done = stock_of(store, False, False, on_begun)
-                tally = tally.and_then(carried_out(plan, crew, writer, done, on_rows))
+                tally = tally.and_then(carried_out(plan, crew, writer, done, on_rows, patience))
             check_complete(store)
         finally:
             writer.release()
@@ -87,13 +90,18 @@ def stock_of(
 
 
 def carried_out(
-    plan: Plan, crew: Callable[[], Crew], writer: Writer, done: set[str], on_rows: OnRows | None
+    plan: Plan,
+    crew: Callable[[], Crew],
+    writer: Writer,
+    done: set[str],
+    on_rows: OnRows | None,
+    patience: float | None,
 ) -> Tally:
     """Do the runs that are not done, and put all rows into one file."""
     tally = Tally(0, 0, 0, 0)
     if len(done) < plan.study.runs:
-        warm(plan)
-        tally = Coordinator(plan, crew(), writer, done, on_rows).conduct()
+        warm(plan, patience)
+        tally = Coordinator(plan, crew(), writer, done, on_rows, patience).conduct()
     writer.close()
     return tally
 
@@ -163,12 +171,13 @@ def difference(before: Manifest, now: Manifest) -> str:
     return ""
 
 
-def warm(plan: Plan) -> None:
+def warm(plan: Plan, patience: float | None = None) -> None:
     """Compile, or find in the cache, what the workers will load, so that it is done once."""
     seen = set()
     for resolved in plan.scenarios:
         names = tuple(pick.name for pick in resolved.picks.values())
         if names not in seen:
             seen.add(names)
-            with contextlib.suppress(Exception, SystemExit):  # rows will say what a strategy raises
-                Simulation(resolved)
+            # Rows will say what a strategy raises.
+            with contextlib.suppress(Exception), strategies_blamed(resolved):
+                Simulation(resolved, patience=patience)

@@ -51,11 +51,18 @@ class Coordinator:
     """Carries out the runs of a plan that are not done yet."""
 
     def __init__(
-        self, plan: Plan, crew: Crew, writer: Writer, done: set[str], on_rows: OnRows | None = None
+        self,
+        plan: Plan,
+        crew: Crew,
+        writer: Writer,
+        done: set[str],
+        on_rows: OnRows | None = None,
+        patience: float | None = None,
     ) -> None:
         self.plan, self.crew, self.writer = plan, crew, writer
         self.version = plan.manifest.version
         self.on_rows = on_rows
+        self.patience = patience
         self.finished: queue.SimpleQueue[Promise] = queue.SimpleQueue()
         self.under_way: dict[Promise, tuple[Chunk, bool]] = {}  # chunk, whether it runs alone
         self.suspects: deque[Run] = deque()
@@ -123,7 +130,7 @@ class Coordinator:
 
     def _submit(self, runs: tuple[Run, ...], alone: bool) -> None:
         self.chunks += 1
-        chunk = chunk_of(self.plan, self.version, self.chunks, runs)
+        chunk = chunk_of(self.plan, self.version, self.chunks, runs, self.patience)
         try:
             future = self.crew.submit_alone(chunk) if alone else self.crew.submit(chunk)
         except Exception as error:
@@ -194,7 +201,9 @@ class Coordinator:
         self.writer.tick()
 
 
-def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Chunk:
+def chunk_of(
+    plan: Plan, version: str, number: int, runs: tuple[Run, ...], patience: float | None = None
+) -> Chunk:
     """What a worker is told about runs of one point."""
     point = runs[0].point
     return Chunk(
@@ -205,6 +214,7 @@ def chunk_of(plan: Plan, version: str, number: int, runs: tuple[Run, ...]) -> Ch
         scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
         windows=plan.manifest.points[point].windows,
         runs=runs,
+        patience=patience,
     )
 
 

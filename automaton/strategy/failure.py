@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import dis
 import sys
 import traceback
 from types import FrameType
 from typing import Any
 
+from automaton import interruption
 from automaton.errors import InputError
+from automaton.printable import one_line
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.state import LAYERS
+
+LONGEST = 300  # characters of what was raised
 
 # Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
 CALLS = {
@@ -35,6 +40,21 @@ def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | N
     return None
 
 
+def is_from_outside(error: BaseException) -> bool:
+    """Whether an error is a signal to this process, and not what a strategy raised by itself.
+
+    A signal comes between two instructions, a strategy's own KeyboardInterrupt from its `raise`.
+    """
+    place = error.__traceback__
+    if type(error) is not KeyboardInterrupt or place is None:
+        return isinstance(error, KeyboardInterrupt)
+    while place.tb_next is not None:
+        place = place.tb_next
+    if place.tb_frame.f_globals.get("__name__") == interruption.__name__:
+        return True  # a handler raises it
+    return dis.opname[place.tb_frame.f_code.co_code[place.tb_lasti]] != "RAISE_VARARGS"
+
+
 def _layer(names: dict[str, Any]) -> str:
     layer = names.get("layer")
     if layer is None:
@@ -55,7 +75,10 @@ def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
 
 
 def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
-    what = " ".join(str(error).split())
+    try:
+        what = one_line(" ".join(str(error).split()), LONGEST)
+    except Exception:  # of the strategy's own __str__
+        what = ""
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
     title = layer.replace("_", "-")
     return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")

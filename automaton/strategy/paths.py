@@ -72,7 +72,7 @@ def route(
     view: World, space: Workspace, robot: int, target: int, around: bool = False
 ) -> list[int] | None:
     """Directions of the shortest path from a robot to a target cell, or None."""
-    steps = space.steps
+    steps = np.empty(space.steps.shape, np.uint8)
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
     target = _checked(view, target)

@@ -18,9 +18,11 @@ def charging_minutes(view, rules, i):
 
 
 @kernel
-def add_charging(view, load, rules):
-    """Add the minutes that the server of each zone charges to the zone's load."""
-    for zone in range(load.shape[0]):
+def add_charging(view, space, rules):
+    """Add the minutes that the server of each zone charges to the zone's space.load."""
+    for zone in range(space.load.shape[0]):
         server = view.zoning.server[zone]
         if server != NIL:
-            load[zone] += charging_minutes(view, rules, np.int64(view.robots.at_index[server]))
+            space.load[zone] += charging_minutes(
+                view, rules, np.int64(view.robots.at_index[server])
+            )

@@ -152,7 +152,7 @@ class Monitored(Strategy):
         good = NIL
         if flows:
             find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
-            add_charging(view, space.zoning.load, self._rules)
+            add_charging(view, space.zoning, self._rules)
             value = balance(space.zoning.load)
             if len(space.zoning.load) > 1:  # one zone is out of balance with nobody
                 good = int(0.0 < value <= self.parameters.tolerance)

@@ -12,10 +12,8 @@ from typing import Any, Final
 LONGEST_NAME: Final = 100  # characters
 LONGEST_SENTENCE: Final = 2000
 
-# C0, DEL and C1, what else ends a line, what turns the direction of writing, and halves of pairs.
-_OBEYED: Final = (
-    "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff"
-)
+# C0, DEL and C1, what else ends a line, and what turns the direction of writing.
+_OBEYED: Final = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"
 _CONTROLS: Final = re.compile(f"[{_OBEYED}]")
 _ALL_CONTROLS: Final = re.compile(f"[\t\n{_OBEYED}]")
 # What this program and its libraries write to terminals: colours, and parts of lines anew.

@@ -192,6 +192,15 @@ class Raises(Strategy):
         answers.allocation.verb[: asked.count[0]] = PARK
 
 
+class NeverAnswers(Raises):
+    """Allocation: goes on for ever whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        while len(view.robots.cell) == 2:
+            pass
+        answers.allocation.verb[: asked.count[0]] = PARK
+
+
 class Quits(Raises):
     """Allocation: leaves Python whenever two robots run."""
 

@@ -40,6 +40,18 @@ def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> No
     assert all("no caf?.csv" in why for why in failed[3:])
 
 
+def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path) -> None:
+    study, out = troubled(tmp_path, "NeverAnswers"), tmp_path / "out"
+    process = started(sweep_command(study, out, "--workers", "1", "--strategy-timeout", "1"))
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 1 and "3 runs gave no figures" in err
+    failed = Store(out).rows().column("failed").to_pylist()
+    assert failed[:3] == [None] * 3
+    assert all(
+        "'sweeping:NeverAnswers' raised NoAnswer: no answer within 1 s" in why for why in failed[3:]
+    )
+
+
 def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
     command = sweep_command(
         troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"

@@ -24,12 +24,23 @@ from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.standstill import stuck, trouble
 from automaton.strategy.failure import is_from_outside, strategy_failure
-from automaton.world.state import DELIVERED, NIL, UNRELEASED, WAIT, WAITING, Array
+from automaton.world.state import (
+    CHARGE,
+    DELIVERED,
+    IN_LINE,
+    NIL,
+    OUT_OF_ORDER,
+    UNRELEASED,
+    WAIT,
+    WAITING,
+    Array,
+)
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
 WINDOW = 4 * RECORD_TICKS
 WORKING = [action for action in OPERATIONS if action != WAIT]
+AWAY = [CHARGE, IN_LINE, OUT_OF_ORDER]
 
 OnWindow = Callable[[Simulation], None]
 
@@ -81,17 +92,29 @@ def run_to_end(
     while not simulation.finished and simulation.tick < limit:
         simulation.run(min(simulation.tick + WINDOW, limit))
         if still is not None:
-            now = operations(simulation)
-            still[now != worked] = simulation.tick
-            worked = now
+            worked = note_work(simulation, worked, still)
         if on_window is not None:
             on_window(simulation)
     return time.perf_counter() - begun - seconds_compiled()
 
 
+def note_work(simulation: Simulation, before: Array, still: Array) -> Array:
+    """Enter this tick for the robots that have not just waited since `before`; returns operations.
+
+    One that is off the floor, in its bay or in repair, does not wait either.
+    """
+    now = operations(simulation)
+    still[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
+    return now
+
+
 def operations(simulation: Simulation) -> Array:
-    """(n,) int64: operations that each stored robot has begun, waits aside."""
-    total: Array = simulation.world.tally.times[:, WORKING].sum((1, 2))
+    """(n,) int64: operations that each stored robot has begun, and ticks in which it was no use.
+
+    Who charges, stands in line before a charger or is out of order does not just wait.
+    """
+    tally = simulation.world.tally
+    total: Array = tally.times[:, WORKING].sum((1, 2)) + tally.ticks[:, AWAY].sum((1, 2))
     return total
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from powered import recorded_run, scene
 
+from automaton.headless import run_once
 from automaton.metrics import metrics_of
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
@@ -206,3 +207,18 @@ def test_an_empty_list_needs_no_charger() -> None:
     run.run(until=1)
     assert (run.world.robots.goal == GOAL_PICK).any()
     assert (run.world.robots.goal != GOAL_CHARGE).all(), "all batteries are full"
+
+
+def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:
+    """Said where a run does not finish: it took 1,000 ticks at a charger for a wait."""
+    resolved = scene(
+        "c~~~~t~~~~t",
+        [(1, 0), (2, 0)],
+        orders={"list": [TRIP]},
+        battery={"drain": {"move": 1.0}, "charge": 0.01, "start": 10.0},
+        strategy={"allocation": "first-come", "charging": "threshold", "right_of_way": "wait"},
+        stop={"when": "delivered", "at_most": 2500},
+    )
+    outcome = run_once(resolved)
+    assert outcome.metrics["lost_in_line"] > 1000, "one charges, the other is next"
+    assert not outcome.finished and "nothing but wait" not in outcome.trouble

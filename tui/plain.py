@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from automaton.circles import circles
-from automaton.headless import Outcome, operations, ran_out
+from automaton.headless import Outcome, note_work, operations, ran_out
 from automaton.history.divergence import first_difference
 from automaton.history.run import Run
 from automaton.metrics import metrics_by_robot, metrics_by_type, metrics_of
@@ -53,9 +53,7 @@ def _told(run: Run) -> Outcome:
     worked = operations(run.front)
     for tick in _milestones():
         _go_to(run, tick)
-        now = operations(run.front)
-        still[now != worked] = run.tick
-        worked = now
+        worked = note_work(run.front, worked, still)
         if run.tick < tick:
             return _outcome(run, still)
         print(_figures(run), flush=True)

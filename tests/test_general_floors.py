@@ -108,6 +108,14 @@ def test_loads_that_are_drawn_are_the_orders(tmp_path: Path) -> None:
     [
         ("b...>..s\nd....#.#", "the shelf at .* cannot be served"),
         ("A.s#B.d", "cannot be served"),
+        (
+            "A...<d\ns#####",
+            r"there leads east from \(3, 0\) into \(4, 0\), which is closed: .* at \(4, 0\)",
+        ),
+        (
+            "A...>d\ns#####",
+            r"back leads west from \(4, 0\) into \(3, 0\), which is closed: .* at \(4, 0\)",
+        ),
         ("A.sd#B\n....#.", "not connected both ways"),
     ],
 )

@@ -12,13 +12,27 @@ from automaton.scenario.document import Document, Keys
 from automaton.scenario.floors import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.schema import Scenario
-from automaton.world.cells import CHARGER, DESTINATION, DOCK, KINDS, RACK, SHELF, STATION, UNLIMITED
+from automaton.world.cells import (
+    CHARGER,
+    DESTINATION,
+    DIRECTIONS,
+    DOCK,
+    KINDS,
+    RACK,
+    SHELF,
+    STATION,
+    UNLIMITED,
+)
 from automaton.world.plan import DRIVABLE, FloorPlan
 from automaton.world.reach import (
+    closed_step,
     rack_stands,
+    reached,
+    slot_access,
     slots_out_of_reach,
     slots_without_access,
 )
+from automaton.world.state import NIL
 from automaton.world.types import types_of
 
 Start = Literal["bays", "random", "stands"] | tuple[int, ...]
@@ -188,6 +202,7 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
         (remote, "cannot be served: a robot must get beside it from its start, and back"),
     ):
         if cell is not None:
+            why += closed_way(scenario, plan, start, cell)
             x, y = plan.xy(cell)
             name = KINDS[plan.kind.flat[cell]].name
             raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
@@ -216,9 +231,14 @@ def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             raise document.error(("layout",), f"{found} can be served: {why}")
     slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())}
+
+    def because(cell: int) -> str:
+        return why + closed_way(scenario, plan, start, cell)
+
     for number in sorted({number for kind in orders.parts or () for number in kind.route}):
-        if not served[slots[int(plan.stations()[number - 1])]]:
-            raise document.error(("layout",), f"station {number} cannot be served: {why}")
+        cell = int(plan.stations()[number - 1])
+        if not served[slots[cell]]:
+            raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
     for index, order in enumerate(orders.listed or ()):
         for name, (x, y) in (("from", order.source), ("to", order.target)):
             cell = plan.cell(x, y)
@@ -226,7 +246,7 @@ def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start
                 kind_name = KINDS[plan.kind.flat[cell]].name
                 raise document.error(
                     ("orders", "list", index, name),
-                    f"the {kind_name} at [{x}, {y}] cannot be served: {why}",
+                    f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
                 )
 
 
@@ -281,6 +301,26 @@ def _unserved(plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
         slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
     )
     return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
+
+
+def closed_way(scenario: Scenario, plan: FloorPlan, start: Start, cell: int) -> str:
+    """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
+    rail = scenario.fleet.kinematics == "rail"
+    homes = starts_by_type(scenario, plan, start)[0][:1].tolist()
+    access = slot_access(plan)[plan.slots().tolist().index(cell)]
+    beside = access[access != NIL].tolist()
+    there = [c for c in beside if reached(plan, homes, rail)[c]]
+    found = closed_step(plan, there, homes) if there else closed_step(plan, homes, beside)
+    if found is None:
+        return ""
+    a, b, direction = found
+    against = plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
+    (x, y), (x1, y1), (x2, y2) = plan.xy(a), plan.xy(b), plan.xy(b if against else a)
+    step = f"{DIRECTIONS[direction]} from ({x}, {y}) into ({x1}, {y1})"
+    return (
+        f"; the way {'back' if there else 'there'} leads {step}, which is closed: "
+        f"let robots drive both ways at ({x2}, {y2})"
+    )
 
 
 def _robots(number: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
 
@@ -57,6 +58,34 @@ def reached(plan: FloorPlan, starts: Iterable[int], rail: bool, backwards: bool 
         front = following
     either: Mask = seen[0] | seen[1]
     return either
+
+
+def closed_step(
+    plan: FloorPlan, starts: Iterable[int], goals: Iterable[int]
+) -> tuple[int, int, int] | None:
+    """The first step that is closed on a way with as few of them as there can be: from, to, direction.
+
+    The way leads over cells that robots drive on; None if there is none, or nothing is closed on it.
+    """
+    exits, drivable = plan.exits.reshape(-1).tolist(), plan.drivable().reshape(-1).tolist()
+    offsets = tuple(enumerate((1, plan.stride, -1, -plan.stride)))
+    closed_first: dict[int, tuple[int, int, int] | None] = dict.fromkeys(starts)
+    wanted, done = set(goals), set()
+    front = deque(closed_first)
+    while front:
+        cell = front.popleft()
+        if cell in wanted:
+            return closed_first[cell]
+        if cell in done:
+            continue
+        done.add(cell)
+        for direction, offset in offsets:
+            to, is_open = cell + offset, exits[cell] >> direction & 1
+            if not drivable[to] or to in done or (to in closed_first and not is_open):
+                continue
+            closed_first[to] = closed_first[cell] or (None if is_open else (cell, to, direction))
+            (front.appendleft if is_open else front.append)(to)
+    return None
 
 
 def steps_from(

@@ -116,13 +116,14 @@ KINDS = (
     "auctioneer: time, radius: 3",
     "region: order, radius: 3",
     "reauction_after: 0",
+    "while_charging: keep",
 )
 
 
 def test_every_option_makes_another_run_and_all_deliver_everything() -> None:
     digests = {}
     for options in ("", *KINDS):
-        resolved = auction(options, FIFTY).resolved
+        resolved = auction(options, FIFTY.replace("30", "25")).resolved  # somebody is idle at times
         recorder = MemoryRecorder(resolved)
         run = Simulation(resolved, on_record=recorder)
         run.run()
@@ -283,6 +284,21 @@ def test_a_late_robot_gives_its_list_back() -> None:
 
 def test_who_is_on_time_keeps_its_list() -> None:
     assert same_run("reauction_after: 0", "", EIGHT, *NO_BATTERY)
+
+
+# Robots that charge.
+
+
+def test_orders_do_not_wait_in_the_lists_of_robots_that_charge() -> None:
+    """Five robots and one charger: the slowest twentieth of the orders, over three seeds."""
+    slowest = {}
+    for option in ("keep", "release"):
+        runs = [auction(f"while_charging: {option}", name="depots-line", seed=s) for s in (1, 2, 3)]
+        for run in runs:
+            run.run()
+            assert run.finished
+        slowest[option] = sum(metrics_of(run)["lead_time_p95"] for run in runs)
+    assert slowest["release"] < 0.9 * slowest["keep"]
 
 
 # What cannot be done.

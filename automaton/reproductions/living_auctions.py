@@ -34,6 +34,8 @@ CHARGING: Final = {  # what strategy.charging is set to, and whether batteries a
     "threshold, look": ("strategy.charging={name: threshold, mode: look}",),
     "insertion, may strand": ("strategy.charging={name: insertion, never_strand: false}",),
 }
+KEEP: Final = "while_charging: keep"  # lists stay with robots that charge, as the figures were made
+KEPT: Final = f"strategy.allocation={{name: auction, {KEEP}}}"
 QUEUES: Final = {"in the bids": "true", "left out": "false"}
 REPAIRS: Final = {"gone for good": "null", "back after 600 ticks": "600"}
 KINDS: Final = {  # parameters of strategy.allocation
@@ -55,7 +57,7 @@ KINDS: Final = {  # parameters of strategy.allocation
 def stranding_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """Each charging strategy with more orders than robots can do."""
     return [
-        ScenarioCase({"charging": name}, "depots-full", (SATURATED, *settings))
+        ScenarioCase({"charging": name}, "depots-full", (KEPT, SATURATED, *settings))
         for name, settings in CHARGING.items()
     ]
 
@@ -67,6 +69,7 @@ def waiting_cases(_: Sequence[str]) -> list[ScenarioCase]:
             {"wait, % per tick": str(wait), "reserve, %": reserve},
             "depots-full",
             (
+                KEPT,
                 COMING,
                 "strategy.charging=insertion",
                 f"battery.drain.wait={wait}",
@@ -84,7 +87,7 @@ def line_cases(_: Sequence[str]) -> list[ScenarioCase]:
         ScenarioCase(
             {"lines": name},
             "depots-line",
-            (f"strategy.charging={{name: insertion, queues: {queues}}}",),
+            (KEPT, f"strategy.charging={{name: insertion, queues: {queues}}}"),
         )
         for name, queues in QUEUES.items()
     ]
@@ -93,7 +96,7 @@ def line_cases(_: Sequence[str]) -> list[ScenarioCase]:
 def failure_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """A robot fails, and is back or not."""
     return [
-        ScenarioCase({"robot": name}, "depots", (FAILING, f"faults.repair={repair}"))
+        ScenarioCase({"robot": name}, "depots", (KEPT, FAILING, f"faults.repair={repair}"))
         for name, repair in REPAIRS.items()
     ]
 
@@ -104,7 +107,7 @@ def kind_cases(_: Sequence[str]) -> list[ScenarioCase]:
         ScenarioCase(
             {"auction": name},
             "depots",
-            (f"strategy.allocation={{name: auction{', ' if more else ''}{more}}}",),
+            (f"strategy.allocation={{name: auction, {KEEP}{', ' if more else ''}{more}}}",),
         )
         for name, more in KINDS.items()
     ]

@@ -39,7 +39,7 @@ from automaton.auctions.session import (
 from automaton.auctions.site import site_for
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
+from automaton.world.state import GOAL_CHARGE, NIL, TICK, Answers, Asked, Memory, Workspace, World
 from strategies.allocation.lists import has_empty_list, serve
 from strategies.allocation.parameters import MOST_LISTED, Auctions, EpsilonSchedule
 
@@ -115,6 +115,9 @@ class Auction(Strategy):
         self._counted = int(asked.robot[0])
         if self.parameters.reauction_after is not None:
             self._take_back_late(view, given, memory, space, self.parameters.reauction_after)
+        if self.parameters.while_charging == "release" and has_empty_list(view, asked, given):
+            charging = (view.robots.goal == GOAL_CHARGE) & (view.robots.planned > 0)
+            given.planned[charging] = memory.own[charging, DUE] = 0
         mark_planned(view, given)
         count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since

@@ -98,6 +98,13 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         Annotated[int, Meta(ge=0, le=1_000_000)] | None,
         Meta(description="a robot so many ticks late gives its list back; null: never"),
     ] = None
+    while_charging: Annotated[
+        Literal["release", "keep"],
+        Meta(
+            description="release: a robot that is to charge, stands in line or charges gives its list "
+            "back as soon as another one has nothing ahead of it; keep: it keeps its list."
+        ),
+    ] = "release"
 
     def __post_init__(self) -> None:
         asked_for = {

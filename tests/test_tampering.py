@@ -157,6 +157,12 @@ for place in (
     add_to("factory", place)
 
 
+@tampering("factory")
+def a_floor_with_a_parameter_that_there_is_not(taken: Taken) -> None:
+    for scenario in taken.scenarios:
+        scenario["layout"]["cellx"] = 1
+
+
 @tampering()
 def another_seed(taken: Taken) -> None:
     taken.header["seed"] += 1

@@ -11,6 +11,7 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
+from automaton.errors import InputError
 from automaton.recording.frames import read_recording
 
 if TYPE_CHECKING:
@@ -30,7 +31,10 @@ def run(args: argparse.Namespace) -> int:
     recording = read_recording(args.file)  # what is no recording is refused before Numba is loaded
     from automaton.recording.verification import verify_recording
 
-    found = verify_recording(recording)
+    try:
+        found = verify_recording(recording)
+    except InputError as error:
+        raise error.at(args.file) from None
     if args.json:
         print(json.dumps(as_json(args.file, found), indent=2, ensure_ascii=False))
     else:

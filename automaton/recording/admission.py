@@ -30,9 +30,10 @@ from automaton.recording.header import plan_of
 from automaton.scenario.branch import CHANGEABLE
 from automaton.scenario.document import Document
 from automaton.scenario.feasibility import check_energy
-from automaton.scenario.floors import Floor
+from automaton.scenario.floors import Floor, generator_type, is_shipped
 from automaton.scenario.resolve import checked_start, picks_of
 from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.validation import validated
 from automaton.strategy import lookup
 from automaton.world.cells import KINDS, SHELF, STATION, STEPS
 from automaton.world.plan import FloorPlan, bays_of
@@ -96,6 +97,7 @@ class Admission:
         sizes |= {"spare": header["slots"]["spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
         header["scenario"] = msgspec.to_builtins(self.scenario)
+        check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
         check_arrays(header, HEADER_ARRAYS, sizes)
         self.plan = plan_of(floor)
@@ -200,6 +202,13 @@ def counted(scenario: Scenario, plan: FloorPlan) -> tuple[int, int]:
     shelves = plan.kind == SHELF
     drawn = shelves & (plan.loads == 1) if orders.generator == "drawn-loads" else shelves
     return int(np.count_nonzero(drawn)), 0
+
+
+def check_layout(layout: Content) -> None:
+    """A generator that comes with the program takes these parameters. Raises InputError."""
+    if is_shipped(layout):
+        parameters = {key: value for key, value in layout.items() if key != "generator"}
+        validated(Document({}), parameters, generator_type(layout["generator"]), ("layout",))
 
 
 def check_plan(plan: FloorPlan) -> None:

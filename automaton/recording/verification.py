@@ -46,7 +46,7 @@ from automaton.recording.header import (
 from automaton.recording.validator import ACTS, Report, validate_stored
 from automaton.scenario.branch import branched
 from automaton.scenario.document import Document
-from automaton.scenario.floors import floor_of, generators
+from automaton.scenario.floors import floor_of, is_shipped
 from automaton.scenario.reading import content_hash
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Scenario
@@ -258,7 +258,7 @@ def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...])
 def drawn_otherwise(resolved: Resolved) -> bool:
     """Whether the layout gives another floor; files and generators of others may not be here."""
     layout = resolved.scenario.layout
-    if "picture" not in layout and layout.get("generator") not in generators():
+    if "picture" not in layout and not is_shipped(layout):
         return False
     return floor_of(Document({}), layout).plan != resolved.plan
 

@@ -63,6 +63,12 @@ def generators() -> dict[str, str]:
     return cast("dict[str, str]", importlib.import_module("layouts.catalogue").GENERATORS)
 
 
+def is_shipped(layout: dict[str, Any]) -> bool:
+    """Whether a layout names a generator that comes with the program."""
+    name = layout.get("generator")
+    return isinstance(name, str) and name in generators()
+
+
 def generator_type(name: Any) -> type[msgspec.Struct]:
     """The struct of parameters of a generator, by name or "module:Class". Raises InputError."""
     known = generators()
@@ -86,12 +92,15 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
 
 
 def point_names(layout: dict[str, Any]) -> dict[str, tuple[int, int]]:
-    """The names that a generator gives to cells of its floor, for zone designs; mostly none."""
+    """The names that a generator gives to cells of its floor, for zone designs; mostly none.
+
+    Raises InputError for other parameters than it takes.
+    """
     if "generator" not in layout:
         return {}
     wanted = generator_type(layout["generator"])
     parameters = {key: value for key, value in layout.items() if key != "generator"}
-    points = getattr(msgspec.convert(parameters, wanted), "points", None)
+    points = getattr(validated(Document({}), parameters, wanted, LAYOUT), "points", None)
     return dict(points()) if points else {}
 
 

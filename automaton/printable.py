@@ -34,6 +34,17 @@ def one_line(text: str, most: int = LONGEST_SENTENCE) -> str:
     return _ALL_CONTROLS.sub(_shown, text)
 
 
+def cleaned(data: Any) -> Any:
+    """Data of any depth in which all text is escaped."""
+    if isinstance(data, str):
+        return escaped(data)
+    if isinstance(data, dict):
+        return {cleaned(key): cleaned(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return type(data)(map(cleaned, data))
+    return data
+
+
 def for_terminal(text: str) -> str:
     """Output as a terminal may get it: of control sequences only those that this program uses."""
     return _OURS.sub(lambda found: found[1] or _shown(found), text)

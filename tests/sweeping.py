@@ -211,11 +211,20 @@ class Quits(Raises):
 
 
 class Interrupts(Raises):
-    """Allocation: raises what Ctrl-C raises whenever two robots run."""
+    """Allocation: raises by itself what Ctrl-C raises whenever two robots run."""
 
     def decide(self, view, asked, answers, memory, space):
         if len(view.robots.cell) == 2:
             raise KeyboardInterrupt
+        super().decide(view, asked, answers, memory, space)
+
+
+class IsInterrupted(Raises):
+    """Allocation: decides while somebody presses Ctrl-C whenever two robots run."""
+
+    def decide(self, view, asked, answers, memory, space):
+        if len(view.robots.cell) == 2:
+            signal.raise_signal(signal.SIGINT)
         super().decide(view, asked, answers, memory, space)
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.printable import LONGEST_NAME, PrintedText, escaped, one_line
+from automaton.printable import LONGEST_NAME, PrintedText, cleaned, escaped, one_line
 from automaton.scenario.document import parse
 
 CONTROLS = "".join(map(chr, (*range(32), *range(127, 160)))).replace("\n", "")
@@ -113,3 +113,9 @@ def test_no_command_prints_what_a_name_orders(
         assert not OBEYED.search(printed.out + printed.err)
         assert changed or "\\u001b[31mred" in printed.out + printed.err
         assert not changed or printed.err.count("\n") == 1
+
+
+def test_data_is_cleaned_at_any_depth() -> None:
+    """Recordings pass here when they are read."""
+    found = cleaned({"a\x1b": ["\x9b", ("ok\n", 3)], "b": None})
+    assert found == {"a\\u001b": ["\\u009b", ("ok\n", 3)], "b": None}

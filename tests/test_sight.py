@@ -104,7 +104,7 @@ def poison_zones(world: Any, b: int, draws: Any) -> int:
         ("tabletop-1", "orders", 40),
         ("tabletop-1", "{radius: 1}", 40),
         ("tabletop-1", "{radius: 3, shape: circle}", 60),
-        ("factory", "{radius: 20}", 200),
+        ("factory-ddz", "{radius: 20}", 200),
         ("factory-ddz", "{radius: 20, shape: circle, orders: zones}", 200),
     ],
 )

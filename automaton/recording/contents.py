@@ -15,6 +15,7 @@ from msgspec import UNSET, UnsetType, defstruct
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
+from automaton.printable import cleaned
 from automaton.recording.codes import (
     DURATION,
     LEFT_LOAD,
@@ -166,7 +167,7 @@ def read_content(kind: int, payload: bytes | memoryview) -> Content:
         frame = msgspec.msgpack.decode(data, type=_FRAMES[kind], ext_hook=_array_in)
     except msgspec.MsgspecError as error:
         raise Unsound(f"its content cannot be read: {error}") from None
-    return _as_content(frame)
+    return _as_content(frame) if kind == TICKS else cleaned(_as_content(frame))
 
 
 def inflated(payload: bytes | memoryview, most: int) -> bytes:

@@ -40,6 +40,7 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "energy": ("batteries", "energy used, in full batteries"),
     "charging": ("share", "ticks at chargers / all robot ticks"),
     "least_charge": ("share", "the emptiest battery at the end"),
+    "repair_energy": ("batteries", "charge that repairs gave robots, in full batteries"),
     "ran_empty": ("times", "a robot stood still for want of energy"),
     "breakdowns": ("times", "a robot broke down"),
     "towed": ("times", "a robot was towed"),

@@ -95,7 +95,7 @@ def counted(run: Measured) -> Counted:
         sums["travel"] = sums["moves"]
     if rules.battery:
         sums |= {"charge": int(tally.spent.sum()), "charging": int(ticks[CHARGE].sum())}
-        sums["ran_empty"] = int(out[RAN_EMPTY])
+        sums |= {"ran_empty": int(out[RAN_EMPTY]), "repaired": int(tally.repaired.sum())}
     if rules.may_fail:
         sums |= {"breakdowns": int(out[BROKE_DOWN]), "towed": int(out[WAS_TOWED])}
         sums["out_of_order"] = int(ticks[OUT_OF_ORDER].sum())

@@ -63,6 +63,8 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("rate: 0.1", "rate: 2", 6, ["faults.rate", "from 0 to 1", "found 2"]),
     ("tow_after: 30", "tow_after: 0", 6, ["faults.tow_after", "found 0"]),
     ("repair: 60", "repair: soon", 6, ["faults.repair", "found 'soon'"]),
+    ("repair: 60", "repair: 60, charge: 101", 6, ["faults.charge", "from 0 to 100", "found 101"]),
+    ("repair: 60", "repair: 60, charge: full", 6, ["faults.charge", "kept", "found 'full'"]),
     ("repair: 60", "repairs: 60", 6, ["did you mean 'repair'?"]),
     ("interval: 10", "interval: 0.5", 4, ["orders", "interval must be 0 or at least 1"]),
     ("interval: 10", "interval: -3", 4, ["orders.interval", "found -3"]),

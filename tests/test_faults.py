@@ -7,14 +7,16 @@ from typing import Any
 import pytest
 from powered import MOVES, Powered, recorded_run, scene
 
+from automaton.errors import InputError
 from automaton.headless import run_once
+from automaton.metrics import metrics_of
 from automaton.picture import picture_of, world_from
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Durations, Fault, Faults
 from automaton.simulation import Simulation
-from automaton.world.condition import BROKEN, FULL, GONE, RUNNING, TOWED
+from automaton.world.condition import BROKEN, FULL, GONE, PERCENT, RUNNING, TOWED
 from automaton.world.state import CARRIED, DELIVERED, NIL, OUT_OF_ORDER, WAIT, WAITING
 
 
@@ -41,8 +43,46 @@ def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
     run.world.robots.charge[0] = FULL // 2
     assert statuses(run, 10) == [RUNNING, *[BROKEN] * 3, *[TOWED] * 4, RUNNING, RUNNING]
     assert run.world.robots.cell[0] == NIL, "off the floor, at home"
-    assert run.world.robots.charge[0] == FULL
+    assert run.world.robots.charge[0] == FULL // 2, "a repair is no charger"
     assert run.world.tally.out[0].tolist() == [0, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("charge", "broken", "empty"), [("kept", 40, 15), (5, 5, 5), (100, 100, 100)]
+)
+def test_with_what_charge_a_robot_comes_back_the_scenario_says(
+    charge: Any, broken: float, empty: float
+) -> None:
+    """As it was if it broke down; one that ran empty gets the reserve at least."""
+    for has, expected in ((40.0, broken), (0.5, empty)):  # a move takes 1 %
+        run, recorder = recorded_run(
+            scene(
+                "t.t",
+                [(0, 0)],
+                orders={"list": [{"from": [2, 0], "to": [0, 0]}]},
+                strategy=STRATEGY,
+                battery={"drain": {"move": 1.0}, "charge": 1.0, "start": has, "reserve": 15.0},
+                faults={
+                    "list": [{"robot": 0, "at": 1}] if has > 1 else [],
+                    **{"tow_after": 3, "repair": 5, "charge": charge},
+                },
+                stop={"when": "never", "at_most": 8},
+            )
+        )
+        assert run.world.robots.status[0] == TOWED
+        assert run.world.robots.charge[0] / PERCENT == expected
+        assert metrics_of(run)["repair_energy"] == pytest.approx(max(0, expected - has) / 100)
+        assert validate_stored(recorder.recording()).valid
+
+
+def test_a_charge_after_repairs_needs_a_battery() -> None:
+    with pytest.raises(InputError, match=r"faults.charge is 50, but the scenario has no battery"):
+        scene(
+            "t.t",
+            [(0, 0)],
+            orders={"list": [{"from": [2, 0], "to": [0, 0]}]},
+            faults={"charge": 50},
+        )
 
 
 def test_null_means_never() -> None:

@@ -158,7 +158,8 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
 
 
 NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders that come later
-    *("slowed", "alternatives", "lost_in_line", "energy", "charging", "least_charge", "ran_empty"),
+    *("slowed", "alternatives", "lost_in_line", "energy", "charging", "least_charge"),
+    *("repair_energy", "ran_empty"),
     *("breakdowns", "towed", "out_of_order", "lead_time", "lead_time_p95", "travel", "messages"),
     # no parts, no zones
     *("parts", "part_time", "busiest_station", "busiest", "redesigns", "in_balance", "load_shares"),

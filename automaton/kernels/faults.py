@@ -31,7 +31,6 @@ from automaton.world.condition import (
     EMPTY,
     EXHAUSTED,
     FAILING,
-    FULL,
     GONE,
     RAN_EMPTY,
     RUNNING,
@@ -252,6 +251,8 @@ def tow(world, record, i):
         robots.parked[i] = 1
         world.clock[UNPARKED] -= 1
     robots.action[i] = IDLE
+    if rules.battery and rules.repair != NIL:
+        charge_in_repair(world, i)
     become(world, record, i, GONE if rules.repair == NIL else TOWED)
     if rules.repair == NIL:
         world.clock[OUT] -= 1
@@ -261,10 +262,21 @@ def tow(world, record, i):
 
 
 @kernel
+def charge_in_repair(world, i):
+    """Robot i, which is being towed, gets the charge with which it will come back."""
+    robots, rules = world.robots, world.rules
+    before = np.int64(robots.charge[i])
+    after = np.int64(rules.repaired)
+    if after == NIL:
+        after = max(before, np.int64(rules.reserve)) if robots.status[i] == EMPTY else before
+    robots.charge[i] = after
+    world.tally.repaired[i] += max(after - before, 0)
+
+
+@kernel
 def come_back(world, record, i):
-    """Robot i is in order again, its battery full, and off the floor at its home."""
+    """Robot i is in order again, and off the floor at its home."""
     robots = world.robots
-    robots.charge[i] = FULL
     robots.until[i] = 0
     become(world, record, i, RUNNING)
     world.clock[OUT] -= 1

@@ -2,7 +2,7 @@
 
 What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
 paid as long as there is something left. A robot out of order does nothing until it is towed, which
-happens exactly when the scenario says so, and comes back full.
+happens exactly when the scenario says so, and comes back with the charge that it says.
 """
 
 from __future__ import annotations
@@ -140,12 +140,20 @@ class Energy:
                 self.complain(
                     tick, "energy", [r], cell, "is gone, or comes back, against the rules"
                 )
+            if status == TOWED and self.battery is not None:
+                self._mend(r, before == EMPTY, units(self.battery["reserve"]))
             self.motion.tow(r)
         elif before != TOWED or tick - since != self.faults["repair"]:
             self.complain(tick, "energy", [r], cell, "comes back at another time than it must")
-        else:
-            self.charge[r] = FULL
         self.status[r], self.since[r] = status, tick
+
+    def _mend(self, r: int, ran_empty: bool, reserve: int) -> None:
+        """The charge with which a towed robot comes back."""
+        given = self.faults["charge"]
+        if given != "kept":
+            self.charge[r] = units(given)
+        elif ran_empty:
+            self.charge[r] = max(self.charge[r], reserve)
 
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]

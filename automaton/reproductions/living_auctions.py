@@ -25,7 +25,7 @@ WAITS: Final = (0.01, 0.05, 0.1)  # percent in a tick
 RESERVES: Final = (0, 5, 10, 20)  # percent
 
 CHARGING: Final = {  # what strategy.charging is set to, and whether batteries are infinite
-    "infinite batteries": ("strategy.charging=none", "battery=null"),
+    "infinite batteries": ("strategy.charging=none", "battery=null", "faults.charge=kept"),
     "insertion": ("strategy.charging=insertion",),
     "insertion, joint": ("strategy.charging={name: insertion, mode: joint}",),
     "fill-up": ("strategy.charging=fill-up",),
@@ -36,6 +36,7 @@ CHARGING: Final = {  # what strategy.charging is set to, and whether batteries a
 }
 KEEP: Final = "while_charging: keep"  # lists stay with robots that charge, as the figures were made
 KEPT: Final = f"strategy.allocation={{name: auction, {KEEP}}}"
+FULLY: Final = "faults.charge=100"  # who was towed comes back full, likewise
 QUEUES: Final = {"in the bids": "true", "left out": "false"}
 REPAIRS: Final = {"gone for good": "null", "back after 600 ticks": "600"}
 KINDS: Final = {  # parameters of strategy.allocation
@@ -57,7 +58,7 @@ KINDS: Final = {  # parameters of strategy.allocation
 def stranding_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """Each charging strategy with more orders than robots can do."""
     return [
-        ScenarioCase({"charging": name}, "depots-full", (KEPT, SATURATED, *settings))
+        ScenarioCase({"charging": name}, "depots-full", (KEPT, FULLY, SATURATED, *settings))
         for name, settings in CHARGING.items()
     ]
 
@@ -70,6 +71,7 @@ def waiting_cases(_: Sequence[str]) -> list[ScenarioCase]:
             "depots-full",
             (
                 KEPT,
+                FULLY,
                 COMING,
                 "strategy.charging=insertion",
                 f"battery.drain.wait={wait}",
@@ -96,7 +98,7 @@ def line_cases(_: Sequence[str]) -> list[ScenarioCase]:
 def failure_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """A robot fails, and is back or not."""
     return [
-        ScenarioCase({"robot": name}, "depots", (KEPT, FAILING, f"faults.repair={repair}"))
+        ScenarioCase({"robot": name}, "depots", (KEPT, FULLY, FAILING, f"faults.repair={repair}"))
         for name, repair in REPAIRS.items()
     ]
 

@@ -17,7 +17,7 @@ from automaton.metrics import metrics_of
 from automaton.parallel import Conduct, OnDone, Result, conducted, run_jobs
 from automaton.reproductions.study import Runner, ScenarioCase
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.scenario.schema import Fault, Faults
+from automaton.scenario.schema import Fault
 from automaton.simulation import Simulation
 from automaton.world.condition import RAN_EMPTY
 from automaton.world.state import CHARGE, DELIVERED, IN_LINE, World
@@ -70,9 +70,8 @@ def with_failure(resolved: Resolved, seed: int) -> Resolved:
         address = np.uint64(seed), BREAKDOWNS, 0
         robot = draw_between(0, resolved.scenario.fleet.robots - 1, *address, 0)
         at = draw_between(1, LAST_FAILURE, *address, 1)
-    repair = resolved.scenario.faults.repair
-    faults = Faults(
-        listed=(Fault(robot=int(robot), at=int(at)),), tow_after=TOW_AFTER, repair=repair
+    faults = msgspec.structs.replace(
+        resolved.scenario.faults, listed=(Fault(robot=int(robot), at=int(at)),), tow_after=TOW_AFTER
     )
     scenario = msgspec.structs.replace(resolved.scenario, faults=faults)
     return replace(resolved, scenario=scenario)

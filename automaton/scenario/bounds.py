@@ -240,4 +240,5 @@ def _mended(resolved: Resolved) -> float:
     faults = resolved.scenario.faults
     if resolved.scenario.battery is None or faults.tow_after is None or faults.repair is None:
         return 0.0
-    return 100.0 / max(1, faults.tow_after + faults.repair)
+    added = resolved.scenario.battery.reserve if faults.charge == "kept" else faults.charge
+    return added / max(1, faults.tow_after + faults.repair)

@@ -269,6 +269,11 @@ def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> Non
             ("battery", "start"),
             f"{_robots(robots)} but battery.start lists {_count(len(battery.start), 'charge')}",
         )
+    if battery is None and scenario.faults.charge != "kept":
+        raise document.error(
+            ("faults", "charge"),
+            f"faults.charge is {scenario.faults.charge:g}, but the scenario has no battery",
+        )
     for index, fault in enumerate(scenario.faults.listed):
         if fault.robot >= robots:
             raise document.error(

@@ -11,7 +11,9 @@ from automaton.scenario.schema import Scenario
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "completions")
 OF_TIMES: Final = ("lead_time", "lead_time_p95")
-OF_BATTERIES: Final = ("lost_in_line", "energy", "charging", "least_charge", "ran_empty")
+OF_BATTERIES: Final = (
+    *("lost_in_line", "energy", "charging", "least_charge", "repair_energy", "ran_empty"),
+)
 OF_FAULTS: Final = ("breakdowns", "towed", "out_of_order")
 OF_STATIONS: Final = ("parts", "part_time", "busiest_station", "busiest")
 

@@ -203,8 +203,15 @@ class Faults(Part, frozen=True, kw_only=True):
     ] = 300
     repair: Annotated[
         Ticks | None,
-        Meta(description="It is back, fully charged, after so many ticks more; null: never."),
+        Meta(description="It is back after so many ticks more; null: never."),
     ] = 600
+    charge: Annotated[
+        Percent | Literal["kept"],
+        Meta(
+            description="Percent with which it comes back. kept: what its battery held when it was "
+            "towed, but battery.reserve at least if it ran empty."
+        ),
+    ] = "kept"
 
 
 class Radius(Part, frozen=True, kw_only=True):

@@ -119,6 +119,7 @@ def build_world(
         slowed=np.zeros(n, np.int64),
         spent=np.zeros(n, np.int64),
         charged=np.zeros(n, np.int64),
+        repaired=np.zeros(n, np.int64),
         out=np.zeros((n, 3), np.int64),
         illegal=np.zeros(5, np.int64),
         asked=np.zeros(5, np.int64),

@@ -52,6 +52,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         reserve=0 if scenario.battery is None else units(scenario.battery.reserve),
         tow_after=ticks_or_never(scenario.faults.tow_after),
         repair=ticks_or_never(scenario.faults.repair),
+        repaired=NIL if scenario.faults.charge == "kept" else units(scenario.faults.charge),
         may_fail=int(may_fail(scenario)),
         faults=fault_table(scenario.faults),
         breakdown=round(scenario.faults.rate * 2**32),

@@ -166,6 +166,7 @@ class Rules(Struct):
     reserve: int  # charge that plans never go below
     tow_after: int  # ticks that a robot stands out of order before it is towed; NIL: it stays
     repair: int  # ticks from towing until it comes back; NIL: never
+    repaired: int  # charge with which it comes back; NIL: its own, or the reserve if it ran empty
     may_fail: int  # 1: robots may go out of order
     faults: Array  # (f, 2) int64: tick, identity; by tick
     breakdown: int  # of 2**32 ticks on the floor, how many end in a fault
@@ -262,7 +263,8 @@ class Tally(Struct):
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
     slowed: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
     spent: Array  # (n,) int64: units of charge used
-    charged: Array  # (n,) int64: units of charge taken in
+    charged: Array  # (n,) int64: units of charge taken in at chargers
+    repaired: Array  # (n,) int64: units of charge that repairs added
     out: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
     illegal: Array  # (5,) int64: illegal answers by layer
     asked: Array  # (5,) int64: batches that each layer was asked about

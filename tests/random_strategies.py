@@ -96,6 +96,38 @@ def floor_cells(view: Any) -> Any:
     return (view.grid.rule & 15).nonzero()[0].tolist()
 
 
+class RandomZoning(RandomStrategy):
+    """Halts robots, hands zones and orders to anybody, and puts stations into any zone."""
+
+    layer = "zoning"
+
+    def offend(self, view, dice, i, k, given):
+        given.halt[k] = dice.among([-1, 60_001, 2**31 - 1])
+        given.server[dice.below(len(given.server))] = dice.among([-1, len(given.server)])
+
+    def act(self, view, dice, i, k, given, reason, space):
+        zones = len(given.server)
+        given.zone[k] = dice.below(zones)
+        given.again[k] = dice.among([NIL, 1, 3])
+        if dice.below(3) == 0:
+            given.halt[k] = dice.below(6)
+        given.tells[k] = dice.below(2)
+        given.said[k] = dice.below(100)
+        given.server[dice.below(zones)] = dice.below(zones)
+        if dice.below(4) == 0:
+            design = given.design
+            design.segments[0] = 0
+            design.transfer[:] = 0
+            design.zone[:] = [dice.below(zones) for _ in design.zone]
+            given.redesigned[0] = 1
+        row = int(given.queued[0])
+        if row < len(view.orders.state):
+            given.queued[0] = row + 1
+            given.order[row] = order = dice.below(len(view.orders.state))
+            given.queue[row], given.stop[row] = dice.below(zones), view.orders.target[order]
+            given.direct[row] = dice.below(2)
+
+
 class RandomCharging(RandomStrategy):
     """Sends robots to any charger, whether they are free or not."""
 

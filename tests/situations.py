@@ -18,7 +18,16 @@ from automaton.recording.codes import (
 )
 from automaton.world.cells import STATION
 from automaton.world.condition import BROKEN, EMPTY, GONE, RUNNING, TOWED
-from automaton.world.state import CHARGE, DELIVERED, IN_LINE, LAYERS, NIL, TICK, World
+from automaton.world.state import (
+    CHARGE,
+    DELIVERED,
+    IN_LINE,
+    LAYERS,
+    NIL,
+    REDESIGNED,
+    TICK,
+    World,
+)
 
 WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
@@ -29,7 +38,8 @@ WANTED = (
     *("left the floor", "came back to the floor", "kept off the floor"),
     *("battery empty", "broken down", "towed", "came back", "gone for good", "load left behind"),
     *("charging", "in line before a charger", "order came later", "visited", "on a station"),
-    *(f"illegal {layer}" for layer in LAYERS if layer != "zoning"),
+    *("halted by zoning", "halted while out of order", "designed anew"),
+    *(f"illegal {layer}" for layer in LAYERS),
 )
 
 
@@ -159,5 +169,11 @@ def conditions(world: World, reached: Counter[str]) -> None:
     reached["order came later"] += int((orders.released == world.clock[TICK]).any())
     visits = (orders.source == orders.target) & (orders.state == DELIVERED)
     reached["visited"] += int(visits.any())
+    if len(world.zoning.halt):
+        halted = (world.zoning.halt >= world.clock[TICK]) & (robots.cell != NIL)
+        reached["halted by zoning"] += int(halted.any())
+        out = (robots.status == EMPTY) | (robots.status == BROKEN)
+        reached["halted while out of order"] += int((halted & out).any())
+        reached["designed anew"] += int(world.clock[REDESIGNED] == world.clock[TICK])
     standing = robots.cell[robots.cell != NIL]
     reached["on a station"] += int((world.grid.kind[standing] == STATION).any())

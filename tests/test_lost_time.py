@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_random_decisions import STRATEGIES, Case, cases, moods, scenarios
+from random_cases import STRATEGIES, Case, cases, moods, scenarios
 
 from automaton.history.chronicle import Chronicle
 from automaton.kernels.motion import MOVED

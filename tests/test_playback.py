@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from played_back import check_at, digests_of, playback_of, recorded
-from test_random_decisions import Case, cases
+from random_cases import Case, cases
 
 from automaton.errors import InputError
 from automaton.history.keyframes import Keyframes

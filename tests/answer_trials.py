@@ -88,8 +88,10 @@ def main(arguments: list[str]) -> int:
         if found.broken:
             broken += 1
             print(f"{name}: {found.broken[0]}", flush=True)
+        print(f"\r{answers.total():,} answers", end="", file=sys.stderr, flush=True)
         if answers.total() >= wanted:
             break
+    print(file=sys.stderr)
     print(f"{answers.total():,} answers in {runs:,} runs, {broken} with a broken rule")
     for layer in LAYERS:
         print(f"{layer}: {answers[layer]:,} answers, {illegal[layer]:,} counted as illegal")

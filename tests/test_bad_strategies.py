@@ -263,7 +263,12 @@ def test_ctrl_c_in_a_strategy_is_no_fault_of_it(capsys: pytest.CaptureFixture[st
         signal.raise_signal(signal.SIGINT)
 
     TRICK[:] = [is_interrupted]
-    assert main(["run", "tabletop-mini", "--set", f"strategy.allocation={__name__}:Does"]) == 130
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # the background ignores it
+    try:
+        code = main(["run", "tabletop-mini", "--set", f"strategy.allocation={__name__}:Does"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert code == 130
     assert capsys.readouterr().err == "automaton: interrupted\n"
 
 

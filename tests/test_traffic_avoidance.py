@@ -274,6 +274,8 @@ def test_every_scenario_is_driven_to_its_end(name: str, routing: str, informatio
     settings = [f"strategy.routing={routing}", f"information={information}"]
     if name.startswith("depots") and information != "everything":
         settings.append("strategy.allocation=first-come")  # auctions need to see everything
+    if resolve(name).picks["zoning"].name == "annealing" and information != "everything":
+        settings.append("strategy.zoning=decentralized")  # and so does annealing
     resolved = resolve(name, settings)
     digests = set()
     for step in (1, -1):

@@ -334,7 +334,7 @@ def test_with_another_robot_in_it_it_is_another_circle() -> None:
     assert floor.ring("A") == floor.ring("B") == 30
     for robot, route in {"B": "S", "C": "W", "D": "N"}.items():
         floor.send(robot, route)
-    floor.world.rules.following = 0
+    floor.world = floor.world.replaced(rules=floor.world.rules.replaced(following=0))
     floor.tick(3)
     assert {floor.ring(robot) for robot in "ABCD"} == {floor.ring("C")} and floor.ring("C") <= 3
 

@@ -11,10 +11,12 @@ What is computed after the flag is set is worthless, and nobody may keep it.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     Flag = NDArray[Any]  # (1,) int64: not 0 = return as soon as possible
 
 PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
+JUST_NOW_S: Final = 0.5
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 NOBODY: Final = -1  # no wakeup descriptor
 
@@ -39,8 +42,7 @@ class _Watcher:
 
     def __init__(self) -> None:
         self.flags: list[Flag] = []
-        self.handlers: dict[int, Any] = {}  # ours; they tell when they have run,
-        self.answered = threading.Event()  # here
+        self.answered = -math.inf  # when our handler last ran
         self.other = NOBODY  # an event loop's descriptor: it hears of signals as well
         self._process = 0
         self._write = NOBODY
@@ -63,18 +65,21 @@ class _Watcher:
 
     def _listen(self, read: int) -> None:
         while byte := os.read(read, 1):
-            if byte[0] in SIGNALS:
-                for flag in list(self.flags):
-                    flag[0] = 1
+            heard = time.monotonic()
             if self.other != NOBODY:
                 os.write(self.other, byte)
-            handler = self.handlers.get(byte[0])
-            if handler is not None and signal.getsignal(byte[0]) is handler:
-                self._insist(byte[0])
+            handler = signal.getsignal(byte[0])
+            if byte[0] in SIGNALS and handler in (_on_signal, signal.default_int_handler):
+                for flag in list(self.flags):  # somebody else's handler may let the run go on
+                    flag[0] = 1
+            if handler is _on_signal:
+                self._insist(byte[0], heard)
 
-    def _insist(self, number: int) -> None:
-        if self.answered.wait(PATIENCE_S):
-            return
+    def _insist(self, number: int, heard: float) -> None:
+        while time.monotonic() < heard + PATIENCE_S:
+            if self.answered > heard - JUST_NOW_S:  # it may be quicker than this thread
+                return
+            time.sleep(PATIENCE_S / 30)
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _words(number) + b", at once\n")
         os._exit(128 + number)
 
@@ -86,7 +91,8 @@ _WATCHER: Final = _Watcher()
 def interruptible(flag: Flag) -> Iterator[None]:
     """While inside, a signal sets `flag`; who leaves with it set leaves by KeyboardInterrupt.
 
-    Other threads hear of no signal, but may set the flag of a run to end it.
+    Only signals that end what goes on do: a handler of somebody else may want the run to go on. Other
+    threads hear of none, but may set the flag of a run to end it.
     """
     if threading.current_thread() is threading.main_thread():
         _WATCHER.flags.append(flag)
@@ -121,21 +127,18 @@ def signals_heeded() -> Iterator[None]:
         signal.SIGTERM: signal.SIG_DFL,
     }
     ours = [number for number in SIGNALS if signal.getsignal(number) is usual[number]]
-    _WATCHER.answered.clear()
     for number in ours:
         signal.signal(number, _on_signal)
-    _WATCHER.handlers = dict.fromkeys(ours, _on_signal)
     try:
         with _WATCHER.listening():
             yield
     finally:
-        _WATCHER.handlers = {}
         for number in ours:
             signal.signal(number, usual[number])
 
 
 def _on_signal(number: int, _: FrameType | None) -> NoReturn:
-    _WATCHER.answered.set()
+    _WATCHER.answered = time.monotonic()
     if number == signal.SIGTERM:
         signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
         raise Terminated

@@ -142,6 +142,22 @@ GIVE_WAY = "strategy.right_of_way={name: withdraw, give_way: true}"
 WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).picks["right_of_way"].parameters)
 
 
+def compared(path: Path, storage: Any, seed: int, **crowd: Any) -> int:
+    """Run a crowd, compared tick by tick; how often somebody was in the way of somebody."""
+    crowd["floor"] = crowd["floor"].replace("\n", "\n    ")
+    path.write_text(SCENARIO.format(**crowd, seed=seed))
+    probe, mood = Probe(), Mood(seed=seed, illegal=0, active=200)
+    run = Simulation(
+        resolve(path),
+        storage=storage,
+        strategies=[None, None, RandomAllocation(mood), RandomRouting(mood), probe],
+    )
+    run.run()
+    assert run.tick == 25
+    assert np.all(run.world.traffic.holder == NIL), "nothing outlasts a decision"
+    return probe.found
+
+
 @given(
     floor=st.sampled_from(FLOORS),
     robots=st.integers(3, 12),
@@ -153,45 +169,17 @@ WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).picks["right_of_way
 )
 @settings(max_examples=60)
 def test_what_is_looked_up_is_what_a_scan_of_all_robots_finds(
-    tmp_path_factory: pytest.TempPathFactory,
-    floor: str,
-    robots: int,
-    kinematics: str,
-    move: int,
-    information: str,
-    seed: int,
-    data: Any,
+    tmp_path_factory: pytest.TempPathFactory, seed: int, data: Any, **crowd: Any
 ) -> None:
-    path = tmp_path_factory.mktemp("crowd") / "crowd.yaml"
-    path.write_text(
-        SCENARIO.format(
-            floor=floor.replace("\n", "\n    "),
-            robots=robots,
-            kinematics=kinematics,
-            move=move,
-            information=information,
-            seed=seed,
-        )
-    )
-    probe = Probe()
-    mood = Mood(seed=seed, illegal=0, active=200)
-    storage = np.array(data.draw(st.permutations(range(robots))), np.int32)
-    run = Simulation(
-        resolve(path),
-        storage=storage,
-        strategies=[None, None, RandomAllocation(mood), RandomRouting(mood), probe],
-    )
-    run.run()
-    assert run.tick == 25
-    assert np.all(run.world.traffic.holder == NIL), "nothing outlasts a decision"
-    FOUND.append(probe.found)
+    storage = np.array(data.draw(st.permutations(range(crowd["robots"]))), np.int32)
+    compared(tmp_path_factory.mktemp("crowd") / "crowd.yaml", storage, seed, **crowd)
 
 
-FOUND: list[int] = []
-
-
-def test_robots_were_in_the_way_of_others_in_those_runs() -> None:
-    assert sum(FOUND) > 100
+@pytest.mark.parametrize("floor", FLOORS)
+def test_robots_are_in_the_way_of_others_in_such_runs(tmp_path: Path, floor: str) -> None:
+    crowd = {"robots": 10, "kinematics": "omni", "move": 2, "information": "everything"}
+    storage = np.arange(10, dtype=np.int32)
+    assert compared(tmp_path / "crowd.yaml", storage, 1, floor=floor, **crowd) > 0
 
 
 class Blind(Strategy):

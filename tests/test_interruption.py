@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import endless_strategies
@@ -14,6 +15,7 @@ import pytest
 from sweeping import end_all, started, wait_until
 
 from automaton.commands import main
+from automaton.interruption import interruptible
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.frontier import FIFO
 from automaton.kernels.search import FAR, begin_search, descend, distance, find_path, nearest_mark
@@ -89,6 +91,22 @@ def test_a_run_that_is_interrupted_raises_and_computes_nothing(given_up: Simulat
     with pytest.raises(KeyboardInterrupt):
         given_up.run()
     assert given_up.tick == 0
+
+
+def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
+    told: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: told.append(number))
+    try:
+        simulation = Simulation(resolve("tabletop-mini"))
+        simulation.run(until=10)
+        with interruptible(simulation.space.stop):
+            signal.raise_signal(signal.SIGTERM)
+            deadline = time.monotonic() + 0.2  # for the watcher to hear of it
+            wait_until(lambda: time.monotonic() > deadline)
+        simulation.run()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert told == [signal.SIGTERM] and simulation.finished
 
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:

@@ -7,7 +7,7 @@ are shown as `\\u001b`, which is right in JSON, too. Names are cut, and a senten
 from __future__ import annotations
 
 import re
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 LONGEST_NAME: Final = 100  # characters
 LONGEST_SENTENCE: Final = 2000
@@ -62,9 +62,13 @@ class PrintedText:
 
     def write(self, text: str) -> int:
         """Write text, with control characters shown; colours only to a terminal."""
-        shown = for_terminal(text) if self.stream.isatty() else escaped(text).expandtabs()
+        shown = for_terminal(text) if self.stream.isatty() else escaped(text)
         self.stream.write(shown)
         return len(text)
+
+    def close(self) -> NoReturn:
+        """Refused: a plug-in that closes it takes it away from everybody."""
+        raise PermissionError("it has closed a standard stream")
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)

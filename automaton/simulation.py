@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import numpy as np
 
 from automaton.compiled import first_compilation_announced, jit_is_on
+from automaton.errors import InputError
 from automaton.interruption import give_up, interruptible
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
@@ -19,6 +20,7 @@ from automaton.strategy.compilation import compiled_decide
 from automaton.strategy.contract import check_decides, checked_every, checked_memory, checked_waits
 from automaton.strategy.layer import Strategy
 from automaton.strategy.patience import Watchdog
+from automaton.struct import window
 from automaton.world.build import (
     build_buffers,
     build_observation,
@@ -104,7 +106,8 @@ class Simulation:
             if self.resolved.picks["allocation"].name != after.resolved.picks["allocation"].name:
                 self.world.robots.planned[:] = 0  # nobody goes on with them
             self.look_for_end()
-        self._memories = [self._memory(strategy) for strategy in self._strategies]
+        with self._constants_kept():
+            self._memories = [self._memory(strategy) for strategy in self._strategies]
         if after is not None and strategies is None:
             self._remember(after)
         self._ticks = self._start()
@@ -140,8 +143,14 @@ class Simulation:
         pick = self.resolved.picks[layer]
         if pick.name == lookup.NONE:
             return None
-        strategy: Strategy = lookup.load(layer, pick.name)(pick.parameters)
+        kind = lookup.load(layer, pick.name)
+        with self._in_time():
+            strategy: Strategy = kind(pick.parameters)
         return strategy
+
+    def _in_time(self) -> AbstractContextManager[None]:
+        """While inside, a strategy has its time to answer."""
+        return self._watchdog.watching() if self._watchdog else nullcontext()
 
     def _admitted(self, strategy: Strategy | None) -> Strategy | None:
         """Check a strategy, and enter how often, after which waits and with what it is asked."""
@@ -157,7 +166,7 @@ class Simulation:
     def _memory(self, strategy: Strategy | None) -> Memory:
         if strategy is None:
             return no_memory()
-        with self._watchdog.watching() if self._watchdog else nullcontext():
+        with self._in_time():
             memory = strategy.reset(self.view)
         return checked_memory(strategy, memory, self.view)
 
@@ -236,7 +245,7 @@ class Simulation:
         limit = self.resolved.scenario.stop.at_most
         limit = limit if until is None else min(until, limit)
         # With the JIT off, NumPy warns where hashes wrap.
-        with interruptible(self.space.stop), np.errstate(over="ignore"):
+        with interruptible(self.space.stop), np.errstate(over="ignore"), self._constants_kept():
             try:
                 self._carry_on(limit)
             except KeyboardInterrupt:
@@ -259,6 +268,27 @@ class Simulation:
             if self.finished or self.world.clock[TICK] >= limit:
                 return
             self.world.clock[UNTIL] = self._pause_before(limit)
+
+    @contextmanager
+    def _constants_kept(self) -> Iterator[None]:
+        """Inside, strategies in Python may write to bare memory: put right what other runs share."""
+        in_python = [
+            f"the {layer.replace('_', '-')} strategy '{self.resolved.picks[layer].name}'"
+            for layer, strategy in zip(LAYERS, self._strategies, strict=True)
+            if strategy is not None and type(strategy).compiled is None
+        ]
+        constants = constants_of(self.world) if in_python else []
+        written = []
+        try:
+            yield
+        finally:
+            for name, array, value in constants:
+                if not np.array_equal(array, value):
+                    window(array, writable=True)[...] = value
+                    written.append(name)
+        if written:
+            who = " or ".join(in_python)
+            raise InputError(f"{who} has written to {written[0]} of the world")
 
     def _pause_before(self, limit: int) -> int:
         """The tick of the next pause: a recording keeps the states after certain ticks."""
@@ -285,12 +315,14 @@ class Simulation:
     def _decide(self, layer: int) -> None:
         strategy = self._strategies[layer]
         assert strategy is not None
-        before = self.digests()
-        with self._watchdog.watching() if self._watchdog else nullcontext():
+        before, clock = self.digests(), self.world.clock.copy()
+        with self._in_time():
             strategy.decide(self.view, self._shown, self._given, self._faces[layer], self._sealed)
         changed = np.flatnonzero(self.digests() != before)
         if len(changed):
             raise PermissionError(f"it has written to {DIGEST_NAMES[changed[0]]} of the world")
+        if not np.array_equal(self.world.clock, clock):
+            raise PermissionError("it has written to the clock of the world")
 
     def digests(self) -> Array:
         """(D,) uint64: the digest of each array of the state, named by DIGEST_NAMES."""
@@ -304,6 +336,16 @@ class Simulation:
         """The digest of the whole state, 16 hex digits."""
         with np.errstate(over="ignore"):
             return f"{int(combine(self.digests())):016x}"
+
+
+def constants_of(world: World) -> list[tuple[str, Array, Array]]:
+    """Name, array and value of all that no run changes."""
+    return [
+        (f"{group}.{name}", array, array.copy())
+        for group in ("grid", "rules")
+        for name, array in vars(getattr(world, group)).items()
+        if isinstance(array, np.ndarray) and not name.startswith("_")
+    ]
 
 
 _LOOPS: dict[str, Any] = {}

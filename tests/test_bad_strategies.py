@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -192,6 +196,16 @@ class Does(Strategy):
             TRICK[0](view, answers, memory, space)
 
 
+class StandsStill(Strategy):
+    """Routing that sends nobody anywhere."""
+
+    layer = "routing"
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        pass
+
+
+TWO = (("allocation", "Does"), ("routing", "StandsStill"))
 TRICK: list[Callable[..., None]] = []
 
 
@@ -230,6 +244,64 @@ def test_who_writes_to_bare_addresses_is_named() -> None:
 
     TRICK[:] = [moves_everybody]
     with pytest.raises(InputError, match=r"allocation strategy '.*:Does' raised .* robots\.cell"):
+        run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:Does"]), until=5)
+
+
+class Open:
+    """The memory of an array, whatever its flags say."""
+
+    def __init__(self, array: Any) -> None:
+        interface = array.__array_interface__
+        self.__array_interface__ = interface | {"data": (interface["data"][0], False)}
+
+
+def opens_ways(view: Any, *_: Any) -> None:
+    np.asarray(Open(view.grid.ways))[...] = 15
+
+
+def opens_durations(view: Any, *_: Any) -> None:
+    np.asarray(Open(view.rules.duration))[...] = 1
+
+
+@pytest.mark.parametrize(
+    ("trick", "name"), [(opens_ways, "grid.ways"), (opens_durations, "rules.duration")]
+)
+def test_who_writes_to_constants_by_address_is_named_and_spoils_no_other_run(
+    trick: Callable[..., None], name: str
+) -> None:
+    before = run_once(resolve("tabletop-mini")).digest
+    TRICK[:] = [trick]
+    with pytest.raises(InputError) as told:
+        run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:Does"]), until=5)
+    says = f"the allocation strategy '{__name__}:Does' has written to {name} of the world"
+    assert str(told.value) == says
+    assert run_once(resolve("tabletop-mini")).digest == before  # the floor is shared
+
+
+class WritesInReset(Base):
+    def reset(self, view: Any) -> Any:
+        opens_ways(view)
+        return memory_of(view)
+
+
+def test_who_writes_to_constants_in_reset_is_named() -> None:
+    with pytest.raises(InputError, match=r"strategy '.*:WritesInReset' has written to grid\.ways"):
+        run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:WritesInReset"]))
+
+
+def test_of_several_who_may_have_written_all_are_named() -> None:
+    TRICK[:] = [opens_ways]
+    settings = [f"strategy.{layer}={__name__}:{name}" for layer, name in TWO]
+    with pytest.raises(InputError, match=r"allocation strategy '.*:Does' or the routing strategy"):
+        run_once(resolve("tabletop-mini", settings), until=5)
+
+
+def test_who_writes_to_the_clock_is_named() -> None:
+    def stops_the_clock(view: Any, *_: Any) -> None:
+        np.asarray(Open(view.clock))[-1] += 1
+
+    TRICK[:] = [stops_the_clock]
+    with pytest.raises(InputError, match=r"allocation strategy '.*:Does' raised .* the clock"):
         run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:Does"]), until=5)
 
 
@@ -288,6 +360,101 @@ def test_a_strategy_that_never_answers_ends_the_run(capsys: pytest.CaptureFixtur
     told = capsys.readouterr().err
     assert f"'{__name__}:Does' raised NoAnswer: no answer within 1 s" in told
     assert told.count("\n") == 1
+
+
+LONG_WAITS = """
+import time
+from automaton.strategy.layer import Strategy
+
+class Waits(Strategy):
+    layer = "allocation"
+    every = 1
+    def decide(self, view, asked, answers, memory, space):
+        pass
+
+class WhileMade(Waits):
+    def __init__(self, parameters):
+        super().__init__(parameters)
+        time.sleep(1000)
+
+class InReset(Waits):
+    def reset(self, view):
+        time.sleep(1000)
+
+class InDecide(Waits):
+    def decide(self, view, asked, answers, memory, space):
+        time.sleep(1000)
+
+class CatchesOnce(Waits):
+    def decide(self, view, asked, answers, memory, space):
+        try:
+            time.sleep(1000)
+        except BaseException:
+            time.sleep(1000)
+
+class Locked(Waits):
+    def decide(self, view, asked, answers, memory, space):
+        import threading
+        lock = threading.Lock()
+        with lock, lock:
+            pass
+"""
+
+
+@pytest.mark.parametrize("name", ["WhileMade", "InReset", "InDecide", "CatchesOnce", "Locked"])
+def test_a_strategy_that_waits_ends_the_run(name: str, tmp_path: Path) -> None:
+    (tmp_path / "long_waits.py").write_text(LONG_WAITS)
+    setting = f"strategy.allocation=long_waits:{name}"
+    command = ["run", "tabletop-mini", "--set", setting, "--strategy-timeout", "1"]
+    done = subprocess.run(
+        [sys.executable, "-m", "automaton", *command],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert f"'long_waits:{name}' raised NoAnswer: no answer within 1 s" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_outside_the_main_thread_it_is_bounded_where_it_computes() -> None:
+    TRICK[:] = [waits_for_ever]
+    resolved = resolve("tabletop-mini", [f"strategy.allocation={__name__}:Does"])
+    with ThreadPoolExecutor(1) as elsewhere:
+        error = elsewhere.submit(run_once, resolved, patience=1).exception()
+    assert "no answer within 1 s" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("stream", "says"),
+    [
+        ("stdout", "Does' raised PermissionError: it has closed a standard stream"),
+        ("__stdout__", "automaton: a strategy or plug-in has closed standard output"),
+    ],
+)
+def test_a_strategy_that_closes_standard_output_is_a_sentence(
+    stream: str, says: str, tmp_path: Path
+) -> None:
+    setting = "strategy.allocation=closes:Does"
+    (tmp_path / "closes.py").write_text(
+        "import sys\nfrom strategies.allocation.independent_python import IndependentPython\n"
+        "class Does(IndependentPython):\n"
+        "    def decide(self, *given):\n"
+        f"        sys.{stream}.close()\n"
+        "        super().decide(*given)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "automaton", "run", "tabletop-mini", "--set", setting],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert says in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_patience_changes_no_result() -> None:

@@ -82,6 +82,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except Exception as error:
         _show_traceback(debug)
+        if getattr(sys.stdout, "closed", False):
+            print("automaton: a strategy or plug-in has closed standard output", file=sys.stderr)
+            return BAD_INPUT
         what = one_line(" ".join(f"{type(error).__name__}: {error}".split()), LONGEST_ERROR)
         print(f"automaton: internal error, {what} (--debug shows where)", file=sys.stderr)
         return FAILED

@@ -1,16 +1,19 @@
-"""A bound of time on each decision of a strategy in Python: a guard, which never changes a result.
+"""A bound of time on each answer of a strategy in Python: a guard, which never changes a result.
 
-A thread looks on. When a decision has taken too long, it raises NoAnswer in the thread of the run, at
-the next instruction of Python there; who waits in compiled code hears it when that is over.
+In the main thread an alarm raises NoAnswer, which ends sleeps and waits for locks and sockets, too. In
+other threads, or where somebody else has set the alarm, a thread looks on and raises it at the next
+instruction of Python: waits are not bounded there. Compiled code hears of neither before it is over.
 """
 
 from __future__ import annotations
 
 import ctypes
+import signal
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 from weakref import ref
 
 LOOKS = 10  # in the time that a decision may take
@@ -35,17 +38,42 @@ class Watchdog:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """A decision, in this thread."""
+        """A decision, or the making of a strategy, in this thread."""
+        with self._alarm() if _alarm_is_free() else self._watched():
+            yield
+
+    @contextmanager
+    def _alarm(self) -> Iterator[None]:
+        def ring(*_: object) -> NoReturn:
+            raise self._error
+
+        usual = signal.signal(signal.SIGALRM, ring)
+        signal.setitimer(signal.ITIMER_REAL, self.seconds, self.seconds)  # strategies may catch it
+        try:
+            try:
+                yield
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+        finally:  # it may have rung just before the line above
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, usual)
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
         self._until = time.monotonic() + self.seconds
         self._raised = False
         self._deciding = threading.get_ident()
         try:
-            yield
+            try:
+                yield
+            finally:
+                self._deciding = 0
         finally:
-            self._deciding = 0
-            with self._lock:  # the error comes before here, or not any more
-                if self._raised:
-                    _raise_in(threading.get_ident(), None)
+            self._deciding = 0  # the error may have come in the line above
+            with self._lock:  # whoever was about to raise it has done so
+                pass
+            if self._raised:
+                _raise_in(threading.get_ident(), None)
 
     def look(self) -> None:
         """Raise the error if it is time; again and again, since a strategy may catch it."""
@@ -54,6 +82,15 @@ class Watchdog:
                 self._until = time.monotonic() + self.seconds
                 self._raised = True
                 _raise_in(self._deciding, self._error)
+
+
+def _alarm_is_free() -> bool:
+    """Whether this is the main thread, and nobody uses its alarm."""
+    return (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
+        and signal.getitimer(signal.ITIMER_REAL)[0] == 0
+    )
 
 
 def _look_on(watched: ref[Watchdog]) -> None:

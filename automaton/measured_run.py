@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.headless import run_to_end
-from automaton.metrics import Counted, counted, metrics_of, sums_of_orders
+from automaton.metrics import Counted, counted, sums_of_orders
 from automaton.scenario.measures import warm_up_of
 from automaton.simulation import Simulation
 from automaton.station_figures import sums_of_parts
@@ -36,11 +36,6 @@ def run_marked(simulation: Simulation, every: int = 0) -> Marks:
             at[tick] = counted(simulation)
     run_to_end(simulation)
     return Marks(at.get(warm_up), [at[tick] for tick in borders if tick in at])
-
-
-def measured(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; the metrics after the warm-up."""
-    return metrics_of(simulation, run_marked(simulation).warm_up)
 
 
 def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[str, list[int]]:

@@ -116,7 +116,35 @@ def test_a_warm_up_in_ticks_is_left_out_of_all_figures_by_the_runs_themselves(st
     run.run()
     orders = run.world.orders
     late = (orders.state == DELIVERED) & (orders.delivered > 400)
-    assert row["throughput"] == 1000 * late.sum() / 800 < 1000 * row["delivered"] / 400
+    assert (
+        row["throughput"]
+        == 1000 * late.sum() / 800
+        != 1000 * (orders.state == DELIVERED).sum() / 1200
+    )
+    assert row["delivered"] == late.sum() < (orders.state == DELIVERED).sum()
+
+
+def test_runs_of_a_given_length_are_measured_after_their_warm_up_by_default_too(
+    tmp_path: Path, capsys: Any
+) -> None:
+    """Figures, deliveries and maps; runs that have no warm-up are told of."""
+    shipped = find("warehouse-100").read_text()
+    (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 600"))
+    (tmp_path / "study.yaml").write_text(
+        "name: plain\nscenario: own.yaml\nreplications: 2\nfactors: {measure.warm_up: [0, 200]}\n"
+        "analysis: {metrics: [throughput, delivered]}\n"
+    )
+    with ThreadPoolExecutor(1) as executor:
+        sweep(tmp_path / "study.yaml", tmp_path / "out", executor)
+    whole, _, cut, _ = rows = Store(tmp_path / "out").rows().to_pylist()
+    assert whole["delivered"] > cut["delivered"] > 0
+    for row, ticks in zip(rows, (600, 600, 400, 400), strict=True):
+        assert row["throughput"] == 1000 * row["delivered"] / ticks
+    code, out, _ = report(capsys, str(tmp_path / "out"), "--floor", "1")
+    assert code == 0 and "ticks 201 to 600" in out
+    told = " ".join(out.split())
+    assert "no warm-up is left out: runs of warm_up 0 go on for a given time" in told
+    assert "runs of warm_up 200" not in told
 
 
 def test_whoever_is_given_a_report_can_repeat_it(steady: Path) -> None:

@@ -11,16 +11,22 @@ import pytest
 from read_reports import report
 from sweeping import swept_here
 
+from automaton.errors import InputError
 from automaton.experiments.names import STRETCHES, metric_names
+from automaton.experiments.plan import check_study
 from automaton.experiments.store import Store, arrow
 from automaton.measured_run import run_marked, sums_by_stretch
 from automaton.metrics import counted, metrics_of
+from automaton.reporting import cutting
+from automaton.reporting.compose import compose
 from automaton.reporting.floor_maps import floor_maps
 from automaton.reporting.results import read_results
+from automaton.reporting.writing import as_text
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.statistics.steady import mser5
+from automaton.statistics.steady import mser5, mser5_of_means
 from automaton.sums import metric
+from automaton.tasks import tasks_after
 from automaton.world.state import DELIVERED, NIL
 
 pytest.importorskip("pyarrow")
@@ -29,7 +35,7 @@ SMALL = """
 name: small
 layout: {generator: racks, rows: 9, columns: 16, block: 3, last_row: 0}
 fleet: {robots: 3, kinematics: omni, start: stands}
-orders: {generator: dock-to-rack, count: 120, interval: 6}
+orders: {generator: dock-to-rack, count: 120, interval: 14}
 strategy: {allocation: first-come, right_of_way: wait}
 stop: {when: never, at_most: 600}
 measure: {}
@@ -64,7 +70,7 @@ class Watched:
     def __init__(self, scenario: Path, robots: int, seed: int) -> None:
         run = Simulation(resolve(scenario, [f"fleet.robots={robots}"]), seed)
         self.robots, self.deliveries, self.moves, self.empty = robots, [0], [0], [0]
-        self.orders = run.world.orders
+        self.orders, self.run = run.world.orders, run
         for tick in range(1, 601):
             cells, free = run.world.robots.cell.copy(), run.world.robots.load == NIL
             run.run(tick)
@@ -76,6 +82,13 @@ class Watched:
     def series(self, window: int) -> list[int]:
         """Deliveries in each so many ticks."""
         return np.diff(self.deliveries[::window]).tolist()  # type: ignore[no-any-return]
+
+    def times(self) -> list[Any]:
+        """Of lead times, task times and delays: the tick each counts in, and the time."""
+        orders, tasks = self.orders, tasks_after(self.run, 0)
+        done = orders.state == DELIVERED
+        lead = np.stack([orders.delivered, orders.delivered - orders.released])[:, done]
+        return [lead, *(np.stack([tasks.begun, v]) for v in (tasks.times, tasks.delays))]
 
     def after(self, cut: int) -> dict[str, float]:
         """The figures of what comes after a tick."""
@@ -99,6 +112,9 @@ def test_all_figures_of_a_report_are_those_of_runs_cut_by_hand(folder: Path, cap
         runs[row["point"]].append(Watched(folder / "small.yaml", robots, row["seed"]))
     results = read_results(Store(folder))
     cuts = [3 * mser5([run.series(3) for run in runs[point]]).cut for point in runs]
+    by_deliveries = max(cuts)
+    cuts += [cut for own in runs.values() for cut in cuts_by_times(own)]
+    assert max(cuts) > by_deliveries  # or times would not matter
     cut = math.ceil(max(cuts) / 15) * 15  # a stretch has five windows of three ticks
     assert results.cut is not None and results.cut.ticks == cut > 0
     _, out, _ = report(capsys, str(folder))
@@ -109,6 +125,80 @@ def test_all_figures_of_a_report_are_those_of_runs_cut_by_hand(folder: Path, cap
             assert list(told.values()) == pytest.approx(by_hand, rel=1e-12)
             mean = float(np.mean(by_hand))
             assert f"  {mean:.4g} " in out.partition(f"\n{name}\n---")[2].partition("\n---\n")[0]
+
+
+def cuts_by_times(runs: list[Watched]) -> list[int]:
+    """What MSER-5 leaves out by lead times, task times and delays, in stretches of 15 ticks."""
+    found = []
+    for number, times in enumerate(zip(*(run.times() for run in runs), strict=True)):
+        at, values = np.concatenate(times, axis=1)
+        inside = [(at > begin) & (at <= begin + 15) for begin in range(0, 600, 15)]
+        means = np.array([values[one].mean() if one.any() else math.nan for one in inside])
+        if number > 0:  # tasks count where they begin: the last are not done
+            lasting = np.concatenate([tasks_after(run.run, 0).times for run in runs]).mean()
+            means[-math.ceil(lasting / 15) :] = math.nan
+        found.append(15 * mser5_of_means(means))
+    return found
+
+
+def test_times_that_grow_have_no_figure_though_deliveries_are_steady(tmp_path: Path) -> None:
+    """More orders come than two robots carry: the fleet works at its most, and the queue grows."""
+    (tmp_path / "small.yaml").write_text(SMALL.replace("interval: 14", "interval: 4"))
+    (tmp_path / "study.yaml").write_text(STUDY.replace("[2, 3]", "[2]"))
+    swept_here(tmp_path / "study.yaml", tmp_path / "out")
+    results = read_results(Store(tmp_path / "out"))
+    (point,) = results.points
+    assert len(results.values(point, "throughput")) == len(results.values(point, "task_time")) == 6
+    assert not results.values(point, "lead_time")
+    told = as_text(compose(Store(tmp_path / "out")))
+    assert "no lead_time of" in told and "not stationary or too short: MSER-5 would" in told
+    assert "No point has a figure of lead_time after the warm-up" in told
+
+
+LENGTHS = """
+name: lengths
+scenario: small.yaml
+points: [{stop.at_most: 400}, {stop.at_most: 3000, measure.warm_up: 500}]
+replications: 5
+design: steady-state
+analysis: {metrics: [throughput], comparisons: pairs}
+"""
+
+
+def test_a_warm_up_that_some_runs_do_not_outlast_is_refused_beforehand(tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(SMALL)
+    (tmp_path / "study.yaml").write_text(LENGTHS)
+    why = r"the first 500 ticks, but runs of point 0 end after 400 \(small.yaml, stop.at_most 400\)"
+    with pytest.raises(InputError, match=why) as told:
+        check_study(tmp_path / "study.yaml")
+    assert told.value.line == 4
+    (tmp_path / "study.yaml").write_text(LENGTHS.replace("500", "390"))
+    check_study(tmp_path / "study.yaml")
+    (tmp_path / "study.yaml").write_text(LENGTHS.replace("500", "391"))
+    with pytest.raises(InputError, match="the first 400 ticks"):  # sums are of stretches of 10
+        check_study(tmp_path / "study.yaml")
+
+
+def test_a_point_whose_runs_end_before_the_cut_says_so(tmp_path: Path) -> None:
+    """Deliveries of the long runs set in late; made up, beside those of short ones."""
+    (tmp_path / "small.yaml").write_text(SMALL)
+    study = LENGTHS.replace(", measure.warm_up: 500", "") + "warm_up: mser-5\n"
+    (tmp_path / "study.yaml").write_text(study)
+    swept_here(tmp_path / "study.yaml", tmp_path / "out")
+    store = Store(tmp_path / "out")
+    table, window = store.rows(), store.manifest.points[0].windows.window
+    of_point = [1, 2] * (200 // window), [0] * (600 // window) + [1, 2] * (1200 // window)
+    series = [of_point[row["point"]] for row in table.to_pylist()]
+    at, field = table.schema.get_field_index("series"), table.schema.field("series")
+    table = table.set_column(at, field, arrow().array(series, field.type))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Store, "rows", lambda _: table)
+        cut, told = read_results(store).cut, " ".join(as_text(compose(store)).split())
+    assert cut is not None and cut.ticks >= 600
+    why = f"its runs of 400 ticks end before the cut at {cut.ticks:,}"
+    assert cut.refused == {0: why}
+    assert f"None can be made: at_most 400: {why}." in told
+    assert f"no figures of at_most 400: {why}" in told
 
 
 def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
@@ -122,7 +212,9 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         assert report(capsys, str(folder), *options)[0] == 0
         told.append([path.read_text() for path in paths])
         table = poisoned(Store(folder))
+        cut = read_results(Store(folder)).cut
         monkeypatch.setattr(Store, "rows", lambda store: table)  # noqa: B023
+        monkeypatch.setattr(cutting, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
     assert "lead_time_p95: left out, since rows keep no sums" in told[0][1]
     assert "T_total tells how long runs are" in told[0][1]

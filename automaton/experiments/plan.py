@@ -23,7 +23,7 @@ from automaton.experiments.study import (
 from automaton.glossary import GLOSSARY
 from automaton.recording.header import versions
 from automaton.scenario.document import Document, Override, line_of
-from automaton.scenario.measures import not_measured
+from automaton.scenario.measures import not_measured, warm_up_of
 from automaton.scenario.overrides import keys_of
 from automaton.scenario.reading import find
 from automaton.scenario.resolve import Resolved, resolve
@@ -202,7 +202,12 @@ def check_metrics(
 
 
 def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
-    """Raises InputError where MSER-5 cannot find a warm-up, whatever the runs give."""
+    """Raises InputError where runs end before the warm-up that all leave out does, whatever they give.
+
+    And where MSER-5 cannot find one.
+    """
+    if study.design == "steady-state":
+        check_cut(document, study, scenarios)
     if study.warm_up != "mser-5":
         return
     if study.replications < FEWEST_REPLICATIONS:
@@ -216,6 +221,28 @@ def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, .
         )
         where = ("window",) if study.window else ("warm_up",)
         raise document.error(where, text)
+
+
+def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
+    """Raises InputError where the largest warm-up of a steady state leaves nothing of some runs."""
+    declared = [warm_up_of(resolved.scenario) for resolved in scenarios]
+    cut, ticks = max(declared), shortest(scenarios)
+    if min(declared) < cut:  # some are cut by their sums, at the end of a stretch
+        stretch = windows_of(study, scenarios).stretch
+        cut = math.ceil(cut / stretch) * stretch
+    if cut < ticks:
+        return
+    point = next(
+        point
+        for point, resolved in zip(study.points, scenarios, strict=True)
+        if resolved.scenario.stop.at_most == ticks
+    )
+    text = (
+        f"the largest warm-up is left out of the runs of all points: the first {cut:,} ticks, but runs "
+        f"of point {point.number} end after {ticks:,} ({told(point)}); a warm-up of less is allowed "
+        "there, or longer runs"
+    )
+    raise document.error(_where(study, point), text)
 
 
 def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:

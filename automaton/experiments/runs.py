@@ -150,13 +150,14 @@ def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
     """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
     orders = simulation.world.orders
     delivered = orders.delivered[orders.state == DELIVERED]
+    metrics = metrics_of(simulation, marks.warm_up)
     row: Row = {
         "finished": is_finished(simulation),
         "ticks": simulation.tick,
         "orders": len(orders.state),
-        "delivered": len(delivered),
+        "delivered": metrics["delivered"],
         "digest": simulation.digest,
-        "metrics": metrics_of(simulation, marks.warm_up),
+        "metrics": metrics,
     }
     if window:
         windows = simulation.tick // window

@@ -16,8 +16,15 @@ from automaton.reporting.cutting import LENGTHS
 from automaton.reporting.document import Document, Heading, Listed, Text
 from automaton.reporting.figures import Scenarios, metric_section
 from automaton.reporting.results import Results, point_name, read_results
-from automaton.reporting.sections import comparison_section, design, not_cut, remarks
+from automaton.reporting.sections import (
+    comparison_section,
+    design,
+    not_cut,
+    remarks,
+    started_cold,
+)
 from automaton.reporting.steady_state import steady_section
+from automaton.scenario.measures import warm_up_of
 from automaton.scenario.reading import shipped
 from automaton.units import count
 
@@ -46,7 +53,7 @@ def compose(store: Store, floors: Sequence[int] = ()) -> Document:
     document.add(Heading(study.name, 1))
     if study.summary:
         document.add(Text(study.summary))
-    notes = [*remarks(results), *([lacking] if lacking else [])]
+    notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
     if notes:
         document.add(Listed(notes))
     document.add(*design(results, scenarios), Text(numbered_points(study)), Heading("Figures"))
@@ -80,6 +87,9 @@ def without(results: Results, metric: str) -> str:
         return f"{metric} tells how long runs are, not what they do in a steady state."
     if results.cut is not None and metric in results.cut.left_out:
         return not_cut([metric], results.cut)
+    unsteady = results.cut is not None and any(name == metric for _, name in results.cut.unsteady)
+    if unsteady or (results.cut is not None and len(results.cut.refused) == len(results.points)):
+        return f"No point has a figure of {metric} after the warm-up: the remarks above say why."
     return "No run has this metric."
 
 
@@ -130,7 +140,8 @@ def add_floors(
         if first is None:
             raise InputError(f"--floor {number}: this point has no runs with figures yet")
         name = f"point {number}: {point_name(results.study, point)}"
-        after = 0 if results.cut is None else results.cut.ticks
+        scenario = scenarios[number].scenario
+        after = warm_up_of(scenario) if results.cut is None else results.cut.ticks
         document.add(*floor_maps(scenarios[number], *first, name, after))
 
 

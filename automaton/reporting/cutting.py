@@ -1,23 +1,25 @@
 """Steady states without their warm-up: one cut for all runs of a study, and their figures after it.
 
 The cut is the largest of what the scenarios declare (measure.warm_up) and of what MSER-5 finds at each
-point. Where all runs were measured from there on, their own figures hold; else figures follow from
-the sums that rows keep, after the next stretch begins, and what sums do not tell is left out.
+point, by deliveries and by the times of orders and tasks: a queue may still grow when as much is
+delivered as ever will be. Where all runs were measured from there on, their own figures hold; else
+figures follow from the sums that rows keep, after the next stretch begins, and what sums do not tell
+is left out.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from automaton.experiments.keys import Manifest
 from automaton.experiments.names import SERIES, STRETCHES, metric_names, sum_names
-from automaton.statistics.steady import Refused, mser5
-from automaton.sums import metric
+from automaton.statistics.steady import Refused, mser5, mser5_of_means
+from automaton.sums import QUOTIENTS, metric
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,6 +30,13 @@ if TYPE_CHECKING:
 LENGTHS: Final = ("T_total", "ticks", "orders")  # of a run, whatever is left out
 AT_THE_END: Final = ("least_charge",)  # a state, of which no warm-up is part
 DELIVERED: Final = "delivered"
+# Figures that grow with a queue, and the metrics that are steady only where they are.
+TIMES: Final = {
+    "lead_time": ("lead_time", "lead_time_p95"),
+    "task_time": ("task_time",),
+    "delay": ("delay", "delay_p95"),
+}
+Lists = Sequence["npt.NDArray[np.int64] | None"]  # by row
 
 
 class Cut(NamedTuple):
@@ -36,7 +45,8 @@ class Cut(NamedTuple):
     ticks: int
     window: int  # ticks in which deliveries were counted
     found: Mapping[int, int]  # point: ticks that MSER-5 leaves out there
-    refused: Mapping[int, str]  # point: why it finds none there; such a point has no figures
+    refused: Mapping[int, str]  # point: why it has no figures
+    unsteady: Mapping[tuple[int, str], str]  # point and metric: why that one has no figure there
     left_out: tuple[str, ...] = ()  # metrics of the runs that cannot be told after the cut
 
 
@@ -49,13 +59,15 @@ def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
     points = np.array(table.column("point").to_pylist(), np.int64)
     planned = store.manifest.points
     declared, window = max(point.warm_up for point in planned), planned[0].windows.window
-    cut = cut_of(store.study, points, lists(table.column(SERIES)), declared, window)
+    stretch = planned[0].windows.stretch
+    sums = {name: sums_column(table, name) for name in sums_of_times()}
+    cut = cut_of(store.study, points, lists(table.column(SERIES)), declared, window, sums, stretch)
     if all(point.warm_up == cut.ticks for point in planned):
-        figures = own_figures(table, names, cut.ticks)
+        figures = {name: table.column(name).to_pylist() for name in names}
     else:
-        cut = cut._replace(ticks=next_stretch(store.manifest, cut.ticks))
+        cut = cut._replace(ticks=math.ceil(cut.ticks / stretch) * stretch)
         figures = figures_of_sums(store, table, names, cut.ticks)
-    refused = np.isin(points, list(cut.refused)).tolist()
+    cut = cut._replace(refused=ending_before(cut, points, table.column("ticks").to_pylist()))
     lost = []
     for name, values in figures.items():
         field, at = table.schema.field(name), table.schema.get_field_index(name)
@@ -64,7 +76,9 @@ def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
             continue
         if before.null_count < len(before) and all(value is None for value in values):
             lost.append(name)
-        kept = [None if gone else value for gone, value in zip(refused, values, strict=True)]
+        without = {*cut.refused, *(point for point, metric in cut.unsteady if metric == name)}
+        gone = np.isin(points, list(without)).tolist()
+        kept = [None if is_gone else value for is_gone, value in zip(gone, values, strict=True)]
         table = table.set_column(at, field, arrow_array(kept, field.type))
     return table, cut._replace(left_out=tuple(lost))
 
@@ -72,45 +86,99 @@ def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
 def cut_of(
     study: Study,
     points: npt.NDArray[np.int64],
-    series: Sequence[Any],
+    series: Lists,
     declared: int,
     window: int,
+    sums: Mapping[str, Lists] = MappingProxyType({}),
+    stretch: int = 1,
 ) -> Cut:
     """One cut for all points, from the deliveries by window of each row and the point that it is of.
 
-    `declared`: the most that a scenario leaves out.
+    `declared`: the most that a scenario leaves out; `sums`: those of times, by ticks of a stretch.
     """
     found: dict[int, int] = {}
     refused: dict[int, str] = {}
-    if study.warm_up == "mser-5":
-        for point in study.points:
-            runs = [series[row] for row in np.flatnonzero(points == point.number).tolist()]
-            runs = [run for run in runs if run is not None]
+    unsteady: dict[tuple[int, str], str] = {}
+    for point in study.points if study.warm_up == "mser-5" else ():
+        own = np.flatnonzero(points == point.number).tolist()
+        rows = [row for row in own if series[row] is not None]
+        runs = [run for run in (series[row] for row in rows) if run is not None]
+        if not runs:
+            continue
+        length = min(map(len, runs))
+        try:
+            y = np.array([run[:length] for run in runs], np.float64)
+            found[point.number] = window * mser5(y).cut
+        except Refused as why:
+            refused[point.number] = str(why)
+            continue
+        whole = length * window // stretch
+        for name, metrics in TIMES.items():
             try:
-                if runs:
-                    length = min(map(len, runs))
-                    y = np.array([run[:length] for run in runs], np.float64)
-                    found[point.number] = window * mser5(y).cut
+                means = means_by_stretch(name, sums, rows, whole, stretch)
+                if not np.isnan(means).all():
+                    cut = stretch * mser5_of_means(means)
+                    found[point.number] = max(found[point.number], cut)
             except Refused as why:
-                refused[point.number] = str(why)
-    return Cut(max([declared, *found.values()]), window, found, refused)
+                unsteady |= {(point.number, metric): str(why) for metric in metrics}
+    return Cut(max([declared, *found.values()]), window, found, refused, unsteady)
 
 
-def next_stretch(manifest: Manifest, ticks: int) -> int:
-    """The end of a stretch at a tick, or the first after it."""
-    stretch = manifest.points[0].windows.stretch
-    return math.ceil(ticks / stretch) * stretch
+def sums_of_times() -> list[str]:
+    """The names of the sums that TIMES are quotients of."""
+    return list(dict.fromkeys(name for time in TIMES for name in parts_of(time)))
 
 
-def own_figures(table: pa.Table, names: Sequence[str], cut: int) -> dict[str, list[Any]]:
-    """The figures of runs that were measured from the cut on."""
-    figures = {name: table.column(name).to_pylist() for name in names}
-    ticks = table.column("ticks").to_pylist()
-    figures[DELIVERED] = [  # the row's counts the whole run, as its ticks do
-        None if rate is None else round(rate * (end - cut) / 1000)
-        for rate, end in zip(figures["throughput"], ticks, strict=True)
+def parts_of(time: str) -> tuple[str, str]:
+    """The sums of which a figure of TIMES is the quotient."""
+    part, whole = QUOTIENTS[time].part, QUOTIENTS[time].whole
+    assert isinstance(part, str)
+    assert isinstance(whole, str)
+    return part, whole
+
+
+def means_by_stretch(
+    time: str, sums: Mapping[str, Lists], rows: Sequence[int], whole: int, stretch: int
+) -> npt.NDArray[np.float64]:
+    """A figure of TIMES over these runs, in each of the first so many stretches; NaN: nothing ended.
+
+    Tasks count where they begin: the last stretches, whose longer tasks are not done yet, are left out.
+    """
+    kept = [
+        [one[:whole] for row in rows if (one := sums[name][row]) is not None]
+        for name in parts_of(time)
+        if name in sums
     ]
-    return figures
+    if sum(map(len, kept)) < 2 * len(rows):
+        return np.full(whole, np.nan)  # it is not measured
+    part, ended = (np.sum(runs, axis=0) for runs in kept)
+    means: npt.NDArray[np.float64] = np.where(ended > 0, part / np.maximum(ended, 1), np.nan)
+    if parts_of(time)[1] == "taken" and ended.any():
+        lasting = sum(one[:whole].sum() for row in rows if (one := sums["task_times"][row]) is not None)
+        means[max(0, whole - math.ceil(lasting / ended.sum() / stretch)) :] = np.nan
+    return means
+
+
+def ending_before(
+    cut: Cut, points: npt.NDArray[np.int64], ticks: Sequence[int | None]
+) -> dict[int, str]:
+    """The points without figures, with those of which no run goes on after the cut."""
+    longest: dict[int, int] = {}
+    for point, end in zip(points.tolist(), ticks, strict=True):
+        longest[point] = max(longest.get(point, 0), end or 0)
+    short = {
+        point: f"its runs of {end:,} ticks end before the cut at {cut.ticks:,}"
+        for point, end in longest.items()
+        if 0 < end <= cut.ticks
+    }
+    return {**short, **cut.refused}
+
+
+def sums_column(table: pa.Table, name: str) -> Lists:
+    """By row a sum by stretch."""
+    import pyarrow.compute as pc
+
+    return lists(pc.struct_field(table.column(STRETCHES), [name]))
 
 
 def figures_of_sums(

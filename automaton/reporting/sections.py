@@ -8,6 +8,7 @@ from typing import Final
 from automaton.reporting.comparing import (
     Compared,
     comparisons,
+    declared_pairs,
     left_out,
     pairing_remark,
     precision_remark,
@@ -24,11 +25,13 @@ from automaton.reporting.results import (
     point_name,
 )
 from automaton.reporting.same_runs import same_remarks
+from automaton.scenario.measures import warm_up_of
 from automaton.statistics.intervals import ENOUGH, SAME, Interval
 from automaton.units import count, percent
 
 INTERVALS: Final = f"Student's, with a warning on skew below {ENOUGH} runs"
 
+MOST_NAMED: Final = 6  # points
 NO_WARM_UP: Final = "none: whole runs count"
 
 
@@ -79,7 +82,7 @@ def warm_up(results: Results) -> str:
     least = f", not less than the {declared:,} that scenarios declare" if declared else ""
     return (
         f"{of}: the largest that MSER-5 finds at a point, by the deliveries in windows of "
-        f"{count(cut.window, 'tick')}{least}"
+        f"{count(cut.window, 'tick')} and by the times of orders and tasks{least}"
     )
 
 
@@ -150,12 +153,39 @@ def remarks(results: Results) -> Iterator[str]:
         yield "no warm-up is left out: the start of runs is part of all figures"
     for number, why in cut.refused.items() if cut is not None else ():
         yield f"no figures of {point_name(results.study, results.points[number])}: {why}"
+    for (number, metric), why in cut.unsteady.items() if cut is not None else ():
+        yield f"no {metric} of {point_name(results.study, results.points[number])}: {why}"
     lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
     if cut is not None and lost:
         yield not_cut(lost, cut)
     if results.damaged:
         yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
     yield from same_remarks(results)
+
+
+def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
+    """The remark on runs of a given length that count from their first tick.
+
+    A study of steady states has its own.
+    """
+    cold = [
+        number
+        for number, resolved in scenarios.items()
+        if resolved.scenario.stop.when == "never" and not warm_up_of(resolved.scenario)
+    ]
+    if results.cut is None and cold:
+        which = "" if len(cold) == len(results.points) else f" of {points_named(results, cold)}"
+        yield (
+            f"no warm-up is left out: runs{which} go on for a given time (stop: {{when: never}}), and "
+            "their start is part of all figures; say measure: {warm_up: N}"
+        )
+
+
+def points_named(results: Results, numbers: Sequence[int]) -> str:
+    """Some points in words."""
+    names = [point_name(results.study, results.points[number]) for number in numbers[:MOST_NAMED]]
+    more = len(numbers) - len(names)
+    return "; ".join(names) + (f"; and {more:,} more" if more else "")
 
 
 def comparison_section(results: Results) -> Iterator[Block]:
@@ -171,8 +201,7 @@ def comparison_section(results: Results) -> Iterator[Block]:
             "another one."
         )
     if not compared:
-        needed = "None can be made: two finished runs of each point are needed."
-        yield Text("None is left." if same else needed)
+        yield Text("None is left." if same else f"None can be made: {why_none(results)}.")
         return
     yield Text(comparison_text(results, compared))
     yield comparison_table(results, compared)
@@ -194,6 +223,27 @@ def comparison_section(results: Results) -> Iterator[Block]:
             f"Warning: in {still} of these comparisons all runs of a point gave the same: without "
             "spread the interval has no width, and p is that of a permutation test."
         )
+
+
+def why_none(results: Results) -> str:
+    """Why no comparison can be made."""
+    if not list(declared_pairs(results)):
+        return "the study has no two points that it compares"
+    metrics, reasons = results.analysis.metrics, []
+    if results.cut is not None:
+        refused, unsteady = results.cut.refused, results.cut.unsteady
+        reasons = [f"{point_name(results.study, results.points[n])}: {refused[n]}" for n in refused]
+        reasons += [
+            f"{metric} of {point_name(results.study, results.points[n])}: {why}"
+            for (n, metric), why in unsteady.items()
+            if metric in metrics
+        ]
+    if reasons:
+        more = len(reasons) - MOST_NAMED
+        return "; ".join(reasons[:MOST_NAMED]) + (f"; and {more:,} more" if more > 0 else "")
+    if not any(results.has(metric) for metric in metrics):
+        return f"the runs have no figures of {', '.join(metrics)}"
+    return "two finished runs of each point are needed"
 
 
 def comparison_text(results: Results, compared: list[Compared]) -> str:

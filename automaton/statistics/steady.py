@@ -75,11 +75,27 @@ def mser5(series: Sequence[Sequence[float]] | npt.NDArray[np.float64]) -> WarmUp
     averaged = y.mean(axis=0)[: groups * GROUP].reshape(groups, GROUP).mean(axis=1)
     cut = _least_error(averaged)
     if cut > groups // 2:
-        raise Refused(
-            f"not stationary or too short: MSER-5 would leave out {cut * GROUP:,} of "
-            f"{y.shape[1]:,} observations"
-        )
+        raise Refused(_too_late(cut * GROUP, y.shape[1], "observations"))
     return WarmUp(cut * GROUP, y.shape[1], y.shape[0])
+
+
+def mser5_of_means(means: Values) -> int:
+    """How many to leave out of what is averaged over replications and groups already.
+
+    Those that nothing tells of are NaN, and are passed over. Raises Refused.
+    """
+    known = np.flatnonzero(~np.isnan(means))
+    fewest = FEWEST_OBSERVATIONS // GROUP
+    if len(known) < fewest:
+        raise Refused(f"MSER-5 needs {fewest} stretches that tell of it, there are {len(known)}")
+    cut = _least_error(means[known])
+    if cut > len(known) // 2:
+        raise Refused(_too_late(cut, len(known), "stretches of time"))
+    return int(known[cut]) if cut else 0
+
+
+def _too_late(cut: int, of: int, what: str) -> str:
+    return f"not stationary or too short: MSER-5 would leave out {cut:,} of {of:,} {what}"
 
 
 def _least_error(y: Values) -> int:

@@ -24,7 +24,7 @@ _OURS: Final = re.compile(
 
 def escaped(text: str) -> str:
     """Text of any number of lines without other control characters."""
-    return _CONTROLS.sub(_shown, text)
+    return text.translate(_SHOWN) if _CONTROLS.search(text) else text
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE) -> str:
@@ -52,6 +52,12 @@ def for_terminal(text: str) -> str:
 
 def _shown(found: re.Match[str]) -> str:
     return {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(found[0], f"\\u{ord(found[0]):04x}")
+
+
+# A match of its own for each of millions of characters would take a hundred bytes each.
+_SHOWN: Final = {
+    code: _shown(found) for code in range(0x2070) if (found := _CONTROLS.match(chr(code)))
+}
 
 
 class PrintedText:

@@ -2,8 +2,8 @@
 
     python tests/recording_trials.py [MUTANTS [FLIPS [FIRST]]]
 
-Recordings of shipped scenarios are taken apart, altered in values, types, shapes, lengths and
-sequence, and put together again with right seals; others have a bit flipped. Each is verified and
+Recordings of shipped scenarios are taken apart, altered in values, types, shapes, lengths, depths
+and sequence, and put together again with right seals; others have a bit flipped. Each is verified and
 played to its end by a worker with 1 GB of memory and 10 s. It must end in one sentence that names the
 file, or be what was recorded: verified with the same figures, or found to differ. Prints what was
 counted and exits with 1 if a worker crashes, hangs or raises anything else. The tests run it in small.
@@ -134,7 +134,7 @@ def mutant(number: int) -> tuple[str, bytes]:
     name = chance.choice(sorted(CASES))
     parts = [(kind, copy.deepcopy(content)) for kind, content in taken_apart(name)]
     for _ in range(chance.choice((1, 1, 1, 2, 4))):
-        chance.choice((_values, _values, _values, _values, _sequence))(parts, chance)
+        chance.choice((_values, _values, _values, _values, _sequence, _sizes))(parts, chance)
     return name, put_together(parts, chance if chance.random() < 0.2 else None)
 
 
@@ -193,6 +193,30 @@ def _altered(array: Any, chance: Chance) -> Any:
     if what == 6:
         return np.concatenate([array, array], axis=chance.randrange(max(1, array.ndim)))
     return array.T.copy() if array.ndim > 1 else array.reshape(1, -1)
+
+
+def _sizes(parts: list[tuple[int, Any]], chance: Chance) -> None:
+    """Make something long, wide or deep that packs to almost nothing."""
+    content = chance.choice(parts)[1] if parts else {}
+    holders = [content, *(part for part in content.values() if isinstance(part, dict))]
+    holder = chance.choice(holders)
+    if not holder:
+        return
+    key = chance.choice(list(holder))
+    value = holder[key]
+    many = chance.choice((300, 70_000, 3_000_000))
+    if isinstance(value, np.ndarray):
+        rows = chance.choice((many, 2**31 - 1, 2**28))
+        shapes = ((many,), (4, many), (many, 2), (rows, 0), (0, rows), (rows, 0, 0))
+        holder[key] = np.zeros(chance.choice(shapes), value.dtype)
+    elif isinstance(value, str | list) and chance.random() < 0.7:
+        holder[key] = chance.choice((["x"] * many, [1] * many, "\x00" * many, [[]] * many))
+    elif isinstance(value, dict) and chance.random() < 0.5:
+        holder[key] = {str(number): "" for number in range(min(many, 70_000))}
+    else:
+        for _ in range(chance.choice((39, 41, 300, 450))):
+            value = [value] if chance.random() < 0.5 else {"a": value}
+        holder[key] = value
 
 
 def _sequence(parts: list[tuple[int, Any]], chance: Chance) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import struct
 import zlib
@@ -12,10 +13,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recording_trials import put_together, taken_apart
 
+from automaton.commands import main
 from automaton.errors import InputError
 from automaton.recording import frames as stored
-from automaton.recording.contents import KEYFRAME_TICKS
+from automaton.recording.codes import DURATION
+from automaton.recording.contents import (
+    HEADER,
+    KEYFRAME_TICKS,
+    MOST_CHANGES,
+    MOST_LABELS,
+    MOST_LEVELS,
+    MOST_PLACES,
+)
 from automaton.recording.frames import (
     END,
     KEYFRAME,
@@ -27,6 +38,7 @@ from automaton.recording.frames import (
 )
 from automaton.recording.header import resolved_of
 from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 
@@ -307,3 +319,106 @@ def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
     }
     data = stored.payload_of(TICKS, content).data
     assert same(Frame(TICKS, stored.decode(TICKS, data)), Frame(TICKS, content))
+
+
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], parts: Any) -> str:
+    """The one sentence in which `verify` refuses a file of these frames."""
+    path = tmp_path / "hostile.rec"
+    path.write_bytes(put_together(parts))
+    assert path.stat().st_size < 1_000_000
+    capsys.readouterr()  # what was compiled for the first time
+    assert main(["verify", str(path)]) == 2
+    told = capsys.readouterr()
+    assert told.out == "" and told.err.count("\n") == 1
+    assert f"{path}: damaged or altered: frame " in told.err
+    return told.err
+
+
+def apart() -> list[tuple[int, Any]]:
+    return copy.deepcopy(list(taken_apart("crossing")))
+
+
+def first(parts: list[tuple[int, Any]], wanted: int) -> Any:
+    return next(content for kind, content in parts if kind == wanted)
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (2**31 - 1, "an array of it has no values and an extent of 2,147,483,647"),
+        (2**16, "digests has 65,536 rows or columns where there are "),
+    ],
+)
+def test_an_array_without_values_takes_no_memory(
+    names: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = apart()
+    first(parts, TICKS).update(due=np.zeros(0, np.int32), digests=np.zeros((names, 0), np.uint64))
+    assert told in refused(tmp_path, capsys, parts)
+
+
+@pytest.mark.parametrize("levels", [MOST_LEVELS + 1, 450, 900])
+@pytest.mark.parametrize("part", ["scenario", "picks"])
+def test_lists_within_lists_have_a_bound(
+    part: str, levels: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts, deep = apart(), []
+    for _ in range(levels - 3):
+        deep = [deep]
+    header = first(parts, HEADER)
+    header[part]["layout"] = {"generator": "a:B", "deep": deep}
+    told = refused(tmp_path, capsys, parts)
+    assert f"{part} is nested more than {MOST_LEVELS} levels deep" in told
+
+
+def test_as_many_levels_as_a_file_may_have_are_read(tmp_path: Path) -> None:
+    parts, deep = apart(), []
+    for _ in range(MOST_LEVELS - 3):
+        deep = [deep]
+    header = first(parts, HEADER)
+    header["scenario"]["layout"] = {"generator": "a:B", "deep": deep}
+    path = tmp_path / "deep.rec"
+    path.write_bytes(put_together(parts[:1]))
+    assert read_recording(path).header["scenario"]["layout"]["deep"] == deep
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, "") for name in ("overrides", "digest_names", "versions", "files")),
+        *((name, 1) for name in ("start", "starts", "numbered")),
+    ],
+)
+def test_lists_of_a_header_have_a_bound(
+    name: str, value: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = apart()
+    header = first(parts, HEADER)
+    if name in ("versions", "files"):
+        header[name] = {str(number): value for number in range(20_000)}
+    else:
+        (header["floor"] if name in header["floor"] else header)[name] = [value] * 20_000_000
+    told = refused(tmp_path, capsys, parts)
+    assert f"of length <= {MOST_PLACES if value else MOST_LABELS} - at `$." in told
+
+
+def test_changes_of_a_frame_have_a_bound(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """However many robots there are; and a tick has not those of a whole frame."""
+    for rows, told in ((MOST_CHANGES + 1, "changes"), (5000, "changes in a tick")):
+        parts = apart()
+        ticks = first(parts, TICKS)
+        ticks["changes"] = np.full((4, rows), [[0], [DURATION], [0], [0]], np.int32)
+        if rows > MOST_CHANGES:
+            ticks["did"] = np.zeros((1000, 256), np.uint8)
+        assert f"{told}\n" in refused(tmp_path, capsys, parts[:4])
+
+
+@pytest.mark.parametrize("count", [0, 5_000_000])
+def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Path) -> None:
+    parts = copy.deepcopy(list(taken_apart("factory")))
+    first(parts, KEYFRAME)["stations"]["done"] = np.zeros(count, np.uint8)
+    report = validate_stored(reread(tmp_path, put_together(parts)))
+    text = f"stations.done has {count:,} values in the recorded state, not "
+    assert text in report.violations[0].text

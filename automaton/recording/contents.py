@@ -6,12 +6,13 @@ Sizes are bounded before they are allocated, and arrays checked before they inde
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable, Mapping
+from itertools import chain
+from typing import Annotated, Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
-from msgspec import UNSET, UnsetType, defstruct
+from msgspec import UNSET, Meta, UnsetType, defstruct
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
@@ -52,10 +53,17 @@ MOST_BYTES: Final = {HEADER: 96 * MIB, TICKS: 256 * MIB, KEYFRAME: 256 * MIB, EN
 MOST_BYTES[CONDITIONS] = 32 * MIB
 MOST_TEXT: Final = 24 * MIB  # bytes of a scenario
 MOST_LISTS: Final = 4_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
+MOST_LEVELS: Final = 40  # of lists and mappings within each other, as in the file of a scenario
+MOST_PLACES: Final = (
+    1_000_000  # starts and stations that are listed: a byte of each takes 8 and more
+)
+MOST_LABELS: Final = 10_000  # settings, files, versions, names of digests
+MOST_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
 
 FRAME_TICKS: Final = 256  # at most in a TICKS frame
 KEYFRAME_TICKS: Final = 2048  # a KEYFRAME stands after each of so many ticks, and at the end
 MOST_ROWS: Final = 64  # changes of a robot in a tick
+MOST_CHANGES: Final = 4_000_000  # in a TICKS frame
 LAST_TICK: Final = 2_000_000_000
 NUMBER: Final = 1 << 31
 
@@ -79,13 +87,17 @@ def _part(name: str, arrays: tuple[str, ...], *others: Any) -> type[msgspec.Stru
 
 
 _MAYBE = np.ndarray | UnsetType
+_Places = Annotated[tuple[int, ...], Meta(max_length=MOST_PLACES)]
+_Labels = Annotated[tuple[str, ...], Meta(max_length=MOST_LABELS)]
+_Named = Annotated[dict[str, str], Meta(max_length=MOST_LABELS)]
+_Text = Annotated[str, Meta(max_length=MOST_TEXT)]
 _FLOOR = _part(
     "Floor",
     ("kind", "exits", "capacity", "bays", "loads"),
     ("width", int),
     ("height", int),
-    ("starts", tuple[int, ...]),
-    ("numbered", tuple[int, ...]),
+    ("starts", _Places),
+    ("numbered", _Places),
 )
 _ORDERS = _part(
     "Orders", ("source", "target", "released"), ("coming", _MAYBE, UNSET), ("weight", _MAYBE, UNSET)
@@ -100,29 +112,29 @@ class _Header(_Frame):
     scenario: msgspec.Raw
     seed: int
     picks: msgspec.Raw
-    start: str | tuple[int, ...]
-    overrides: tuple[str, ...]
-    text: str
-    sources: str
-    versions: dict[str, str]
-    digest_names: tuple[str, ...]
+    start: _Text | _Places
+    overrides: _Labels
+    text: _Text
+    sources: _Text
+    versions: _Named
+    digest_names: _Labels
     digest_every: int
     floor: _FLOOR  # type: ignore[valid-type]
     robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
     orders: _ORDERS  # type: ignore[valid-type]
     works: _part("Works", ("ticks", "came"))  # type: ignore[valid-type]
     slots: _part("Slots", ("cell",), ("spare", int))  # type: ignore[valid-type]
-    files: dict[str, str] | UnsetType = UNSET
+    files: _Named | UnsetType = UNSET
 
 
 class _Conditions(_Frame):
     tick: int
-    settings: tuple[str, ...]
+    settings: _Labels
     scenario: msgspec.Raw
     picks: msgspec.Raw
     every: np.ndarray
     wait: np.ndarray
-    files: dict[str, str] | UnsetType = UNSET
+    files: _Named | UnsetType = UNSET
 
 
 class _Ticks(_Frame):
@@ -206,9 +218,25 @@ def _mapping(name: str, data: bytes) -> Content:
         raise Unsound(f"{name} has more than {MOST_LISTS:,} lists and mappings")
     try:
         found: Content = msgspec.msgpack.decode(data, type=dict[str, Any])
-    except (msgspec.MsgspecError, RecursionError, ValueError) as error:
+    except RecursionError:
+        raise _too_deep(name) from None
+    except (msgspec.MsgspecError, ValueError) as error:
         raise Unsound(f"{name} cannot be read: {error}") from None
+    level: list[Any] = [found]
+    for _ in range(MOST_LEVELS):
+        inner = (value for part in level for value in _parts_of(part))
+        level = [value for value in inner if isinstance(value, dict | list | tuple)]
+    if level:
+        raise _too_deep(name)
     return found
+
+
+def _parts_of(value: Any) -> Iterable[Any]:
+    return chain(value, value.values()) if isinstance(value, dict) else value
+
+
+def _too_deep(name: str) -> Unsound:
+    return Unsound(f"{name} is nested more than {MOST_LEVELS} levels deep")
 
 
 ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
@@ -243,6 +271,8 @@ def _array_in(code: int, data: memoryview) -> Array:
         if not 0 <= extent < NUMBER:
             raise Unsound(f"an array of it has an extent of {extent}")
         count *= extent
+    if not count and max(shape) > MOST_EMPTY:
+        raise Unsound(f"an array of it has no values and an extent of {max(shape):,}")
     if len(shape) > 2 or count * dtype.itemsize != len(content):
         raise Unsound("an array of it has another size than its shape says")
     array: Array = np.frombuffer(content, dtype).reshape(shape)
@@ -329,17 +359,21 @@ def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
                 raise Unsound(f"{part}.{name} tells of {text}")
 
 
-def unpacked_ticks(content: Content) -> Content:
-    """TICKS as they are used: a row for each tick. Raises Unsound if parts do not fit each other."""
+def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
+    """TICKS as they are used: a row for each tick.
+
+    `known`: how many robots and names of digests there are, where that is known. Raises Unsound if
+    parts do not fit it or each other.
+    """
     ticks = content["did"].shape[1] if content["did"].ndim == 2 else 0
-    sizes = {"ticks": ticks}
-    below = {"ticks": FRAME_TICKS + 1}
-    if not 0 < ticks < below["ticks"] or not 0 < content["first"] <= LAST_TICK:
+    sizes = {**known, "ticks": ticks}
+    if not 0 < ticks <= FRAME_TICKS or not 0 < content["first"] <= LAST_TICK:
         raise Unsound(f"it tells of {ticks} ticks from tick {content['first']} on")
-    robots = len(content["did"])
-    most = MOST_ROWS * (robots + 1) * ticks
-    if content["changes"].ndim == 2 and content["changes"].shape[1] > most:
-        raise Unsound(f"it tells of more than {most:,} changes")
+    most = MOST_ROWS * (len(content["did"]) + 1)  # in a tick
+    if content["changes"].ndim == 2 and content["changes"].shape[1] > min(
+        MOST_CHANGES, most * ticks
+    ):
+        raise Unsound(f"it tells of more than {min(MOST_CHANGES, most * ticks):,} changes")
     check_arrays(
         content,
         {
@@ -358,6 +392,8 @@ def unpacked_ticks(content: Content) -> Content:
         (np.diff(changes[:, 0]) < 0).any() or changes[0, 0] < 0 or changes[-1, 0] >= ticks
     ):
         raise Unsound("changes are not in the sequence of its ticks")
+    if np.bincount(changes[:, 0], minlength=1).max() > most:
+        raise Unsound(f"it tells of more than {most:,} changes in a tick")
     changes[:, 0] += content["first"]
     digests = np.zeros((ticks, len(content["digests"])), np.uint64)
     digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)

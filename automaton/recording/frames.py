@@ -20,9 +20,10 @@ import struct
 import zlib
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO, Final, NamedTuple, Protocol
 
 import msgspec
@@ -232,10 +233,12 @@ def encoded(header: Content, frames: Iterable[Frame]) -> bytes:
     return preamble() + b"".join(chain.framed(payload_of(*part)) for part in parts)
 
 
-def decode(kind: int, payload: bytes | memoryview) -> Content:
-    """The content of a frame, of the right types. Raises Unsound."""
+def decode(
+    kind: int, payload: bytes | memoryview, sizes: Mapping[str, int] = MappingProxyType({})
+) -> Content:
+    """The content of a frame, of the right types and of these sizes. Raises Unsound."""
     content = read_content(kind, payload)
-    return unpacked_ticks(content) if kind == TICKS else content
+    return unpacked_ticks(content, sizes) if kind == TICKS else content
 
 
 def read_recording(path: str | Path) -> Recording:

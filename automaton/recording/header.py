@@ -94,7 +94,7 @@ def _picks(resolved: Resolved) -> Content:
 
 
 def changed(header: Content, rules: Content) -> Content:
-    """The header with the scenario and the strategies that hold after a RULES frame."""
+    """The header with the scenario and the strategies that hold after a CONDITIONS frame."""
     return {**header, "scenario": rules["scenario"], "picks": rules["picks"]}
 
 

@@ -47,7 +47,9 @@ from automaton.world.build import build_world
 from automaton.world.state import CHANGED, DECIDED, RECORDED, TICK, Array, Record
 
 FRAME_SECONDS = 1.0  # what a killed process may lose
-FRAME_BYTES = 16 << 20  # of decisions: what a frame holds of those of several calls at most
+FRAME_BYTES = (
+    16 << 20
+)  # of decisions and changes: what a frame holds of those of several calls at most
 
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
 
@@ -95,7 +97,7 @@ class Capture:
 
     @property
     def _bytes(self) -> int:
-        return sum(decisions.nbytes for _, decisions, _, _ in self._pending)
+        return sum(part[1].nbytes + part[2].nbytes for part in self._pending)
 
     def _begin(self, simulation: Simulation) -> None:
         """Before the first tick: what the strategies of this run asked for, and the state."""

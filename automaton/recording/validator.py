@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import groupby
 from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
@@ -158,14 +157,14 @@ class Validator:
         acts: list[Acts] = [[] for _ in did]
         for row, r, code in zip(when.tolist(), who.tolist(), did[when, who].tolist(), strict=True):
             acts[row].append((r, code))
-        rows = {
-            tick: list(group)
-            for tick, group in groupby(content["changes"].tolist(), lambda row: int(row[0]))
-        }
-        for tick, acted in enumerate(acts, content["first"]):
-            self._tick(tick, acted, rows.pop(tick, []))
-        if rows:
-            text = f"changes of tick {next(iter(rows))} stand among other ticks"
+        changes, first = content["changes"], content["first"]
+        ends = np.searchsorted(changes[:, 0], first + np.arange(-1, len(did)), side="right")
+        for tick, acted in enumerate(acts, first):
+            rows = changes[ends[tick - first] : ends[tick - first + 1]].tolist()
+            self._tick(tick, acted, rows)
+        others = np.concatenate([changes[: ends[0], 0], changes[ends[-1] :, 0]])
+        if len(others):
+            text = f"changes of tick {others[0]} stand among other ticks"
             self._complain(self.report.ticks, "record", [], NONE, text)
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
@@ -231,7 +230,7 @@ class Validator:
         }
         for part, arrays in expected.items():
             for name, values in arrays.items():
-                self._compare(f"{part}.{name}", values, content[part][name].tolist())
+                self._compare(f"{part}.{name}", values, content[part][name])
 
     def _parked(self, content: dict[str, Any]) -> list[int]:
         """Who is parked as replayed; actions do not tell of one that lacked energy as it set out."""
@@ -246,11 +245,17 @@ class Validator:
         pairs = zip(self.energy.status, recorded, strict=True)
         return [theirs if mine == 0 and theirs in FAILING else mine for mine, theirs in pairs]
 
-    def _compare(self, name: str, replayed: list[int], recorded: list[int]) -> None:
-        if replayed == recorded:
+    def _compare(self, name: str, replayed: list[int], recorded: Any) -> None:
+        if len(replayed) != len(recorded):
+            text = (
+                f"{name} has {len(recorded):,} values in the recorded state, not {len(replayed):,}"
+            )
+            self._complain(self.report.ticks, "record", [], NONE, text)
             return
-        pairs = zip(replayed, recorded, strict=False)
-        i = next((i for i, (mine, theirs) in enumerate(pairs) if mine != theirs), 0)
+        differ = np.flatnonzero(np.array(replayed, np.int64) != recorded)
+        if not len(differ):
+            return
+        i = int(differ[0])
         text = f"{name}[{i}] is {recorded[i]} in the recorded state, {replayed[i]} by its actions"
         robots = [i] if name.startswith("robots.") else []
         self._complain(self.report.ticks, "record", robots, NONE, text)

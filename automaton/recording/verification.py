@@ -6,7 +6,6 @@ All of it is made again and compared, except for LABELS of the header.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -310,12 +309,12 @@ def _decisions(first: int, recorded: Array, ours: Array) -> Difference | None:
 
 
 def _changes(recorded: Array, ours: Array) -> Difference | None:
-    theirs, mine = recorded.tolist(), ours.tolist()
-    if theirs == mine:
+    if np.array_equal(recorded, ours):
         return None
-    pairs = zip(theirs, mine, strict=False)
-    equal = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-    tick = min(rows[equal][0] for rows in (theirs, mine) if equal < len(rows))
+    both = min(len(recorded), len(ours))
+    differ = (recorded[:both] != ours[:both]).any(axis=1)
+    equal = int(differ.argmax()) if differ.any() else both
+    tick = min(int(rows[equal, 0]) for rows in (recorded, ours) if equal < len(rows))
     return Difference(tick, "changes", "of an order, a reservation or a duration")
 
 

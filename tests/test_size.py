@@ -430,6 +430,16 @@ def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> 
     assert "that reach throughput >= 12 after the first 200 ticks; wanted 90.0 %" in out
 
 
+def test_the_length_of_runs_without_an_end_of_their_own_is_no_target(capsys: Any) -> None:
+    assert main(["size", "warehouse-100", "--target", "T_total<=2400", "--robots", "1..2"]) == 2
+    assert "T_total is the same for every fleet" in capsys.readouterr().err
+
+
+def test_a_target_of_0_needs_a_zone_of_its_own(capsys: Any) -> None:
+    assert main(["size", "warehouse-100", "--target", "delay<=0", "--robots", "1..2"]) == 2
+    assert "1 % of a target of 0 is no zone" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("measure", ["measure=null", "measure={warm_up: 0}"])
 def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any) -> None:
     code, out, err = size(

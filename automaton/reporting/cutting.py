@@ -154,7 +154,9 @@ def means_by_stretch(
     part, ended = (np.sum(runs, axis=0) for runs in kept)
     means: npt.NDArray[np.float64] = np.where(ended > 0, part / np.maximum(ended, 1), np.nan)
     if parts_of(time)[1] == "taken" and ended.any():
-        lasting = sum(one[:whole].sum() for row in rows if (one := sums["task_times"][row]) is not None)
+        lasting = sum(
+            one[:whole].sum() for row in rows if (one := sums["task_times"][row]) is not None
+        )
         means[max(0, whole - math.ceil(lasting / ended.sum() / stretch)) :] = np.nan
     return means
 

@@ -114,6 +114,8 @@ def question(
     asked = Question(target, *robots, strategies, share, zone, error, budget, mean, warm_up)
     if not 0 < error < 0.5:
         raise InputError(f"--error {error:g}: an error lies between 0 and 0.5")
+    if mean and zone == 0 == target.value:
+        raise InputError("--target: 1 % of a target of 0 is no zone; say --zone, in its unit")
     if mean and zone <= 0:
         raise InputError("--zone of a mean must be above 0, in the unit of the metric")
     if not mean:

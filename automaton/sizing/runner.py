@@ -95,6 +95,11 @@ class Fleets:
                 "--target: runs end at a given tick (stop: {when: never}), so their figures would "
                 "count the start-up; say how many ticks to leave out: --set measure.warm_up=N"
             )
+        if not self.ends_with_orders and asked.target.metric == "T_total":
+            raise InputError(
+                "--target: runs end at a given tick (stop: {when: never}), so T_total "
+                "is the same for every fleet; ask for throughput or a time of orders"
+            )
         for strategy in asked.strategies:
             for robots in sorted({asked.first, asked.last}):
                 try:

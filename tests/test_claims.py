@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,8 +12,9 @@ from hypothesis import strategies as st
 from rich.console import Console
 from scipy import stats
 
+from automaton.reproductions import find
 from automaton.reproductions.claims import Claim, Figure, Judged, judge
-from automaton.reproductions.report import evidence, panel_table
+from automaton.reproductions.report import bounds, evidence, panel_table
 from automaton.reproductions.study import Case, MadeTable, Table
 from automaton.statistics.shares import exact_share
 
@@ -84,9 +86,64 @@ def test_other_figures_that_never_vary_have_no_interval() -> None:
     assert found.otherwise == pytest.approx(0.7076, abs=1e-4)
     assert judged(same, runs, [one + 1 for one in runs]).verdict == "does not hold"
     count = Figure("robots that run empty", lambda mean: mean("fails"), at_least=0, strict=True)
-    assert judged(count, [0.0] * 3).verdict == "undecided"
+    assert judged(count, [0.0] * 3).verdict == "does not hold"
     assert judged(count, [0.0, 2.0, 1.0]).verdict == "undecided"
     assert judged(count, [1.0, 2.0, 1.0] * 5).verdict == "holds"
+
+
+def test_what_is_outside_in_every_run_does_not_hold_and_says_how_many_runs_may_be_otherwise() -> (
+    None
+):
+    more = Figure("more", lambda mean: mean("fails"), at_least=0, strict=True)
+    claim = Claim("It is more", (more,))
+    for value in (-5.0, 0.0):
+        found = judge(claim, {("fails", ()): [value] * 1000}, {}, {("fails", ()): "tour"})
+        assert found is not None and found.verdict == "does not hold"
+        said = evidence(found)
+        assert said.startswith("at most 0.4 % of tours (95 %); more: "), said
+        assert said.endswith("(in all 1,000 tours), needed above 0")
+    assert judged(more, [-5.0]).verdict == "undecided", "one run"
+    seldom = replace(ALWAYS, at_least=0.5)
+    assert judged(seldom, [0.0] * 3).verdict == "undecided", "up to 70.8 % by Clopper and Pearson"
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"at_least": 0}, "at least 0"),
+        ({"at_least": 0, "strict": True}, "above 0"),
+        ({"at_most": 0}, "at most 0"),
+        ({"at_most": 0, "strict": True}, "below 0"),
+        ({"at_most": 0.5, "strict": True, "unit": "%"}, "below 50.0 %"),
+        ({"at_most": 0, "unit": "%"}, "at most 0.0 %"),
+    ],
+)
+def test_what_is_needed_says_whether_the_end_belongs_to_it(
+    limits: dict[str, Any], words: str
+) -> None:
+    figure = Figure("figure", lambda mean: mean("fails"), **limits)
+    assert bounds(judged(figure, [1.0, 2.0])) == words
+
+
+MORE_OR_LESS = (
+    "more", "less", "shorten", "longer", "faster", "earlier", "before", "cut", "beat", "rise", "higher",
+    "smaller", "lower", "would have obtained",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["tabletop", "auctions", "traffic", "zoning", "auctions-floor"])
+def test_a_claim_of_more_or_less_is_not_borne_out_by_as_much(name: str) -> None:
+    """Where nothing differs in any run, nothing is shorter, faster or cheaper."""
+    claims = [
+        claim
+        for claim in find(name).claims
+        if any(word in claim.text.lower() for word in MORE_OR_LESS)
+    ]
+    assert claims
+    for claim in claims:
+        for figure in claim.figures:
+            if 0 in (figure.at_least, figure.at_most):
+                assert figure.strict or figure.at_least == figure.at_most, claim.text
 
 
 def test_what_is_not_drawn_holds_by_a_single_run() -> None:

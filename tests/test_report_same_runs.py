@@ -113,6 +113,82 @@ def test_the_same_runs_measured_otherwise_are_compared() -> None:
     assert len(comparisons(results)) == 2 and left_out(results) == 0
 
 
+def test_a_warm_up_changes_no_run_but_what_is_measured() -> None:
+    """Points 1 and 2 count alike; 0 does not. One comparison is left, and no remark denies it."""
+    study = study_of({"measure.warm_up": (0, 100, 200)}, comparisons="pairs")
+    results = made_up(study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{r}")
+    assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(1, 0)]
+    assert left_out(results) == 2
+    assert list(same_remarks(results)) == [
+        "measure.warm_up changes no run: its levels give the same runs, digest by digest, "
+        "measured otherwise (T_total)"
+    ]
+
+
+def test_a_figure_that_only_one_of_two_points_has_is_measured_otherwise() -> None:
+    results = made_up(
+        against(),
+        lambda p, r: noise(0, r) if p % 2 == 0 or r < 30 else None,
+        digest=lambda p, r: f"{p // 2}-{r}",
+    )
+    (remark,) = same_remarks(results)
+    assert "measured otherwise" in remark and left_out(results) == 0
+
+
+def test_one_seed_in_common_is_too_little() -> None:
+    """59 of the 60 runs of point 1 failed; the last one is that of point 0."""
+    results = made_up(
+        study_of({"fleet.robots": (1, 2)}, comparisons="pairs"),
+        noise,
+        digest=lambda p, r: "x" if r == 0 else f"{p}-{r}",
+        failed=lambda p, r: "killed" if p == 1 and r > 0 else None,
+    )
+    assert left_out(results) == 0 and list(same_remarks(results)) == []
+
+
+def test_points_that_differ_where_a_third_failed_are_compared() -> None:
+    """Point 0 is the same as 1 and as 2 on its 30 seeds; those two differ on the other 30."""
+    results = made_up(
+        study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs"),
+        lambda p, r: noise(p == 2 and r >= 30, r),
+        digest=lambda p, r: f"{p if p == 2 and r >= 30 else 1}-{r}",
+        failed=lambda p, r: "killed" if p == 0 and r >= 30 else None,
+    )
+    assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(2, 1)]
+    (remark,) = same_remarks(results)
+    assert remark.startswith("the same runs, digest by digest: "), "the factor has an effect"
+
+
+def test_comparisons_with_twins_of_fewer_runs_are_comparisons_of_their_own() -> None:
+    """Point 1 is point 0 without seed 7: what is compared with both rests on other runs."""
+    results = made_up(
+        study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs"),
+        lambda p, r: noise(p // 2, r),
+        digest=lambda p, r: f"{p // 2}-{r}",
+        failed=lambda p, r: "killed" if (p, r) == (1, 7) else None,
+    )
+    assert [(a.number, b.number) for _, a, b, *_ in comparisons(results)] == [(2, 0), (2, 1)]
+
+
+def test_the_search_for_the_same_runs_reads_each_run_once() -> None:
+    """Thirty points of the same runs need no look at each of their 435 pairs, run by run."""
+
+    class Counting(str):
+        looks = 0
+
+        def __eq__(self, other: object) -> bool:
+            Counting.looks += 1
+            return super().__eq__(other)
+
+        __hash__ = str.__hash__
+
+    study = study_of({"fleet.robots": tuple(range(1, 31))}, comparisons="none")
+    results = made_up(study, lambda p, r: noise(0, r), digest=lambda p, r: Counting(r))
+    assert len(results.repeats) == 29
+    assert len(list(same_remarks(results))) == 1
+    assert Counting.looks < 10 * 30 * 60, "against 435 * 60 for all pairs"
+
+
 def test_one_robot_gives_the_same_runs_under_every_right_of_way(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

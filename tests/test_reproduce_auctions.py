@@ -24,6 +24,7 @@ from automaton.reproductions.auction_tables import (
 )
 from automaton.reproductions.auctions import REPRODUCTION
 from automaton.reproductions.claims import judge
+from automaton.reproductions.report import evidence
 from automaton.reproductions.study import MadeTable, Reproduced, Table
 
 
@@ -138,6 +139,33 @@ def test_efforts_are_those_of_the_formulas() -> None:
         assert by_robots["LB bids", m] == 10 * m + 45
         assert by_robots["all bids", m] == 55 * m
         assert by_robots["LB places", m] <= by_robots["all places", m]
+
+
+def test_bids_are_counted_so_that_one_seed_decides() -> None:
+    reproduced = Reproduced(REPRODUCTION, 1, [made(EFFORTS, 1), made(EFFORTS_BY_ROBOTS, 1)])
+    judged = [judge(claim, reproduced.samples(), {}) for claim in REPRODUCTION.claims]
+    bids = {
+        (one.claim.text, figure.figure.label): (round(figure.value, 3), figure.verdict)
+        for one in judged
+        if one is not None
+        for figure in one.figures
+        if "exponent of bids" in figure.figure.label
+    }
+    assert list(bids.values()) == [
+        (1.7, "does not hold"),
+        (1.0, "holds"),  # 55 m
+        (0.437, "does not hold"),  # 10 m + 45
+    ]
+
+
+def test_what_may_be_otherwise_is_said_of_tours(printed: dict[str, Any]) -> None:
+    reproduced = Reproduced(REPRODUCTION, 1, [made(CHARGING, 1)])
+    [claim] = [one for one in REPRODUCTION.claims if one.text.startswith("... in every tour in")]
+    found = judge(claim, reproduced.samples(), {}, reproduced.repeated())
+    assert found is not None and found.figures[0].runs == CHARGING.per_seed > 1
+    assert " of tours (95 %)" in evidence(found)
+    [known] = [one for one in printed["claims"] if one["claim"] == claim.text]
+    assert [figure["repetition"] for figure in known["figures"]] == ["tour"]
 
 
 def test_routes_run_over_lanes_only() -> None:

@@ -243,7 +243,7 @@ def test_no_difference_is_no_claim_of_more(values: list[float], verdict: str) ->
     assert judged is not None
     assert (judged.verdict, judged.in_print) == (verdict, verdict == "holds")
     nothing = judge(Claim("more", (figure,)), {("T", (1,)): [0.0, 0.0]}, {("T", (1,)): 0.0})
-    assert nothing is not None and (nothing.verdict, nothing.in_print) == ("undecided", False)
+    assert nothing is not None and (nothing.verdict, nothing.in_print) == ("does not hold", False)
 
 
 def test_a_claim_needs_its_whole_interval() -> None:
@@ -262,6 +262,15 @@ def test_a_claim_needs_its_whole_interval() -> None:
     assert (undecided.verdict, undecided.in_print) == ("undecided", None)
     missing = Figure("less", lambda mean: mean("T", 3))
     assert judge(Claim("T falls", (missing,)), samples, {}) is None
+
+
+def test_a_range_that_is_ours_has_its_reason_beside_it() -> None:
+    """The paper names no number of robots from which congestion grows."""
+    figures = claim_about("Congestion").figures
+    assert all(figure.why.startswith("from 2 robots on") for figure in figures)
+    for figure in (one for claim in REPRODUCTION.claims for one in claim.figures):
+        plain = (figure.at_least, figure.at_most) in ((0, math.inf), (-math.inf, 0), (1, math.inf))
+        assert plain or figure.why, figure.label
 
 
 @pytest.mark.parametrize(("degrees", "factor"), [(1, 12.706), (11, 2.201), (59, 2.001)])

@@ -144,7 +144,7 @@ def test_printed_figures() -> None:
 
 def test_lower_throughput_holds_where_hours_are_clearly_more() -> None:
     claim = named("Abstract: DDZ has a much lower throughput")
-    slow, fast = [8.0, 8.1, 7.9, 8.0], [5.5, 5.6, 5.4, 5.5]
+    slow, fast = [8.0, 8.1, 7.9, 8.0], [5.6, 5.5, 5.5, 5.4]
     holds = judged(claim, hours={DDZ: slow, SA: fast, GA: fast})
     assert holds.verdict == "holds" and holds.in_print
     fails = judged(claim, hours={DDZ: fast, SA: fast, GA: fast})
@@ -155,7 +155,9 @@ def test_lower_throughput_holds_where_hours_are_clearly_more() -> None:
 
 def test_less_sigma_fails_where_it_is_more() -> None:
     claim = named("Abstract, Discussion: DDZ has a lower sigma")
-    low, high = [2000.0, 2100.0, 1900.0], [4000.0, 4100.0, 3900.0]
+    low, high = [2000.0, 2100.0, 1900.0], [4000.0, 4100.0, 3900.0]  # 2000 apart in each run
+    assert judged(claim, sigma_ft={DDZ: high, SA: low, GA: low}).verdict == "does not hold"
+    high = [4100.0, 3900.0, 4000.0]
     assert judged(claim, sigma_ft={DDZ: high, SA: low, GA: low}).verdict == "does not hold"
     assert judged(claim, sigma_ft={DDZ: low, SA: high, GA: high}).verdict == "holds"
     assert judged(claim, sigma_ft={DDZ: low, SA: high, GA: high}).in_print

@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
-from statistics_trials import SHIPPED, coverage, drawn_from, false_families
+from statistics_trials import coverage, drawn_from, false_families
 
-from automaton.glossary import GLOSSARY
-from automaton.scenario.resolve import resolve
 from automaton.statistics.effects import effect
 from automaton.statistics.families import bonferroni, holm
 from automaton.statistics.intervals import ENOUGH, mean_interval, skewness
@@ -157,15 +155,6 @@ def test_coverage_of_skewed_runs_in_small() -> None:
     pool = np.random.default_rng(4).gamma(1.1, 1, 50_000)  # skew 1.9, that of table-top runs
     found = coverage(drawn_from(pool, 5), float(pool.mean()), ENOUGH, 400)
     assert 0.91 <= found <= 0.98
-
-
-def test_coverage_is_measured_on_shipped_scenarios_of_each_kind() -> None:
-    for scenario, settings, metric, number in SHIPPED:
-        resolve(scenario, settings)
-        assert metric in GLOSSARY and number >= 300
-    assert {one[0].partition("-")[0] for one in SHIPPED} == {
-        *("tabletop", "depots", "factory", "warehouse")
-    }
 
 
 def test_holm_by_hand() -> None:

@@ -12,6 +12,12 @@ from automaton.learning.losses import LOSSES
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
 from automaton.learning.tables import COLUMNS, PRINTED, from_json
+from automaton.reproductions import find
+from automaton.reproductions.claims import judge
+from automaton.reproductions.report import evidence
+from automaton.reproductions.study import MadeTable, Reproduced
+from automaton.reproductions.traffic_claims import CLAIMS
+from automaton.reproductions.traffic_network import DEPTHS as DEPTH_TABLE
 from automaton.reproductions.traffic_network import (
     TABLES_1_TO_4,
     network,
@@ -77,6 +83,23 @@ def test_the_stored_depths_are_complete_and_of_these_legs(site):
     for row in found["rows"]:
         assert row["constant"] == pytest.approx(constant_loss(row["loss"], known.touched))
         assert 1 <= row["epochs"] <= found["settings"]["epochs"]
+
+
+def test_one_training_decides_nothing_about_depths():
+    """A training draws its weights and the order of its legs; the margin is 2e-5."""
+    cases = DEPTH_TABLE.cases(())
+    made = MadeTable(DEPTH_TABLE, cases, DEPTH_TABLE.run(cases, range(1, 61), None, None))
+    again = Reproduced(find("traffic"), 60, [made])
+    found = {claim.text: judge(claim, again.samples(), {}, again.repeated()) for claim in CLAIMS}
+    said = {text: one for text, one in found.items() if one is not None}
+    assert list(said) == [
+        "Deeper networks do not converge (the printed hinge loss)",
+        "Deeper networks do not converge (cross-entropy)",
+    ]
+    assert [one.verdict for one in said.values()] == ["undecided"] * 2
+    hinge, cross = (evidence(one) for one in said.values())
+    assert "6 hidden layers: 0.00002 (one training gives no interval), needed at least 0" in hinge
+    assert "hidden layers: -0." in cross and "one training" in cross
 
 
 def test_rows_that_monitor_the_same_thing_twice_are_equal(rows):

@@ -70,7 +70,8 @@ def run(args: argparse.Namespace) -> int:
         many = args.seeds, strategies, args.workers
         reproduced = reproduce(reproduction, *many, *listeners, tables, args.seed_from)
     samples, printed = reproduced.samples(), reproduced.published()
-    judged = [judge(claim, samples, printed) for claim in reproduction.claims]
+    repeated = reproduced.repeated()
+    judged = [judge(claim, samples, printed, repeated) for claim in reproduction.claims]
     known = [claim for claim in judged if claim is not None]
     if args.json:
         print(json.dumps(as_json(reproduced, known), indent=2, ensure_ascii=False))
@@ -175,6 +176,7 @@ def figure_as_json(figure: Judged) -> dict[str, Any]:
         "why": wanted.why or None,
         "printed": figure.printed,
         "runs": figure.runs,
+        "repetition": figure.what,
         "otherwise": figure.otherwise,
         "verdict": figure.verdict,
     }

@@ -4,7 +4,7 @@ baseline   each other level of the baseline's factors with the baseline, at equa
 pairs      all pairs of points
 
 The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points with
-the same runs are not compared, and what is compared with both of them counts once.
+the same runs, measured alike, are not compared. Of comparisons between identical points one counts.
 """
 
 from __future__ import annotations
@@ -72,11 +72,12 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
 def differing(
     results: Results, metric: str, pairs: list[tuple[Point, Point]]
 ) -> Iterator[tuple[Point, Point]]:
-    """The pairs whose runs differ; of several that compare the same runs, the first."""
+    """The pairs whose runs differ; of several that compare identical runs, the first."""
     seen: set[frozenset[int]] = set()
+    first = results.identical(metric)
     for a, b in pairs:
-        runs = frozenset(results.alike(point, metric) for point in (a, b))
-        if len(runs) == 2 and runs not in seen:
+        runs = frozenset((first[a.number], first[b.number]))
+        if runs not in seen and not results.same(a, b, metric):
             seen.add(runs)
             yield a, b
 

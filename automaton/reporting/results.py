@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from automaton.experiments.store import Store
 
 QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
+FEWEST_SHARED = 2  # seeds of points that are called the same runs
+Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
 USUAL_METRICS = ("T_total", "throughput", "utilization", "blocked", "delay", "lead_time")
 
 
@@ -121,42 +123,86 @@ class Results:
             if self._finished(row) and column[row] is not None
         }
 
+    @property
+    def reported(self) -> tuple[str, ...]:
+        """The metrics that reports tell of."""
+        return (*(name for name in self.analysis.metrics if self.has(name)), *self.quantiles)
+
+    def runs(self, point: Point, metric: str | None = None) -> Runs:
+        """What tells the runs that did not fail apart: digests and, of a metric, its values."""
+        return self._runs_of(metric)[point.number]
+
+    def _runs_of(self, metric: str | None) -> Sequence[Runs]:
+        """The runs of each point, read once for each metric."""
+        if metric not in self._known_runs:
+            seed, digest, failed = (self.columns[name] for name in ("seed", "digest", "failed"))
+            column = self.columns.get(metric or "")
+
+            def measured(row: int) -> object:
+                return column[row] if column is not None and self._finished(row) else None
+
+            self._known_runs[metric] = [
+                {
+                    int(seed[row]): (digest[row], measured(row))
+                    for row in rows
+                    if failed[row] is None
+                }
+                for rows in self._rows.values()
+            ]
+        return self._known_runs[metric]
+
     @cached_property
-    def _alike(self) -> dict[int, int]:
-        """Of each point, the first one that has the same runs: equal digests, seed by seed."""
-        runs = {number: self._digests(rows) for number, rows in self._rows.items()}
-        first: dict[tuple[int, str], int] = {}  # seed and digest -> the first point with such a run
-        found: dict[int, int] = {}
-        for number, own in runs.items():
-            earlier = sorted({first[run] for run in own.items() if run in first})
-            same = (one for one in earlier if _agree(own, runs[one]))
-            found[number] = next(same, number)
-            if found[number] == number:
-                for run in own.items():
-                    first.setdefault(run, number)
-        return found
+    def _known_runs(self) -> dict[str | None, Sequence[Runs]]:
+        return {}
 
-    def _digests(self, rows: npt.NDArray[np.int64]) -> dict[int, str]:
-        """Seed -> digest, of the runs that did not fail."""
-        seed, digest = self.columns["seed"], self.columns["digest"]
-        return {int(seed[row]): digest[row] for row in rows if self.columns["failed"][row] is None}
+    def same(self, one: Point, other: Point, metric: str | None = None) -> bool:
+        """Whether two points have the same runs: equal digests on all seeds that both have.
 
-    def alike(self, point: Point, metric: str | None = None) -> int:
-        """The number of the first point with the same runs as this one, if only its own.
-
-        With a metric: the same runs, measured alike.
+        With a metric: the same runs, measured alike. It ends at the first seed that differs.
         """
-        number = self._alike[point.number]
-        if metric is None or number == point.number:
-            return number
-        own = self.values(point, metric)
-        theirs = self.values(point._replace(number=number), metric)
-        return number if _agree(own, theirs) else point.number
+        own, theirs = self.runs(one, metric), self.runs(other, metric)
+        both = 0
+        for seed, run in own.items():
+            if seed in theirs:
+                if theirs[seed] != run:
+                    return False
+                both += 1
+        return both >= FEWEST_SHARED
+
+    def identical(self, metric: str | None = None) -> Sequence[int]:
+        """Of each point, the first one that has all its runs and no others, if only itself.
+
+        These are classes; `same` makes none, because points that share no seed agree on none.
+        """
+        if metric not in self._classes:
+            first: dict[object, int] = {}
+            runs = self._runs_of(metric)
+            self._classes[metric] = [
+                first.setdefault(tuple(sorted(own.items())), number)
+                for number, own in enumerate(runs)
+            ]
+        return self._classes[metric]
+
+    @cached_property
+    def _classes(self) -> dict[str | None, Sequence[int]]:
+        return {}
+
+    @cached_property
+    def first_same(self) -> Sequence[int]:
+        """Of each point, the first one with the same runs, if only itself."""
+        first: dict[object, int] = {}  # seed and digest -> the first point with such a run
+        found: list[int] = []
+        for point, twin in zip(self.points, self.identical(), strict=True):
+            own = self.runs(point)
+            earlier = {twin, *(first.setdefault(run, point.number) for run in own.items())}
+            same = (n for n in sorted(earlier) if self.same(point, self.points[n]))
+            found.append(next(same, point.number))
+        return found
 
     @cached_property
     def repeats(self) -> tuple[Point, ...]:
         """The points whose runs are those of an earlier one."""
-        return tuple(p for p in self.points if self.alike(p) != p.number)
+        return tuple(p for p in self.points if self.first_same[p.number] != p.number)
 
     def series(self, point: Point) -> list[Sequence[int]]:
         """The deliveries by window of each run that has them, in the order of replications."""
@@ -174,11 +220,6 @@ class Results:
 
     def _finished(self, row: int) -> bool:
         return self.columns["failed"][row] is None and bool(self.columns["finished"][row])
-
-
-def _agree(one: Mapping[int, object], other: Mapping[int, object]) -> bool:
-    """Whether two columns are equal wherever both have something."""
-    return all(other.get(key, value) == value for key, value in one.items())
 
 
 def read_results(store: Store) -> Results:

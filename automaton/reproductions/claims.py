@@ -6,8 +6,9 @@ cases have in common (the same seed is the same demand), and a difference of mea
 paired interval. A share of runs has Clopper and Pearson's.
 
 What came out alike in all n runs has no spread, and an interval without width would say that nothing
-else can happen. Such a claim is "not contradicted": with 95 % certainty at most a share
-1 - 0.025^(1 / n) of runs are otherwise. Only what is not drawn at all holds by being so every time.
+else can happen. Such a claim is "not contradicted" inside the range and does not hold outside: with
+95 % certainty at most a share 1 - 0.025^(1 / n) of runs are otherwise. Only what is not drawn at all
+holds by being so every time.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 from automaton.statistics.intervals import ROUNDING
@@ -74,6 +76,7 @@ class Judged:
     printed: float | None  # the same figure from the publication's own table
     runs: int = 1
     alike: bool = False  # all runs gave the same, though they need not have
+    what: str = "run"  # is repeated: a run, a tour, a training
 
     @property
     def verdict(self) -> Verdict:
@@ -88,14 +91,14 @@ class Judged:
     def _of_alike(self) -> Verdict:
         """Without spread: no run speaks against it, or none speaks for it.
 
-        A share that must be 0 or 1 is a claim of never or always, which no number of runs can show.
+        A share that must be 0 or 1 is a claim of never or always, which no number of runs can show;
+        any other share has its interval.
         """
-        ends = self.figure.at_least, self.figure.at_most
-        if self.figure.holds(self.value, self.value):
-            no_end_of_runs = self.low is None or self.value in ends
-            return "not contradicted" if no_end_of_runs else "undecided"
-        # "Equal in every run" has its counterexample.
-        return "does not hold" if ends[0] == ends[1] else "undecided"
+        never_or_always = self.value in (self.figure.at_least, self.figure.at_most)
+        if self.low is not None and not never_or_always:
+            return "undecided"
+        inside = self.figure.holds(self.value, self.value)
+        return "not contradicted" if inside else "does not hold"
 
     @property
     def otherwise(self) -> float | None:
@@ -142,16 +145,24 @@ def judge(
     claim: Claim,
     samples: Mapping[Sample, Sequence[float]],
     printed: Mapping[Sample, float],
+    repeated: Mapping[Sample, str] = MappingProxyType({}),
 ) -> JudgedClaim | None:
-    """Judge a claim by the values of each case over the seeds; None if a case was not run."""
+    """Judge a claim by the values of each case over the seeds; None if a case was not run.
+
+    `repeated`: what a value of a sample is of, unless it is a run.
+    """
     try:
-        return JudgedClaim(claim, [_judged(figure, samples, printed) for figure in claim.figures])
+        found = [_judged(figure, samples, printed, repeated) for figure in claim.figures]
+        return JudgedClaim(claim, found)
     except KeyError:
         return None
 
 
 def _judged(
-    figure: Figure, samples: Mapping[Sample, Sequence[float]], printed: Mapping[Sample, float]
+    figure: Figure,
+    samples: Mapping[Sample, Sequence[float]],
+    printed: Mapping[Sample, float],
+    repeated: Mapping[Sample, str],
 ) -> Judged:
     used: list[Sample] = []
 
@@ -167,7 +178,9 @@ def _judged(
     except KeyError:
         in_print = None
     low, high, alike = _interval(figure, value, own)
-    return Judged(figure, value, low, high, in_print, min(map(len, own.values())), alike)
+    fewest = min(own, key=lambda sample: len(own[sample]))
+    runs, what = len(own[fewest]), repeated.get(fewest, "run")
+    return Judged(figure, value, low, high, in_print, runs, alike, what)
 
 
 def _interval(

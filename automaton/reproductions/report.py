@@ -182,8 +182,8 @@ def print_claims(out: Console, title: str, judged: Sequence[JudgedClaim]) -> Non
     explanation = (
         "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
         "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
-        "contradicted, and how many runs may be otherwise is said (Clopper-Pearson). Shown is the "
-        "figure that decides."
+        "contradicted, or does not hold, and how many runs may be otherwise is said "
+        "(Clopper-Pearson). Shown is the figure that decides."
     )
     for line in textwrap.wrap(explanation, text_width(out)):
         out.print(line)
@@ -213,8 +213,9 @@ def evidence(claim: JudgedClaim) -> str:
     parts = [
         f"{figure.figure.label}: {valued(figure)}, needed {bounds(figure)}{reason(figure)}{of_all}"
     ]
-    if claim.verdict == "not contradicted" and figure.otherwise is not None:
-        parts.insert(0, f"at most {100 * figure.otherwise:.1f} % of runs (95 %)")
+    bounded = claim.verdict == "not contradicted" or figure.low is None
+    if bounded and figure.otherwise is not None:
+        parts.insert(0, f"at most {100 * figure.otherwise:.1f} % of {figure.what}s (95 %)")
     if figure.printed is not None:
         in_print = figure.in_print if claim.in_print is None else claim.in_print
         agrees = "agrees" if in_print else "DISAGREES"
@@ -235,7 +236,8 @@ def shown(figure: Judged, value: float) -> str:
 
 def valued(figure: Judged) -> str:
     if figure.low is None or figure.high is None:
-        why = f"in all {figure.runs:,} runs" if figure.alike else "one seed gives no interval"
+        alike = f"in all {count(figure.runs, figure.what)}"
+        why = alike if figure.alike else f"one {figure.what} gives no interval"
         return f"{shown(figure, figure.value)} ({why})"
     low, high = shown(figure, figure.low), shown(figure, figure.high)
     return f"{shown(figure, figure.value)} ({low} to {high})"
@@ -252,8 +254,13 @@ def bounds(figure: Judged) -> str:
     if low > float("-inf") and high < float("inf"):
         return f"{shown(figure, low)} to {shown(figure, high)}"
     if low > float("-inf"):
-        return "above 0" if low == 0 else f"at least {shown(figure, low)}"
-    return "below 0" if high == 0 and not figure.figure.unit else f"at most {shown(figure, high)}"
+        return f"{'above' if figure.figure.strict else 'at least'} {end(figure, low)}"
+    return f"{'below' if figure.figure.strict else 'at most'} {end(figure, high)}"
+
+
+def end(figure: Judged, value: float) -> str:
+    """The end of a range; 0 needs neither digits nor unit, unless it is a share."""
+    return "0" if value == 0 and figure.figure.unit != "%" else shown(figure, value)
 
 
 def print_remarks(out: Console, title: str, remarks: Sequence[str]) -> None:

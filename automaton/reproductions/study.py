@@ -267,6 +267,12 @@ class Reproduced:
         """(metric, key of a case) -> its values, what claims are judged by."""
         return dict(sample for table in self.tables for sample in table.samples())
 
+    def repeated(self) -> dict[tuple[str, Key], str]:
+        """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
+        return {
+            sample: made.table.repetition for made in self.tables for sample, _ in made.samples()
+        }
+
     def published(self) -> dict[tuple[str, Key], float]:
         """(metric, key of a case) -> the printed figure, where there is one."""
         return dict(figure for table in self.tables for figure in table.published())

@@ -146,6 +146,7 @@ DEPTHS: Final = Table(
     published=lambda key, metric: None,
     run=read_depths,
     stored=origin_of_depths,
+    repetition="training",
     digits=4,
     grouped=2,
 )
@@ -157,6 +158,7 @@ TABLES_1_TO_4: Final = Table(
     published=published,
     run=read_rows,
     stored=origin,
+    repetition="training",
     digits=2,
     grouped=1,
 )

@@ -111,6 +111,7 @@ def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:
     view, space = given_up.view, given_up.space
+    space.field_of[:] = space.field_owner[:] = NIL  # runs before may have left distances
     here, there = int(view.robots.home[0]), int(view.robots.home[1])
     steps = np.zeros(100, np.uint8)
     assert distance(view, space, 0, here, 0, there) == FAR

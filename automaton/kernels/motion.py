@@ -120,37 +120,48 @@ def give_up(traffic, cell, direction, at_once, releases):
 
 
 @kernel
-def arrive(grid, rules, robots, traffic, i, releases):
-    """End the long move, or the turn between two lanes, of robot i; returns the releases put off."""
-    left = np.int64(robots.cell[i])
-    entered = np.int64(robots.claim[i])
-    direction = np.int64(robots.travel[i])
-    robots.claim[i] = NIL
-    traffic.want[i] = ARRIVED
-    if entered == left:
-        direction ^= 2  # it turned, and gives the other lane back
-    else:
-        robots.cell[i] = entered
-        robots.travel[i] = direction_between(grid, left, entered)
-    return give_up(traffic, left, direction, rules.following, releases)
+def end_moves(grid, rules, robots, traffic, arriving):
+    """End the long moves that are due, and the turns between two lanes; returns (releases, dirty).
+
+    The first `arriving` entries of traffic.dirty are these robots; cells take their place.
+    """
+    releases = 0
+    dirty = 0
+    for k in range(arriving):
+        if k + AHEAD < arriving:
+            ahead = traffic.dirty[U(k + AHEAD)]
+            prefetch(traffic.occupancy, U(robots.cell[U(ahead)]))
+            prefetch(traffic.occupancy, U(robots.claim[U(ahead)]))
+        i = np.int64(traffic.dirty[U(k)])
+        left = np.int64(robots.cell[U(i)])
+        entered = np.int64(robots.claim[U(i)])
+        direction = np.int64(robots.travel[U(i)])
+        robots.claim[U(i)] = NIL
+        traffic.want[U(i)] = ARRIVED
+        if entered == left:
+            direction ^= 2  # it turned, and gives the other lane back
+        else:
+            way = direction_between(grid, left, entered)
+            robots.cell[U(i)] = entered
+            robots.travel[U(i)] = way
+            dirty = bar_way_back(traffic, left, entered, way, dirty)
+        releases = give_up(traffic, left, direction, rules.following, releases)
+    return releases, dirty
 
 
 @kernel
-def bar_way_back(grid, robots, traffic, i, dirty):
-    """Whoever starts now against the long move of robot i, which ends in this tick, finds its claim.
+def bar_way_back(traffic, left, entered, way, dirty):
+    """Whoever starts now against a long move that ends in this tick finds its claim.
 
-    It would pass through robot i where that gives up a cell of capacity 1 and enters one in which
+    It would pass through that robot where one gives up a cell of capacity 1 and enters one in which
     robots may be. Returns the number of dirty cells.
     """
-    left = np.int64(robots.cell[U(i)])
-    entered = np.int64(robots.claim[U(i)])
     single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY) & 3 == 1
     word = np.int64(traffic.occupancy[U(entered)])
-    if not single or (word >> CAPACITY) & 3 == 1:
-        return dirty
-    traffic.occupancy[U(entered)] = np.uint16(word | 1 << direction_between(grid, left, entered))
+    bars = np.int64(single & ((word >> CAPACITY) & 3 != 1))
+    traffic.occupancy[U(entered)] = np.uint16(word | (bars << way))
     traffic.dirty[U(dirty)] = entered
-    return dirty + 1
+    return dirty + bars
 
 
 @kernel
@@ -192,7 +203,8 @@ def move_all(grid, rules, robots, traffic, tick):
     Reads traffic.want (LIVE | direction, or 0) and traffic.span of robots that are not busy;
     leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
     """
-    releases, dirty = claim_cells(grid, rules, robots, traffic)
+    arriving = claim_cells(grid, robots, traffic)
+    releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
     releases, pending, dirty = move_uncontested(grid, rules, robots, traffic, releases, dirty)
     if pending:
         releases = resolve(grid, rules, robots, traffic, tick, pending, releases)
@@ -204,19 +216,21 @@ def move_all(grid, rules, robots, traffic, tick):
 
 
 @kernel
-def claim_cells(grid, rules, robots, traffic):
-    """First pass: busy robots count down, the others write their claims; returns (releases, dirty)."""
+def claim_cells(grid, robots, traffic):
+    """First pass: busy robots count down, the others write their claims.
+
+    Returns how many robots arrive, which are then listed in traffic.dirty.
+    """
     occupancy, want = traffic.occupancy, traffic.want
-    releases = 0
-    dirty = 0
+    arriving = 0
     for i in range(robots.cell.shape[0]):
         fetch_ahead(grid, robots, traffic, i)
         busy = np.int64(robots.busy[U(i)])
         if busy > 0:
             robots.busy[U(i)] = np.uint16(busy - 1)
             if busy == 1 and robots.claim[U(i)] != NIL:
-                dirty = bar_way_back(grid, robots, traffic, i, dirty)
-                releases = arrive(grid, rules, robots, traffic, i, releases)
+                traffic.dirty[U(arriving)] = i
+                arriving += 1
         elif want[U(i)] & np.uint8(LIVE):
             direction = np.int64(want[U(i)]) & 3
             cell = np.int64(robots.cell[U(i)])
@@ -227,7 +241,7 @@ def claim_cells(grid, rules, robots, traffic):
                 occupancy[target] = np.uint16(word | (1 << direction) | twice)
             else:
                 want[U(i)] = 0
-    return releases, dirty
+    return arriving
 
 
 @kernel

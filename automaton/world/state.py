@@ -250,7 +250,7 @@ class Traffic(Struct):
     # `holders` is asked (automaton.kernels.holders), else NIL; so is a cell without limit.
     holder: Array
     pending: Array  # (n, 8) int32: intents that the second pass could not decide
-    dirty: Array  # (n,) int32: cells whose claims are wiped at the end
+    dirty: Array  # (n,) int32: cells whose claims are wiped at the end; first, robots that arrive
     release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
     contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks
     key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry

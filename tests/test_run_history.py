@@ -184,6 +184,25 @@ def test_a_branch_verifies_plays_and_branches_again(
     check_file(second, further, [600, 401, 400, 299, 301, 450, 0])
 
 
+@pytest.mark.parametrize("zoned", ["before", "after"])
+def test_a_state_kept_at_the_branch_has_not_the_zones_that_follow(
+    zoned: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How long computing takes decides which states are kept: here all, that of the branch too."""
+    monkeypatch.setattr("automaton.history.run.KEYFRAME_S", 0.0)
+    zones, none = CHANGES["zoning"], ("strategy.zoning=none",)
+    before, change = (zones, none) if zoned == "before" else ((), zones)
+
+    def fresh() -> LiveRun:
+        return go(live(*FLEET, *before), 300).branch(change)
+
+    branch = go(fresh(), 300)
+    go(branch, 400)
+    assert 300 in branch.keyframes.ticks
+    for tick in (301, 300, 250, 320, 400):
+        assert same(go(branch, tick).shown, go(fresh(), tick).shown), tick
+
+
 def check_file(run: LiveRun, path: Path, ticks: list[int]) -> None:
     """The recording of a run is right, and shows what the run showed."""
     run.close()

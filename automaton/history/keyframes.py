@@ -88,14 +88,32 @@ class Keyframes:
         self._bytes -= self._frames.pop(index).nbytes
         del self.ticks[index]
 
+    def fits(self, tick: int, world: World, watch: Observation) -> bool:
+        """Whether that keyframe has all arrays of a world: not if a branch there has other zones."""
+        frame = self._at(tick)
+        return all(
+            array.shape == self._shape(frame, name) for name, array in state_arrays(world, watch)
+        )
+
+    def _at(self, tick: int) -> Keyframe:
+        return self._frames[bisect_right(self.ticks, self.before(tick)) - 1]
+
+    def _shape(self, frame: Keyframe, name: str) -> tuple[int, ...]:
+        where, values = frame.arrays[name]
+        shape: tuple[int, ...] = (values if where is None else self._base[name]).shape
+        return shape
+
     def restore(self, tick: int, world: World, watch: Observation) -> int:
-        """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick."""
-        frame = self._frames[bisect_right(self.ticks, self.before(tick)) - 1]
+        """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick.
+
+        What the keyframe has otherwise (`fits`) stays as it is.
+        """
+        frame = self._at(tick)
         for name, array in state_arrays(world, watch):
             where, values = frame.arrays[name]
-            if array.shape != (values if where is None else self._base[name]).shape:
-                array[...] = 0  # the rules of this tick have other zones than those of the keyframe
-            elif where is None:
+            if array.shape != self._shape(frame, name):
+                continue
+            if where is None:
                 np.copyto(array, values)
             else:
                 np.copyto(array, self._base[name])

@@ -92,6 +92,9 @@ class Playback:
         if tick < at or nearest > at:
             self._rebuild_for(nearest)
             world, watch = self.simulation.world, self.simulation.watch
+            if not self.keyframes.fits(nearest, world, watch):  # it begins with zones of its own
+                self.simulation = self._simulation(self.frames.rules_at(nearest), None)
+                world, watch = self.simulation.world, self.simulation.watch
             self.keyframes.restore(nearest, world, watch)
             self.simulation.look_for_end()
         while self.tick < tick:

@@ -56,7 +56,7 @@ KERNEL_SOURCES = {
 CACHES_KEPT = 4
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
 WORLD = "the world"
-FIRST_RUN = "first run of this version on this machine (about 20 s): the world"
+FIRST_RUN = "first run of this version on this machine (about a minute): the world"
 FIRST_USE = "first use on this machine: "
 PATIENCE_S = 1.0  # before it is said that something is being compiled
 

@@ -160,7 +160,7 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[st
         return number(amount), told
     if kind == "cells" and cell is not None:
         return number(cell.of(value)), cell.name
-    if kind.endswith("1000 ticks"):
+    if "1000 ticks" in kind:
         return number(value / tick.size), kind.replace("ticks", tick.plural)
     return number(value), kind
 

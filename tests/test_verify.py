@@ -161,6 +161,7 @@ def test_a_cut_file_is_verified_up_to_its_last_whole_frame(
     path.write_bytes(data[: 2 * len(data) // 3])
     assert main(["verify", str(path)]) == 0
     out = capsys.readouterr().out
+    assert out.startswith(f"{path}: verified as far as it goes: ")
     assert "cut short or interrupted: there is no end; it is whole up to tick " in out
     assert "every tick is equal" in out
 

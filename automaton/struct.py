@@ -19,12 +19,13 @@ there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NoReturn, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 WORDS = 4  # of a row of the table
+NO_SHAPE = (0, 0, 0)
 
 
 class _Window:
@@ -61,21 +62,20 @@ class Struct:
     def __init__(self, **values: Any) -> None:
         if tuple(values) != self._fields:
             raise TypeError(f"{type(self).__name__} takes the fields {', '.join(self._fields)}")
-        table = np.zeros((len(self._fields), WORDS), np.uint64)
+        rows = [self._row(name, value) for name, value in values.items()]
+        table = np.array(rows, np.uint64).reshape(len(rows), WORDS)
         self.__dict__.update(values, _table=table, _writable=True)
-        for row, value in enumerate(values.values()):
-            self._enter(row, value)
 
-    def _enter(self, row: int, value: Any) -> None:
+    def _row(self, name: str, value: Any) -> tuple[int, ...]:
+        """What compiled code reads of a field."""
         if isinstance(value, np.ndarray):
             if not value.flags.c_contiguous:
-                raise TypeError(f"{type(self).__name__}.{self._fields[row]} is not contiguous")
-            self._table[row, 0] = value.__array_interface__["data"][0]
-            self._table[row, 1 : 1 + value.ndim] = value.shape
-        elif isinstance(value, Struct):
-            self._table[row, 0] = value._address
-        else:
-            self._table[row, 0] = int(value) % 2**64  # two's complement
+                raise TypeError(f"{type(self).__name__}.{name} is not contiguous")
+            address = value.__array_interface__["data"][0]
+            return (address, *value.shape, *NO_SHAPE[value.ndim :])
+        if isinstance(value, Struct):
+            return (value._address, *NO_SHAPE)
+        return (int(value) % 2**64, *NO_SHAPE)  # two's complement
 
     def __setattr__(self, name: str, value: Any) -> NoReturn:
         raise AttributeError(f"{type(self).__name__}.{name} cannot be replaced; write into arrays")
@@ -115,12 +115,26 @@ class Struct:
         face = object.__new__(type(self))
         table = self._table.copy()
         for row, name in enumerate(self._fields):
-            value = getattr(self, name)
-            if isinstance(value, np.ndarray):
-                value = window(value, python and value.flags.writeable)
-            elif isinstance(value, Struct):
+            value = self.__dict__.get(name)  # no array of a face that nobody has looked at
+            if isinstance(value, Struct):
                 value = value._face(python, kernels)
                 table[row, 0] = value._address
-            face.__dict__[name] = value
+            if not isinstance(value, np.ndarray | None):
+                face.__dict__[name] = value
         face.__dict__.update(_table=window(table, False), _writable=kernels and self._writable)
+        _ORIGINALS[face] = self, python
         return face
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """An array of a face: a window is made when somebody looks, since most runs look at few."""
+            if name not in self._fields or self not in _ORIGINALS:
+                raise AttributeError(f"{type(self).__name__} has no field {name}")
+            original, python = _ORIGINALS[self]
+            array = getattr(original, name)
+            self.__dict__[name] = window(array, python and array.flags.writeable)
+            return self.__dict__[name]
+
+
+_ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of faces

@@ -18,8 +18,8 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.headless import run_once
 from automaton.scenario.resolve import resolve
-from automaton.simulation import Simulation
-from automaton.strategy import paths
+from automaton.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
+from automaton.strategy import lookup, paths
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import Memory
 from strategies.allocation.independent import Independent
@@ -245,6 +245,31 @@ def test_who_writes_to_bare_addresses_is_named() -> None:
     TRICK[:] = [moves_everybody]
     with pytest.raises(InputError, match=r"allocation strategy '.*:Does' raised .* robots\.cell"):
         run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:Does"]), until=5)
+
+
+class WritesLater(Strategy):
+    """Allocation that moves everybody by bare addresses, but not in its first decisions."""
+
+    layer = "allocation"
+    every = 1
+    decisions = 0
+
+    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+        self.decisions += 1
+        if self.decisions > ALWAYS_CHECKED + 1:
+            priority = view.robots.priority
+            ctypes.memset(priority.ctypes.data, self.decisions % 100, priority.nbytes)
+
+
+def test_who_writes_to_bare_addresses_later_is_named_soon() -> None:
+    strategy = WritesLater()
+    resolved = resolve("tabletop-mini")
+    picks = {layer: resolved.picks[layer] for layer in ("routing", "right_of_way")}
+    others = [lookup.load(layer, pick.name)(pick.parameters) for layer, pick in picks.items()]
+    run = Simulation(resolved, strategies=[None, None, strategy, *others])
+    with pytest.raises(PermissionError, match=r"it has written to robots\.priority of the world"):
+        run.run()
+    assert strategy.decisions == CHECKED_EVERY
 
 
 class Open:

@@ -1,14 +1,14 @@
 """Compilation: the one decorator of every kernel, and a cache that notices an edit in any file.
 
 Numba looks only at a kernel's own file when it decides whether a cached kernel is fresh; a changed
-callee in another file goes unnoticed. So the cache folder is named by a hash of all the sources.
+callee in another file goes unnoticed. So each module has a cache folder of its own, named by a hash of
+the sources that it is made of: whoever edits a strategy compiles that strategy, and nothing else.
 """
 
 from __future__ import annotations
 
 import atexit
 import hashlib
-import importlib.util
 import os
 import shutil
 import stat
@@ -27,32 +27,12 @@ from numba import njit, types
 
 import automaton.struct_types  # noqa: F401  teaches Numba what a Struct is
 from automaton.numba_parts import config, event
+from automaton.sources import sources_digest
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# What kernels are made of: they import nothing else (tested), so only these name the cache.
-KERNEL_SOURCES = {
-    "automaton": (
-        "compiled.py",
-        "numba_parts.py",
-        "struct.py",
-        "struct_types.py",
-        "auctions",
-        "kernels",
-        "world/cells.py",
-        "world/condition.py",
-        "world/partition.py",
-        "world/places.py",
-        "world/route_space.py",
-        "world/state.py",
-        "world/waiting.py",
-        "recording/codes.py",
-        "strategy/kernels.py",
-        "strategy/layer.py",
-        "zoning",
-    ),
-    "strategies": (".",),
-}
+ENGINE = ("automaton.kernels", "automaton.world")  # packages whose kernels are the world
+LOOP = "automaton.kernels.loop"  # compiled in every first run, and last
 CACHES_KEPT = 4
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
 WORLD = "the world"
@@ -67,28 +47,8 @@ def jit_is_on() -> bool:
 
 
 @cache
-def source_hash() -> str:
-    """12 hex digits that change with any source line that a kernel is made of."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version_info[:2]}".encode())
-    for package, places in KERNEL_SOURCES.items():
-        for place in places:
-            root = _folder(package) / place
-            for path in [root] if root.is_file() else sorted(root.rglob("*.py")):
-                digest.update(path.as_posix().encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def _folder(package: str) -> Path:
-    spec = importlib.util.find_spec(package)
-    if spec is None or spec.origin is None:
-        raise ImportError(f"package {package!r} is not installed")
-    return Path(spec.origin).parent
-
-
-@cache
-def cache_folder() -> Path:
-    """Where compiled kernels of these sources live; made if needed, older generations removed.
+def cache_root() -> Path:
+    """Where compiled kernels live, in a folder for each module.
 
     Where nothing can be written, they live in a temporary folder, which later processes of the same
     user find again; that is said when it is made.
@@ -96,10 +56,11 @@ def cache_folder() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
     try:
-        folder, _ = _generation(root)
+        _check_writable(root)
     except OSError as error:
         instead = _temporary_root()
-        folder, is_new = _generation(instead)
+        is_new = not any(instead.iterdir())
+        _check_writable(instead)
         if is_new:
             print(
                 f"automaton: compiled code cannot be kept in {root} ({error.strerror}), so it goes to "
@@ -107,21 +68,40 @@ def cache_folder() -> Path:
                 file=sys.stderr,
                 flush=True,
             )
+        root = instead
     _remove_unused(_shared_root())
+    return root
+
+
+def _check_writable(root: Path) -> None:
+    """Raises OSError if no kernels can be kept there."""
+    root.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=root):
+        pass
+
+
+@cache
+def cache_folder(module: str, file: str) -> Path:
+    """Where the kernels of a module in `file` live; made if needed, older generations removed."""
+    versions = f"{numba.__version__} {sys.version_info[:2]}"
+    digest = hashlib.sha256(f"{versions} {sources_digest(module, file)}".encode()).hexdigest()[:12]
+    folder = cache_root() / f"{module}-{digest}"
+    if folder.is_dir():
+        with suppress(OSError):
+            os.utime(folder)  # it is in use
+        return folder
+    folder.mkdir(exist_ok=True)
+    generations = sorted(cache_root().glob(f"{module}-????????????"), key=_age)
+    for stale in generations[:-CACHES_KEPT]:
+        shutil.rmtree(stale, ignore_errors=True)
     return folder
 
 
-def _generation(root: Path) -> tuple[Path, bool]:
-    """The folder of these sources in `root`, and whether it was made now. Raises OSError."""
-    folder = root / source_hash()
-    is_new = not folder.is_dir()
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryFile(dir=folder):  # it can be written, and is used now
-        pass
-    generations = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime)
-    for stale in generations[:-CACHES_KEPT]:
-        shutil.rmtree(stale, ignore_errors=True)
-    return folder, is_new
+def _age(folder: Path) -> float:
+    try:
+        return folder.stat().st_mtime
+    except OSError:  # another process has removed it
+        return 0.0
 
 
 def _shared_root() -> Path:
@@ -171,17 +151,6 @@ def _remove_unused(root: Path) -> None:
         root.rmdir()  # unless something is left
 
 
-def folder_for(function: Callable[..., Any]) -> Path:
-    """The cache folder of a kernel: for a plug-in's, one that its neighbours' sources name too."""
-    if function.__module__.split(".")[0] in KERNEL_SOURCES:
-        return cache_folder()
-    source = Path(function.__code__.co_filename)
-    digest = hashlib.sha256()
-    for path in sorted(source.parent.glob("*.py")):
-        digest.update(path.as_posix().encode() + path.read_bytes())
-    return cache_folder() / f"plug-in-{digest.hexdigest()[:12]}"
-
-
 def kernel(function: F | None = None, *, signature: Any = None, inline: bool = False) -> Any:
     """Compile `function` (nogil, cached across processes).
 
@@ -197,7 +166,7 @@ def kernel(function: F | None = None, *, signature: Any = None, inline: bool = F
     if not jit_is_on():
         return function
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder_for(function))
+    config.CACHE_DIR = str(cache_folder(function.__module__, function.__code__.co_filename))
     try:
         if signature is not None:
             return njit(signature, **options)(function)
@@ -240,9 +209,6 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._depth = 0
         self._begun = 0.0
         self._told: set[str] = set()
-        self._kernels_before = (
-            False  # whether the cache held any when this process began to compile
-        )
         self._timer = threading.Timer(0.0, print)
 
     def on_start(self, event: Any) -> None:
@@ -250,8 +216,6 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if self._depth > 1:
             return  # a kernel that another one calls
         self._begun = time.perf_counter()
-        if self.seconds == 0.0:
-            self._kernels_before = any(cache_folder().glob("*/*.nbi"))
         subject = subject_of(event.data["dispatcher"].py_func.__module__)
         if not self.announced:
             self._timer = threading.Timer(PATIENCE_S, self.tell, [subject])
@@ -269,7 +233,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         if subject not in self._told:
             self._told.add(subject)
             part = "another part of the world" if subject == WORLD else subject
-            is_first = subject == WORLD and not self._kernels_before
+            is_first = subject == WORLD and not world_marker().exists()
             text = FIRST_RUN if is_first else FIRST_USE + part
             print(f"automaton: {text} is compiled, once ...", file=sys.stderr, flush=True)
 
@@ -277,10 +241,16 @@ class _Compilations(event.Listener):  # type: ignore[misc]
 def subject_of(module: str) -> str:
     """What a kernel is about: the folder of ours that it lies in, or a plug-in's module."""
     first, _, rest = module.partition(".")
-    if first not in KERNEL_SOURCES or not rest:
+    if module.startswith(ENGINE):
+        return WORLD
+    if first not in ("automaton", "strategies") or not rest:
         return module
-    folder = rest.split(".")[0].replace("_", " ")
-    return WORLD if folder in ("kernels", "world") else folder
+    return rest.split(".")[0].replace("_", " ")
+
+
+def world_marker() -> Path:
+    """A file that is there when the world has been compiled in this version."""
+    return cache_folder(LOOP, str(Path(__file__).parent / "kernels" / "loop.py")) / "complete"
 
 
 COMPILATIONS = _Compilations()
@@ -295,8 +265,7 @@ def seconds_compiled() -> float:
 @contextmanager
 def first_compilation_announced() -> Iterator[None]:
     """Say on stderr why the first run of all waits while the world is compiled in here."""
-    marker = cache_folder() / "complete"
-    if not jit_is_on() or marker.exists():
+    if not jit_is_on() or world_marker().exists():
         yield
         return
     COMPILATIONS.tell(WORLD)
@@ -305,4 +274,4 @@ def first_compilation_announced() -> Iterator[None]:
         yield
     finally:
         COMPILATIONS.announced = False
-    marker.touch()
+    world_marker().touch()

@@ -20,6 +20,8 @@ def prepare() -> Sample:
 
     def sample() -> float:
         with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
-            return wall_seconds(lambda: run_command(("run", "tabletop-1"), folder))
+            return wall_seconds(
+                lambda: run_command(("run", "tabletop-1"), AUTOMATON_CACHE_DIR=folder)
+            )
 
     return sample

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
+from typing import Final
 
 from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_seconds
 
+STRATEGY: Final = "strategies.right_of_way.withdraw"
 COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
 
 
 def measurements() -> list[Measurement]:
     """One for each command; the warm-up fills the caches of the disk and of the kernels."""
     return [
-        Measurement(f"start-up, {' '.join(command)}", SECONDS, partial(prepare, command))
-        for command in COMMANDS
+        *(
+            Measurement(f"start-up, {' '.join(command)}", SECONDS, partial(prepare, command))
+            for command in COMMANDS
+        ),
+        Measurement("start-up, run tabletop-1, a strategy edited", SECONDS, prepare_edited),
     ]
 
 
@@ -26,14 +34,29 @@ def prepare(command: Sequence[str]) -> Sample:
     return lambda: wall_seconds(lambda: run_command(command))
 
 
-def run_command(command: Sequence[str], cache: str | None = None) -> None:
-    """Run `automaton COMMAND` silently, with a kernel cache of its own if wanted.
+def prepare_edited() -> Sample:
+    """A sampler: seconds on the wall of a run, each after an edit in a copy of a strategy."""
+    folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
+    spec = importlib.util.find_spec(STRATEGY)
+    assert spec is not None and spec.origin is not None
+    edited = Path(folder.name) / "edited.py"
+    edited.write_bytes(Path(spec.origin).read_bytes())
+    command = ("run", "tabletop-1", "--set", "strategy.right_of_way=edited:Withdraw")
+
+    def sample() -> float:
+        with edited.open("a") as file:
+            file.write("# another edit\n")
+        return wall_seconds(lambda: run_command(command, PYTHONPATH=folder.name))
+
+    return sample
+
+
+def run_command(command: Sequence[str], **variables: str) -> None:
+    """Run `automaton COMMAND` silently, with these environment variables.
 
     Raises RuntimeError, with what it wrote to stderr, if it fails.
     """
-    environment = dict(os.environ)
-    if cache is not None:
-        environment["AUTOMATON_CACHE_DIR"] = cache
+    environment = os.environ | variables
     done = subprocess.run(
         [sys.executable, "-m", "automaton", *command],
         env=environment,

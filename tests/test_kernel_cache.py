@@ -1,0 +1,230 @@
+"""The cache of compiled code: what an edit compiles anew, and where the cache may lie."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import strategies.right_of_way.withdraw
+from automaton import sources
+from automaton.compiled import jit_is_on
+
+ROOT = Path(__file__).parent.parent
+ENGINE = {"automaton.kernels.loop", "automaton.kernels.motion"}
+
+
+def kernel_modules() -> dict[str, Path]:
+    """The shipped modules with kernels."""
+    files = [path for top in ("automaton", "strategies") for path in (ROOT / top).rglob("*.py")]
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+        for path in files
+        if "\n@kernel" in path.read_text()
+    }
+
+
+def made_of(edited: str) -> set[str]:
+    """The modules with kernels whose cache is named by a file, among others."""
+    path = ROOT / edited
+    assert path.is_file()
+    return {name for name, file in kernel_modules().items() if path in sources.sources(name, file)}
+
+
+def test_an_edit_in_a_strategy_concerns_nobody_else() -> None:
+    assert made_of("strategies/right_of_way/withdraw.py") == {"strategies.right_of_way.withdraw"}
+    assert made_of("strategies/routing/congestion.py") == {"strategies.routing.congestion"}
+    assert not made_of("automaton/scenario/resolve.py")
+    assert not made_of("automaton/simulation.py")
+
+
+def test_the_world_and_all_that_calls_it_are_made_of_its_kernels() -> None:
+    assert made_of("automaton/kernels/motion.py") >= ENGINE | {"strategies.right_of_way.withdraw"}
+    assert made_of("automaton/world/state.py") >= ENGINE, "constants are compiled in"
+    everything = set(kernel_modules())
+    assert made_of("automaton/struct_types.py") == made_of("automaton/compiled.py") == everything
+    world = sources.sources("automaton.kernels.loop", ROOT / "automaton/kernels/loop.py")
+    assert not [path for path in world if path.is_relative_to(ROOT / "strategies")]
+
+
+def test_all_ways_to_import_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "owner" / "deep").mkdir(parents=True)
+    for name in ("__init__", "one", "two", "three", "four", "never", "deep/__init__", "deep/five"):
+        (tmp_path / "owner" / f"{name}.py").write_text("")
+    start = tmp_path / "owner" / "start.py"
+    start.write_text(
+        "import owner.one as first, os\n"
+        "from owner import (  # from owner import never\n    two,\n    NAME,\n)\n"
+        "from .three import NAME as OTHER\n"
+        "from . import four\n"
+        "from .deep.five import NAME\n"
+        "def later():\n    import owner.never\n"
+    )
+    (tmp_path / "owner" / "two.py").write_text("from .start import later\n")  # a cycle
+    found = {
+        path.relative_to(tmp_path).as_posix() for path in sources.sources("owner.start", start)
+    }
+    expected = ("__init__", "start", "one", "two", "three", "four", "deep/five")
+    assert found == {f"owner/{name}.py" for name in expected}
+
+
+PLUG_IN = """
+from automaton.strategy.kernels import kernel
+from automaton.strategy.layer import Strategy
+from automaton.world.state import PAUSE
+from mine.deep.ticks import TICKS
+from another import doubled
+
+
+@kernel
+def decide(view, asked, answers, memory, space):
+    given = answers.right_of_way
+    for k in range(asked.count[0]):
+        given.verb[k] = PAUSE
+        given.value[k] = doubled(TICKS)
+
+
+class Patient(Strategy):
+    layer = "right_of_way"
+    compiled = decide
+"""
+ANOTHER = (
+    "from automaton.strategy.kernels import kernel\n\n@kernel\ndef doubled(x):\n    return {}\n"
+)
+
+COUNTED = """
+import json, sys
+from automaton.numba_parts import event
+compiled = []
+class Listener(event.Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].py_func.__module__)
+    def on_end(self, event):
+        pass
+event.register("numba:compile", Listener())
+from automaton.scenario.resolve import resolve
+from automaton.simulation import Simulation
+run = Simulation(resolve("tabletop-mini", ["fleet.robots=4", f"strategy.right_of_way={sys.argv[1]}"]))
+run.run(400)
+print(json.dumps([sorted(set(compiled)), run.digest]))
+"""
+
+
+def compiled_in_a_run(folder: Path, strategy: str) -> tuple[set[str], str]:
+    """The modules that a process of its own compiles for a run, and the run's digest."""
+    done = subprocess.run(
+        [sys.executable, "-c", COUNTED, strategy],
+        env=os.environ | {"PYTHONPATH": f"{folder}{os.pathsep}{ROOT}"},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    modules, digest = json.loads(done.stdout)
+    return set(modules), digest
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_an_edit_in_what_a_plug_in_calls_compiles_it_anew(tmp_path: Path) -> None:
+    (tmp_path / "mine" / "deep").mkdir(parents=True)
+    (tmp_path / "mine" / "patient.py").write_text(PLUG_IN)
+    (tmp_path / "mine" / "deep" / "ticks.py").write_text("TICKS = 2\n")
+    (tmp_path / "another.py").write_text(ANOTHER.format("2 * x"))
+    ours, name = {"mine.patient", "another"}, "mine.patient:Patient"
+    compiled_in_a_run(tmp_path, "wait")  # the world, if this is the first test of all
+    modules, before = compiled_in_a_run(tmp_path, name)
+    assert modules == ours
+    assert compiled_in_a_run(tmp_path, name) == (set(), before)
+
+    (tmp_path / "mine" / "deep" / "ticks.py").write_text("TICKS = 9\n")
+    modules, after = compiled_in_a_run(tmp_path, name)
+    assert modules == {"mine.patient"} and after != before
+
+    (tmp_path / "another.py").write_text(ANOTHER.format("x"))
+    modules, last = compiled_in_a_run(tmp_path, name)
+    assert modules == ours and last != after
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) -> None:
+    edited = tmp_path / "edited.py"
+    shutil.copy(strategies.right_of_way.withdraw.__file__, edited)
+    modules, before = compiled_in_a_run(tmp_path, "edited:Withdraw")
+    assert "edited" in modules
+    edited.write_text(edited.read_text() + "# a comment\n")
+    assert compiled_in_a_run(tmp_path, "edited:Withdraw") == ({"edited"}, before)
+
+
+def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
+    """Where a process of its own keeps compiled code, and what it says about that."""
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from automaton import sources as s; from automaton.compiled import cache_folder; "
+            "print(cache_folder(s.__name__, s.__file__))",
+        ],
+        env=os.environ | {"AUTOMATON_CACHE_DIR": str(cache), "TMPDIR": str(temporary)},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip(), done.stderr
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path) -> Path:
+    """No folder can be made in it, by root neither: it is a file."""
+    (tmp_path / "file").touch()
+    return tmp_path / "file" / "cache"
+
+
+@pytest.fixture
+def temporary(tmp_path: Path) -> Path:
+    (tmp_path / "temporary").mkdir()
+    return tmp_path / "temporary"
+
+
+def test_where_the_cache_cannot_be_written_later_processes_find_another_folder(
+    unwritable: Path, temporary: Path
+) -> None:
+    folder, said = kept_in(unwritable, temporary)
+    shared = temporary / f"automaton-kernels-{os.getuid()}"
+    assert Path(folder).parent == shared and stat.S_IMODE(shared.stat().st_mode) == 0o700
+    assert said == (
+        f"automaton: compiled code cannot be kept in {unwritable / 'kernels'} (Not a directory), so it "
+        f"goes to {shared}; AUTOMATON_CACHE_DIR names another folder\n"
+    )
+    assert kept_in(unwritable, temporary) == (folder, ""), "it is said once"
+
+
+def test_a_folder_that_others_can_write_to_is_not_trusted(
+    unwritable: Path, temporary: Path
+) -> None:
+    shared = temporary / f"automaton-kernels-{os.getuid()}"
+    shared.mkdir()
+    shared.chmod(0o777)
+    folder, _ = kept_in(unwritable, temporary)
+    assert shared not in Path(folder).parents and not any(shared.iterdir())
+    assert not Path(folder).exists(), "it ends with its process"
+
+
+def test_the_temporary_folder_is_removed_when_nobody_used_it_for_a_week(
+    unwritable: Path, temporary: Path, tmp_path: Path
+) -> None:
+    folder, _ = kept_in(unwritable, temporary)
+    shared = Path(folder).parent
+    (Path(folder) / "kernel.nbi").touch()
+    kept_in(tmp_path / "cache", temporary)
+    assert Path(folder).exists(), "another process may be using it"
+    os.utime(folder, (0, 0))
+    kept_in(tmp_path / "cache", temporary)
+    assert not shared.exists()

@@ -55,6 +55,7 @@ def cache_root() -> Path:
     """
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
+    _remove_unused(_shared_root())
     try:
         _check_writable(root)
     except OSError as error:
@@ -69,7 +70,6 @@ def cache_root() -> Path:
                 flush=True,
             )
         root = instead
-    _remove_unused(_shared_root())
     return root
 
 

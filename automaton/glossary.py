@@ -22,7 +22,10 @@ GLOSSARY: dict[str, tuple[str, str]] = {
     "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
     "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
     "delay_p95": ("ticks", "95 % of the tasks of the run have this delay or less"),
-    "completions": ("orders/1000 ticks and robot", "deliveries by time and robot, after the warm-up"),
+    "completions": (
+        "orders/1000 ticks and robot",
+        "deliveries by time and robot, after the warm-up",
+    ),
     "lost_waiting": ("ticks", "in waits before a held cell"),
     "lost_refused": ("ticks", "in retries and steps that were refused"),
     "lost_withdrawing": ("ticks", "in which a withdrawal was decided"),

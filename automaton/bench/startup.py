@@ -14,7 +14,7 @@ from typing import Final
 
 from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_seconds
 
-STRATEGY: Final = "strategies.right_of_way.withdraw"
+STRATEGY: Final = "strategies.allocation.cooperative"
 COMMANDS = (("--help",), ("check", "tabletop-1"), ("run", "tabletop-1"))
 
 
@@ -41,7 +41,7 @@ def prepare_edited() -> Sample:
     assert spec is not None and spec.origin is not None
     edited = Path(folder.name) / "edited.py"
     edited.write_bytes(Path(spec.origin).read_bytes())
-    command = ("run", "tabletop-1", "--set", "strategy.right_of_way=edited:Withdraw")
+    command = ("run", "tabletop-1", "--set", "strategy.allocation=edited:Cooperative")
 
     def sample() -> float:
         with edited.open("a") as file:

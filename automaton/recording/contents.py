@@ -6,8 +6,7 @@ Sizes are bounded before they are allocated, and arrays checked before they inde
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
-from itertools import chain
+from collections.abc import Mapping
 from typing import Annotated, Any, Final, NamedTuple
 
 import msgspec
@@ -52,7 +51,7 @@ MIB: Final = 1 << 20
 MOST_BYTES: Final = {HEADER: 96 * MIB, TICKS: 256 * MIB, KEYFRAME: 256 * MIB, END: MIB}
 MOST_BYTES[CONDITIONS] = 32 * MIB
 MOST_TEXT: Final = 24 * MIB  # bytes of a scenario
-MOST_LISTS: Final = 4_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
+MOST_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
 MOST_LEVELS: Final = 40  # of lists and mappings within each other, as in the file of a scenario
 MOST_PLACES: Final = (
     1_000_000  # starts and stations that are listed: a byte of each takes 8 and more
@@ -224,21 +223,25 @@ def _mapping(name: str, data: bytes) -> Content:
         raise Unsound(f"{name} cannot be read: {error}") from None
     level: list[Any] = [found]
     for _ in range(MOST_LEVELS):
-        inner = (value for part in level for value in _parts_of(part))
-        level = [value for value in inner if isinstance(value, dict | list | tuple)]
+        level = [value for part in level for value in _nested_in(part)]
     if level:
         raise _too_deep(name)
     return found
 
 
-def _parts_of(value: Any) -> Iterable[Any]:
-    return chain(value, value.values()) if isinstance(value, dict) else value
+def _nested_in(holder: Any) -> list[Any]:
+    """The lists and mappings in one; of millions of numbers it is only asked whether there are any."""
+    parts = [*holder, *holder.values()] if isinstance(holder, dict) else holder
+    if _NESTING.isdisjoint(map(type, parts)):
+        return []
+    return [value for value in parts if type(value) in _NESTING]
 
 
 def _too_deep(name: str) -> Unsound:
     return Unsound(f"{name} is nested more than {MOST_LEVELS} levels deep")
 
 
+_NESTING: Final = frozenset((dict, list, tuple))  # types that msgpack nests
 ARRAY_CODE: Final = 1  # msgpack extension: (dtype, shape, bytes)
 _DTYPES: Final = {
     np.dtype(kind).newbyteorder("<").str: np.dtype(kind).newbyteorder("<")

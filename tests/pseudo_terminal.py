@@ -59,7 +59,11 @@ class Replay:
 
     def text(self) -> str:
         """The characters alone."""
-        return "\n".join(self.catch_up().display)
+        screen = self.catch_up()
+        rows = (screen.buffer[row] for row in range(screen.lines))
+        return "\n".join(
+            "".join(row[column].data for column in range(screen.columns)) for row in rows
+        )  # not `display`, which fails while one half of a wide character is painted over
 
 
 def wrong_cells(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import shutil
 import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -56,23 +58,71 @@ def test_the_world_and_all_that_calls_it_are_made_of_its_kernels() -> None:
 def test_all_ways_to_import_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "owner" / "deep").mkdir(parents=True)
-    for name in ("__init__", "one", "two", "three", "four", "never", "deep/__init__", "deep/five"):
+    numbers = ("one", "two", "three", "four", "six", "seven", "eight", "nine", "größe", "never")
+    for name in ("__init__", *numbers, "deep/__init__", "deep/five"):
         (tmp_path / "owner" / f"{name}.py").write_text("")
     start = tmp_path / "owner" / "start.py"
     start.write_text(
-        "import owner.one as first, os\n"
-        "from owner import (  # from owner import never\n    two,\n    NAME,\n)\n"
+        "import owner.one as first, os; import owner.six\n"
+        "from owner import (  # (from owner import never)\n    two,  # 2)\n    größe,\n)\n"
         "from .three import NAME as OTHER\n"
-        "from . import four\n"
+        "from . import four, \\\n    seven\n"
         "from .deep.five import NAME\n"
-        "def later():\n    import owner.never\n"
+        "try:\n    import owner.eight\nexcept ImportError:\n    import owner.nine\n"
+        "def later():\n    if True:\n        import owner.never\n"
+        "if TYPE_CHECKING:\n    from owner import never\n"
     )
     (tmp_path / "owner" / "two.py").write_text("from .start import later\n")  # a cycle
     found = {
         path.relative_to(tmp_path).as_posix() for path in sources.sources("owner.start", start)
     }
-    expected = ("__init__", "start", "one", "two", "three", "four", "deep/five")
+    expected = {"__init__", "start", "deep/five", *numbers} - {"never"}
     assert found == {f"owner/{name}.py" for name in expected}
+
+
+def parsed(nodes: list[ast.stmt]) -> Iterator[str]:
+    """The names that the import statements among parsed ones may mean, as they run with a module."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.module is not None and node.level == 0
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from parsed(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from parsed(inner(node))
+
+
+def inner(node: ast.AST) -> list[ast.stmt]:
+    """The statements right inside another one, in any of its blocks."""
+    return [
+        statement
+        for block in ("body", "orelse", "handlers", "finalbody")
+        for child in getattr(node, block, [])
+        for statement in (inner(child) if isinstance(child, ast.ExceptHandler) else [child])
+    ]
+
+
+def test_imports_are_found_as_a_parser_finds_them() -> None:
+    files = [
+        path for top in ("automaton", "strategies", "tui") for path in (ROOT / top).rglob("*.py")
+    ]
+    assert len(files) > 300
+    with_kernels = set(kernel_modules().values())
+    for path in files:
+        source = path.read_text()
+        found = set(sources._imported_names(source, "automaton"))
+        wanted = set(parsed(ast.parse(source).body))
+        assert found >= wanted, path
+        # An example in a docstring may look like an import, which only costs a compilation more.
+        assert found == wanted or path not in with_kernels, path
+
+
+def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
+    cell = sources.sources("__main__", Path("<a cell of a notebook>"))
+    assert {ROOT / "automaton/kernels/motion.py", ROOT / "automaton/strategy/kernels.py"} <= cell
 
 
 PLUG_IN = """

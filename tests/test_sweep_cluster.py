@@ -55,7 +55,7 @@ def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
     try:
         wait_until(lambda: row_files(out))
         os.kill(workers[0].pid, signal.SIGKILL)
-        told, err = process.communicate(timeout=120)
+        told, err = process.communicate(timeout=60)
     finally:
         end_all([process])
     assert process.returncode == 0, err

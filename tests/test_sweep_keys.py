@@ -85,7 +85,7 @@ def keys_told(study: Path, folder: Path) -> str:
         env=environment() | {"PYTHONPATH": paths},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=60,
     )
     assert found.returncode == 0, found.stderr
     return found.stdout

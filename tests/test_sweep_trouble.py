@@ -25,7 +25,7 @@ from automaton.experiments.store import Store, read_rows
 def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> None:
     command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
     process = started(command)
-    out, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=60)
     assert process.returncode == 1 and "3 runs gave no figures" in err
     rows = Store(tmp_path / "out").rows().to_pylist()
     assert [row["failed"] is None for row in rows] == [True] * 3 + [False] * 3
@@ -57,7 +57,7 @@ def test_runs_of_a_worker_that_dies_are_done_again(tmp_path: Path) -> None:
         troubled(tmp_path, "DiesOnce"), tmp_path / "out", "--json", "--workers=1"
     )
     process = started(command, **{TROUBLE: str(tmp_path)})
-    told, err = process.communicate(timeout=120)
+    told, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
     found = json.loads(told)
     assert found["failed"] == 0 and found["done"] == 6 and 1 <= found["repeated"] <= 6
@@ -69,7 +69,7 @@ def test_runs_that_need_all_memory_are_done_one_after_the_other(tmp_path: Path) 
     text = study.read_text().replace("[1, 2]", "[1]")
     study.write_text(text.replace("replications: 3", "replications: 6"))
     process = started(sweep_command(study, out, "--workers", "2"), **{TROUBLE: str(tmp_path)})
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
     assert Store(out).rows().column("failed").to_pylist() == [None] * 6
 
@@ -94,7 +94,7 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     study, out = troubled(tmp_path, "DiesUntilMended"), tmp_path / "out"
     command = sweep_command(study, out, "--workers", "1")
     process = started(command, **{TROUBLE: str(tmp_path)})
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=60)
     assert (process.returncode, err.count("\n")) == (1, 1), err
     failed = Store(out).rows().column("failed").to_pylist()
     assert failed[:3] == [None] * 3
@@ -119,7 +119,7 @@ def test_a_strategy_that_ends_python_ends_its_run_alone(
 ) -> None:
     study, out = troubled(tmp_path, strategy), tmp_path / "out"
     process = started(sweep_command(study, out, "--workers", "1"))
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and "3 runs gave no figures" in err
     with ThreadPoolExecutor(1) as executor:
         tables = Store(out).rows(), sweep(study, executor=executor)

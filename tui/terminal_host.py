@@ -180,7 +180,7 @@ class TerminalHost:
         with self._news:
             return b"".join(event.data for event in self.history if isinstance(event, Arrived))
 
-    def wait_for(self, condition: Callable[[], bool], what: str, at_most: float = 120.0) -> None:
+    def wait_for(self, condition: Callable[[], bool], what: str, at_most: float = 60.0) -> None:
         """Return when the condition holds; it is looked at whenever something arrives."""
         end = time.monotonic() + at_most
         while not condition():
@@ -191,7 +191,7 @@ class TerminalHost:
             with self._news:
                 self._news.wait(0.02)
 
-    def wait_for_quiet(self, seconds: float, at_most: float = 120.0) -> None:
+    def wait_for_quiet(self, seconds: float, at_most: float = 60.0) -> None:
         """Return when nothing has arrived for so long."""
         start = time.monotonic()
 
@@ -201,7 +201,7 @@ class TerminalHost:
 
         self.wait_for(quiet, f"{seconds} s without a byte", at_most)
 
-    def wait_for_end(self, at_most: float = 120.0) -> int:
+    def wait_for_end(self, at_most: float = 60.0) -> int:
         """The program's exit code, once it has ended and its last bytes have arrived."""
         code = self.process.wait(at_most)
         self._thread.join(at_most)

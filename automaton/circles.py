@@ -38,10 +38,10 @@ def keepers(world: World, still: Array) -> dict[int, int]:
         holder |= dict(zip(place[held].tolist(), held.tolist(), strict=True))
     keeper = {}
     for i in still.tolist():
-        if robots.cell[i] == NIL or robots.at[i] >= robots.length[i]:
+        if robots.cell[i] == NIL or robots.route_index[i] >= robots.route_length[i]:
             continue
-        wanted = int(robots.cell[i] + grid.offset[robots.route[i, robots.at[i]]])
-        if int(grid.rule[wanted]) >> 5 & 3 == 1 and holder.get(wanted, i) != i:
+        wanted = int(robots.cell[i] + grid.offset[robots.route[i, robots.route_index[i]]])
+        if int(grid.cell_flags[wanted]) >> 5 & 3 == 1 and holder.get(wanted, i) != i:
             keeper[i] = holder[wanted]
     return keeper
 

@@ -19,28 +19,28 @@ from automaton.metrics import (
     metrics_of,
 )
 from automaton.picture import picture_of
-from automaton.picture.partition import partition_picture
+from automaton.picture.service_zone_lines import partition_picture
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.standstill import stuck, trouble
 from automaton.strategy.failure import is_from_outside, strategy_failure
 from automaton.world.state import (
-    CHARGE,
-    DELIVERED,
-    IN_LINE,
+    ACTION_CHARGE,
+    ACTION_DOWN,
+    ACTION_QUEUE,
+    ACTION_WAIT,
     NIL,
-    OUT_OF_ORDER,
-    UNRELEASED,
-    WAIT,
-    WAITING,
+    ORDER_DELIVERED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
     Array,
 )
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
 WINDOW = 4 * RECORD_TICKS
-WORKING = [action for action in OPERATIONS if action != WAIT]
-AWAY = [CHARGE, IN_LINE, OUT_OF_ORDER]
+WORKING = [action for action in OPERATIONS if action != ACTION_WAIT]
+AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
 
 OnWindow = Callable[[Simulation], None]
 
@@ -114,7 +114,7 @@ def operations(simulation: Simulation) -> Array:
     Who charges, stands in line before a charger or is out of order does not just wait.
     """
     tally = simulation.world.tally
-    total: Array = tally.times[:, WORKING].sum((1, 2)) + tally.ticks[:, AWAY].sum((1, 2))
+    total: Array = tally.operations[:, WORKING].sum((1, 2)) + tally.ticks[:, AWAY].sum((1, 2))
     return total
 
 
@@ -156,7 +156,7 @@ def run_once(
         finished=finished,
         ticks=simulation.tick,
         orders=len(state),
-        delivered=int((state == DELIVERED).sum()),
+        delivered=int((state == ORDER_DELIVERED).sum()),
         digest=simulation.digest,
         wall_s=wall,
         metrics=metrics_of(simulation),
@@ -167,7 +167,7 @@ def run_once(
         ran_out=ran_out(simulation),
         picture=picture_of(simulation, brief=True) if draw else "",
         types=metrics_by_type(simulation),
-        zones=partition_picture(simulation.world, resolved.plan) if draw else "",
+        zones=partition_picture(simulation.world, resolved.floor_plan) if draw else "",
     )
 
 
@@ -180,9 +180,11 @@ def is_finished(simulation: Simulation) -> bool:
 def ran_out(simulation: Simulation) -> RanOut | None:
     """When a run that does not end with its orders had none left for its robots, if it did."""
     orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
-    is_open = (orders.state == UNRELEASED) | ((orders.state == WAITING) & (orders.by == NIL))
+    is_open = (orders.state == ORDER_UNRELEASED) | (
+        (orders.state == ORDER_WAITING) & (orders.reserved_by == NIL)
+    )
     taken = int(orders.dispatched.max(initial=0))
     if stop.when != "never" or is_open.any() or taken >= simulation.tick:
         return None
-    done = bool((orders.state == DELIVERED).all())
+    done = bool((orders.state == ORDER_DELIVERED).all())
     return RanOut(taken, int(orders.delivered.max()) if done else None)

@@ -15,34 +15,50 @@ from automaton.glossary import GLOSSARY as GLOSSARY
 from automaton.station_figures import busy_ticks, sums_of_parts
 from automaton.sums import LOST, metric
 from automaton.tasks import Measured, Tasks, quantile_95, summed, tasks_after
-from automaton.world.condition import BROKE_DOWN, FULL, RAN_EMPTY, WAS_TOWED
+from automaton.world.robot_status import (
+    BATTERY_FULL,
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
+)
 from automaton.world.state import (
+    ACTION_BAY_BLOCKED,
+    ACTION_BLOCKED,
+    ACTION_CHARGE,
+    ACTION_DOWN,
+    ACTION_DROP,
+    ACTION_ILLEGAL,
+    ACTION_MOVE,
     ACTION_NAMES,
-    BAY_BLOCKED,
-    BLOCKED,
-    CHARGE,
-    DELIVERED,
-    DROP,
-    ILLEGAL,
-    IN_LINE,
-    LAYERS,
-    MOVE,
+    ACTION_PICK,
+    ACTION_QUEUE,
+    ACTION_RETREAT,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
+    ACTION_WAIT,
+    CLOCK_TICK,
+    LAYER_NAMES,
     NIL,
-    OUT_OF_ORDER,
-    PICK,
-    TICK,
-    TRY_DROP,
-    TURN,
-    WAIT,
-    WITHDRAW,
+    ORDER_DELIVERED,
     Array,
     World,
 )
 
-OPERATIONS = [MOVE, TURN, PICK, DROP, TRY_DROP, WAIT]
-DRIVING = [MOVE, TURN, WAIT]  # what can be an empty run
+OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT]
+DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
 LOST_IN = dict(
-    zip(LOST, (WAIT, BLOCKED, WITHDRAW, BAY_BLOCKED, IN_LINE, ILLEGAL), strict=True)
+    zip(
+        LOST,
+        (
+            ACTION_WAIT,
+            ACTION_BLOCKED,
+            ACTION_RETREAT,
+            ACTION_BAY_BLOCKED,
+            ACTION_QUEUE,
+            ACTION_ILLEGAL,
+        ),
+        strict=True,
+    )
 )  # figure: action
 SHARES = ("E_U_moves", "E_U_operations", "E_U_cycles", "ticks_per_operation", "blocked")
 BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as in_balance
@@ -83,24 +99,30 @@ def under_way(world: World) -> tuple[Array, Array, Array]:
 def counted(run: Measured) -> Counted:
     """What a run has counted so far; what it does not measure is not there."""
     world = run.world
-    tally, rules, out = world.tally, world.rules, world.tally.out.sum(0)
-    times, ticks = tally.times.sum(0), fleet_ticks(world)
+    tally, rules, out = world.tally, world.rules, world.tally.failures.sum(0)
+    times, ticks = tally.operations.sum(0), fleet_ticks(world)
     sums = _of_actions(times, ticks)
     if not rules.battery:
         del sums["lost_in_line"]
-    sums |= {"withdrawals": int(times[WITHDRAW].sum()), "illegal_answers": int(tally.illegal.sum())}
+    sums |= {
+        "withdrawals": int(times[ACTION_RETREAT].sum()),
+        "illegal_answers": int(tally.illegal.sum()),
+    }
     if may_slow(world):
         sums["slowed"] = int(tally.slowed.sum())
     if run.resolved.scenario.units.cell is not None:
         sums["travel"] = sums["moves"]
     if rules.battery:
-        sums |= {"charge": int(tally.spent.sum()), "charging": int(ticks[CHARGE].sum())}
-        sums |= {"ran_empty": int(out[RAN_EMPTY]), "repaired": int(tally.repaired.sum())}
+        sums |= {
+            "charge": int(tally.energy_used.sum()),
+            "charging": int(ticks[ACTION_CHARGE].sum()),
+        }
+        sums |= {"ran_empty": int(out[FAILURE_DEPLETED]), "repaired": int(tally.repaired.sum())}
     if rules.may_fail:
-        sums |= {"breakdowns": int(out[BROKE_DOWN]), "towed": int(out[WAS_TOWED])}
-        sums["out_of_order"] = int(ticks[OUT_OF_ORDER].sum())
+        sums |= {"breakdowns": int(out[FAILURE_FAULT]), "towed": int(out[FAILURE_TOWED])}
+        sums["out_of_order"] = int(ticks[ACTION_DOWN].sum())
     found = {**dict(run.counted), **sums}
-    return Counted(int(world.clock[TICK]), found, ticks.sum(1), busy_ticks(world))
+    return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
@@ -128,10 +150,10 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
             figures["delay_p95"] = quantile_95(tasks.delays)
     if sums.get("timed"):
         orders = world.orders
-        timed = (orders.state == DELIVERED) & (orders.delivered > begin)
-        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.released)[timed])
+        timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
+        figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
     if world.rules.battery:
-        figures["least_charge"] = float(world.robots.charge.min() / FULL)
+        figures["least_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):
         busy = now.busy if since is None else now.busy - since.busy
         figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
@@ -152,8 +174,8 @@ def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
 
 def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str, int]:
     """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
-    orders, after = world.orders, max(0, int(world.clock[TICK]) - warm_up)
-    completed = (orders.state == DELIVERED) & (orders.delivered > warm_up)
+    orders, after = world.orders, max(0, int(world.clock[CLOCK_TICK]) - warm_up)
+    completed = (orders.state == ORDER_DELIVERED) & (orders.delivered > warm_up)
     return {
         **{name: int(value.sum()) for name, value in tasks.sums.items()},
         "completed": int(np.count_nonzero(completed)),
@@ -167,14 +189,14 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     How many, their legs, and where orders come in over time how long they took: (borders - 1,) each.
     """
     orders = world.orders
-    done = np.flatnonzero(orders.state == DELIVERED)
+    done = np.flatnonzero(orders.state == ORDER_DELIVERED)
     at = np.maximum(orders.delivered[done], 1)  # ticks count from 1
     found = {
         "delivered": summed(at, np.ones(len(done)), borders),
         "legs": summed(at, orders.legs[done], borders),
     }
-    if orders.released.any():
-        times = orders.delivered[done].astype(np.int64) - orders.released[done]
+    if orders.release_tick.any():
+        times = orders.delivered[done].astype(np.int64) - orders.release_tick[done]
         found |= {"timed": found["delivered"], "lead_times": summed(at, times, borders)}
     return found
 
@@ -191,16 +213,18 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     `slowed` is there if moves may take longer, `lost_in_line` if robots run on batteries.
     """
     world = run.world
-    elapsed = int(world.clock[TICK])
+    elapsed = int(world.clock[CLOCK_TICK])
     ticks = executed_ticks(world)
     slows, names = may_slow(world), type_names(run)
     rows = []
     for identity, i in enumerate(world.robots.at_index):
-        figures = _shares(world.tally.times[i], ticks[i])
+        figures = _shares(world.tally.operations[i], ticks[i])
         active = figures.pop("active")
         if not world.rules.battery:
             del figures["lost_in_line"]
-        actions = {ACTION_NAMES[a] + "s": int(world.tally.times[i, a].sum()) for a in OPERATIONS}
+        actions = {
+            ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum()) for a in OPERATIONS
+        }
         row: dict[str, Any] = {"robot": identity}
         if names:
             row["type"] = names[world.robots.type[i]]
@@ -221,23 +245,26 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
     A delivery counts for the type of the robot that took the order last.
     """
     world, ticks = run.world, executed_ticks(run.world)
-    done = world.orders.dispatched_type[world.orders.state == DELIVERED]
+    done = world.orders.dispatched_type[world.orders.state == ORDER_DELIVERED]
     rows = []
     for number, kind in enumerate(run.resolved.scenario.fleet.types):
         mine = world.robots.type == number
-        spent = {ACTION_NAMES[a]: int(ticks[mine, a].sum()) for a in (MOVE, TURN, PICK, DROP)}
-        active = int(ticks[mine, 1:OUT_OF_ORDER].sum())
+        spent = {
+            ACTION_NAMES[a]: int(ticks[mine, a].sum())
+            for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)
+        }
+        active = int(ticks[mine, 1:ACTION_DOWN].sum())
         row = {"type": kind.name, "robots": int(mine.sum()), "pace": kind.pace}
         row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
         row |= {f"{name}_ticks": total for name, total in spent.items()}
-        share = _ratio(active, mine.sum() * int(world.clock[TICK]))
+        share = _ratio(active, mine.sum() * int(world.clock[CLOCK_TICK]))
         rows.append(row | {"utilization": share})
     return rows
 
 
 def illegal_by_layer(run: Measured) -> dict[str, int]:
     """Illegal answers that each layer's strategy gave."""
-    return dict(zip(LAYERS, (int(count) for count in run.world.tally.illegal), strict=True))
+    return dict(zip(LAYER_NAMES, (int(count) for count in run.world.tally.illegal), strict=True))
 
 
 def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
@@ -252,11 +279,11 @@ def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
     """Sums of automaton.sums from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
     return {
         "operations": int(times[OPERATIONS].sum()),
-        "moves": int(times[MOVE].sum()),
-        "empty_moves": int(times[MOVE, 0]),
+        "moves": int(times[ACTION_MOVE].sum()),
+        "empty_moves": int(times[ACTION_MOVE, 0]),
         "empty_driving": int(times[DRIVING, 0].sum()),
         "empty_driving_ticks": int(ticks[DRIVING, 0].sum()),
-        "active": int(ticks[1:OUT_OF_ORDER].sum()),
+        "active": int(ticks[1:ACTION_DOWN].sum()),
         **{name: int(ticks[action].sum()) for name, action in LOST_IN.items()},
     }
 

@@ -182,7 +182,7 @@ class Rounds:
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
         """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
         for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
-            names = tuple(pick.name for pick in resolved.picks.values())
+            names = tuple(choice.name for choice in resolved.strategies.values())
             if names not in self._warm:
                 self._warm.add(names)
                 with strategies_blamed(resolved):

@@ -10,10 +10,10 @@ from rich.table import Table
 
 from automaton.headless import Outcome
 from automaton.metrics import GLOSSARY
-from automaton.picture.partition import coloured
+from automaton.picture.service_zone_lines import coloured
 from automaton.scenario.resolve import Resolved
 from automaton.standstill import deadlocks
-from automaton.strategy.lookup import NONE
+from automaton.strategy.lookup import NO_STRATEGY
 from automaton.translation import units_of
 from automaton.units import Unit, count, duration, number, percent
 
@@ -104,16 +104,16 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     finished = "finished after" if scenario.stop.when != "never" else "ran for"
     unfinished = "stopped after" if outcome.stopped else "NOT FINISHED after"
     end = f"{finished if outcome.finished else unfinished} {time}"
-    picks = [
-        f"{layer.replace('_', ' ')} {pick.name}"
-        for layer, pick in resolved.picks.items()
-        if pick.name != NONE
+    strategies = [
+        f"{layer.replace('_', ' ')} {choice.name}"
+        for layer, choice in resolved.strategies.items()
+        if choice.name != NO_STRATEGY
     ]
     cell = "" if scenario.units.cell is None else f", 1 cell = {scenario.units.cell}"
     return [
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
-        ", ".join(picks),
+        ", ".join(strategies),
         *out_of_orders(outcome),
         *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
         f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"

@@ -17,7 +17,12 @@ from automaton.recording.contents import KEYFRAME_TICKS
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
-from automaton.strategy.contract import check_decides, checked_every, checked_memory, checked_waits
+from automaton.strategy.contract import (
+    check_decides,
+    checked_memory,
+    checked_period,
+    checked_wait_ranges,
+)
 from automaton.strategy.layer import Strategy
 from automaton.strategy.patience import Watchdog
 from automaton.struct import window
@@ -29,24 +34,24 @@ from automaton.world.build import (
     build_world,
     no_memory,
 )
-from automaton.world.carry import take_over
-from automaton.world.partitions import with_zones
+from automaton.world.build_service_zones import with_zones
+from automaton.world.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.world.state import (
-    CHANGED,
-    DECIDED,
-    FINISHED,
-    LAYERS,
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_FINISHED,
+    CLOCK_OBSERVING,
+    CLOCK_RECORDED_TICKS,
+    CLOCK_RECORDING,
+    CLOCK_STOP_TICK,
+    CLOCK_TICK,
+    LAYER_NAMES,
     NIL,
-    OBSERVING,
-    RECORDED,
-    RECORDING,
-    TICK,
-    UNTIL,
     Array,
     Memory,
     World,
 )
-from automaton.world.waiting import EVENTS, ROWS
+from automaton.world.state_copy import take_over
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
 OBSERVED_TICKS = 1024  # and of an observation
@@ -82,32 +87,39 @@ class Simulation:
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         self.world, floor = build_world(resolved, self.seed, storage)
-        self.space = with_zones(floor.borrow_space(self), self.world)
+        self.workspace = with_zones(floor.borrow_space(self), self.world)
         # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
-        self.seen = build_sight(self.world, floor)
-        self.view: World = self.seen.read_only()
-        self.batch, self.asked, self.answers = build_buffers(self.world)
-        self._shown = self.asked.read_only()
+        self.visible_world = build_sight(self.world, floor)
+        self.view: World = self.visible_world.read_only()
+        self.full_batch, self.batch, self.decisions = build_buffers(self.world)
+        self._batch_view = self.batch.read_only()
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
-        self.world.clock[RECORDING] = 1 if on_record else 0
+        self.world.clock[CLOCK_RECORDING] = 1 if on_record else 0
         self.on_observe = on_observe
-        self.watch = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
-        self.world.clock[OBSERVING] = 1 if on_observe else 0
-        picked = [self._picked(layer) for layer in LAYERS] if strategies is None else strategies
+        self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
+        self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
+        picked = (
+            [self._chosen_strategy(layer) for layer in LAYER_NAMES]
+            if strategies is None
+            else strategies
+        )
         self._strategies = [self._admitted(strategy) for strategy in picked]
         for strategy in self._strategies:
             if strategy is not None:
-                strategy.colleagues = {
+                strategy.other_layers = {
                     layer: other
-                    for layer, other in zip(LAYERS, self._strategies, strict=True)
+                    for layer, other in zip(LAYER_NAMES, self._strategies, strict=True)
                     if other is not None
                 }
         if after is not None:
-            take_over(self.world, self.watch, after)
-            if self.resolved.picks["allocation"].name != after.resolved.picks["allocation"].name:
-                self.world.robots.planned[:] = 0  # nobody goes on with them
+            take_over(self.world, self.observation, after)
+            if (
+                self.resolved.strategies["allocation"].name
+                != after.resolved.strategies["allocation"].name
+            ):
+                self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
             self.look_for_end()
         with self._constants_kept():
             self._memories = [self._memory(strategy) for strategy in self._strategies]
@@ -134,36 +146,36 @@ class Simulation:
     def _remember(self, before: Simulation) -> None:
         """Take the memories of the strategies that stay, and their objects: some keep more there."""
         limited = before.world.rules.radius > 0
-        for index, layer in enumerate(LAYERS):
-            if self.resolved.picks[layer] != before.resolved.picks[layer]:
+        for index, layer in enumerate(LAYER_NAMES):
+            if self.resolved.strategies[layer] != before.resolved.strategies[layer]:
                 continue
-            old = before._vaults[index] if limited else before._memories[index]
+            old = before._full_memories[index] if limited else before._memories[index]
             self._strategies[index] = before._strategies[index]
             self._memories[index] = old.copied()
 
-    def _picked(self, layer: str) -> Strategy | None:
+    def _chosen_strategy(self, layer: str) -> Strategy | None:
         """The strategy that the scenario picks for a layer."""
-        pick = self.resolved.picks[layer]
-        if pick.name == lookup.NONE:
+        choice = self.resolved.strategies[layer]
+        if choice.name == lookup.NO_STRATEGY:
             return None
-        kind = lookup.load(layer, pick.name)
+        kind = lookup.load(layer, choice.name)
         with self._in_time():
-            strategy: Strategy = kind(pick.parameters)
+            strategy: Strategy = kind(choice.parameters)
         return strategy
 
     def _in_time(self) -> AbstractContextManager[None]:
-        """While inside, a strategy has its time to answer."""
+        """While inside, a strategy has its time to decide."""
         return self._watchdog.watching() if self._watchdog else nullcontext()
 
     def _admitted(self, strategy: Strategy | None) -> Strategy | None:
         """Check a strategy, and enter how often, after which waits and with what it is asked."""
         if strategy is not None:
             check_decides(strategy)
-            layer = LAYERS.index(strategy.layer)
-            self.world.rules.every[layer] = checked_every(strategy)
+            layer = LAYER_NAMES.index(strategy.layer)
+            self.world.rules.period[layer] = checked_period(strategy)
             self.world.rules.holders[layer] = bool(strategy.holders)
             if strategy.layer == "right_of_way":
-                self.world.rules.wait[:] = checked_waits(strategy)
+                self.world.rules.wait[:] = checked_wait_ranges(strategy)
         return strategy
 
     def _memory(self, strategy: Strategy | None) -> Memory:
@@ -176,42 +188,46 @@ class Simulation:
     def _start(self) -> Iterator[int]:
         arguments = (
             self.world,
-            self.seen,
+            self.visible_world,
             self.view,
+            self.full_batch,
             self.batch,
-            self.asked,
-            self._shown,
-            self.answers,
+            self._batch_view,
+            self.decisions,
             self.record,
-            self.watch,
-            self.space,
-            np.zeros(len(LAYERS), np.uint8),
+            self.observation,
+            self.workspace,
+            np.zeros(len(LAYER_NAMES), np.uint8),
         )
         loop, decide_type = _compiled_loop(arguments, no_memory())
-        serving = arguments[-1]
+        layer_mode = arguments[-1]
         functions = []
         for index, strategy in enumerate(self._strategies):
             function = None if strategy is None else type(strategy).compiled
             if strategy is not None:
-                serving[index] = (
-                    loop_kernels.INTERPRETED if function is None else loop_kernels.COMPILED
+                layer_mode[index] = (
+                    loop_kernels.MODE_INTERPRETED
+                    if function is None
+                    else loop_kernels.MODE_COMPILED
                 )
-            functions.append(compiled_decide(function or loop_kernels.silence, decide_type))
-            if serving[index] == loop_kernels.INTERPRETED:  # whatever becomes of the strategy's own
+            functions.append(compiled_decide(function or loop_kernels.no_op, decide_type))
+            if (
+                layer_mode[index] == loop_kernels.MODE_INTERPRETED
+            ):  # whatever becomes of the strategy's own
                 self._memories[index] = self._memories[index].copied()
-        vaults = self._vaults = [memory.copied() for memory in self._memories]
+        full_memories = self._full_memories = [memory.copied() for memory in self._memories]
         if self.world.rules.radius > 0:  # each robot gets its own row, when it is asked
             for memory in self._memories:
-                memory.own[:] = 0
+                memory.per_robot[:] = 0
                 memory.shared[:] = 0
-        if loop_kernels.INTERPRETED in serving:
-            self._given = self.answers.lent()
+        if loop_kernels.MODE_INTERPRETED in layer_mode:
+            self._lent_decisions = self.decisions.lent()
             self._faces = [memory.lent() for memory in self._memories]
             # With the JIT off, kernels write to what Python sees.
-            self._sealed = self.space.sealed() if jit_is_on() else self.space
+            self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
-        self._lent = (arguments, functions, vaults)
-        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *vaults)
+        self._lent = (arguments, functions, full_memories)
+        ticks: Iterator[int] = loop(*arguments, *functions, *self._memories, *full_memories)
         return ticks
 
     @property
@@ -225,21 +241,21 @@ class Simulation:
         limited = self.world.rules.radius > 0  # then what robots remember is put away
         found: dict[str, int] = {}
         for strategy, memory in zip(
-            self._strategies, self._vaults if limited else self._memories, strict=True
+            self._strategies, self._full_memories if limited else self._memories, strict=True
         ):
             for name, column in strategy.counters.items() if strategy else ():
-                found[name] = found.get(name, 0) + int(memory.own[:, column].sum())
+                found[name] = found.get(name, 0) + int(memory.per_robot[:, column].sum())
         return found
 
     @property
     def tick(self) -> int:
         """Ticks executed so far."""
-        return int(self.world.clock[TICK])
+        return int(self.world.clock[CLOCK_TICK])
 
     @property
     def finished(self) -> bool:
         """Whether the scenario's stop condition holds."""
-        return bool(self.world.clock[FINISHED])
+        return bool(self.world.clock[CLOCK_FINISHED])
 
     def run(self, until: int | None = None) -> None:
         """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`.
@@ -250,7 +266,7 @@ class Simulation:
         limit = self.resolved.scenario.stop.at_most
         limit = limit if until is None else min(until, limit)
         # With the JIT off, NumPy warns where hashes wrap.
-        with interruptible(self.space.stop), np.errstate(over="ignore"), self._constants_kept():
+        with interruptible(self.workspace.stop), np.errstate(over="ignore"), self._constants_kept():
             try:
                 self._carry_on(limit)
             except KeyboardInterrupt:
@@ -259,27 +275,27 @@ class Simulation:
                 raise
 
     def _carry_on(self, limit: int) -> None:
-        self.world.clock[UNTIL] = self._pause_before(limit)
+        self.world.clock[CLOCK_STOP_TICK] = self._pause_before(limit)
         for event in self._ticks:
-            if event == loop_kernels.GIVEN_UP:
+            if event == loop_kernels.LOOP_GIVEN_UP:
                 give_up()
-            if event != loop_kernels.PAUSE:
+            if event != loop_kernels.LOOP_PAUSED:
                 self._decide(event)
                 continue
             if self.on_record:
                 self.on_record(self)
             if self.on_observe:
                 self.on_observe(self)
-            if self.finished or self.world.clock[TICK] >= limit:
+            if self.finished or self.world.clock[CLOCK_TICK] >= limit:
                 return
-            self.world.clock[UNTIL] = self._pause_before(limit)
+            self.world.clock[CLOCK_STOP_TICK] = self._pause_before(limit)
 
     @contextmanager
     def _constants_kept(self) -> Iterator[None]:
         """Inside, strategies in Python may write to bare memory: put right what other runs share."""
         in_python = [
-            f"the {layer.replace('_', '-')} strategy '{self.resolved.picks[layer].name}'"
-            for layer, strategy in zip(LAYERS, self._strategies, strict=True)
+            f"the {layer.replace('_', '-')} strategy '{self.resolved.strategies[layer].name}'"
+            for layer, strategy in zip(LAYER_NAMES, self._strategies, strict=True)
             if strategy is not None and type(strategy).compiled is None
         ]
         constants = constants_of(self.world) if in_python else []
@@ -303,19 +319,19 @@ class Simulation:
 
     def interrupt(self) -> None:
         """Let `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
-        self.space.stop[0] = 1
+        self.workspace.stop[0] = 1
 
     def look_for_end(self) -> None:
         """Ask again whether the stop condition holds: the state or the rules were replaced."""
-        self.world.clock[FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
+        self.world.clock[CLOCK_FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
 
     def empty_record(self) -> None:
         """What `on_record` does when it has taken what the buffers of the recording hold."""
-        self.world.clock[[RECORDED, CHANGED, DECIDED]] = 0
+        self.world.clock[[CLOCK_RECORDED_TICKS, CLOCK_CHANGE_ROWS, CLOCK_DECISION_WORDS]] = 0
 
     def empty_observation(self) -> None:
         """What `on_observe` does when it has taken what the buffers of the observation hold."""
-        self.watch.count[[EVENTS, ROWS]] = 0
+        self.observation.count[[COUNT_EVENTS, COUNT_CURVE_ROWS]] = 0
 
     def _decide(self, layer: int) -> None:
         strategy = self._strategies[layer]
@@ -324,7 +340,9 @@ class Simulation:
         checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0
         before = (self.digests(), self.world.clock.copy()) if checked else None
         with self._in_time():
-            strategy.decide(self.view, self._shown, self._given, self._faces[layer], self._sealed)
+            strategy.decide(
+                self.view, self._batch_view, self._lent_decisions, self._faces[layer], self._sealed
+            )
         changed = self._changed_since(*before) if before else ()
         if changed:
             raise PermissionError(f"it has written to {changed[0]} of the world")

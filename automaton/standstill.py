@@ -8,9 +8,9 @@ from automaton.circles import circles, keepers
 from automaton.metrics import illegal_by_layer
 from automaton.simulation import Simulation
 from automaton.units import count, listed
-from automaton.world.condition import BROKEN, EMPTY, GONE
-from automaton.world.state import DELIVERED, GOAL_NONE, NIL, Array
-from automaton.world.waiting import DEADLOCK_TICKS
+from automaton.world.observation import DEADLOCK_TICKS
+from automaton.world.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
+from automaton.world.state import GOAL_NONE, NIL, ORDER_DELIVERED, Array
 
 NAMED = 3  # robots that keep others
 
@@ -21,7 +21,7 @@ def stuck(simulation: Simulation, still: Array) -> Array:
     still: (n,) the tick up to which each stored robot has worked. Who is out of order is none of them.
     """
     robots = simulation.world.robots
-    abroad = np.flatnonzero((robots.parked == 0) & (robots.status < EMPTY))
+    abroad = np.flatnonzero((robots.parked == 0) & (robots.status < STATUS_DEPLETED))
     found: Array = abroad[still[abroad] <= simulation.tick - DEADLOCK_TICKS]
     return found
 
@@ -39,7 +39,7 @@ def trouble(simulation: Simulation, still: Array) -> str:
     world = simulation.world
     illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
     abroad = int((world.robots.parked == 0).sum())
-    undelivered = int((world.orders.state != DELIVERED).sum())
+    undelivered = int((world.orders.state != ORDER_DELIVERED).sum())
     phrases = [f"{undelivered:,} of {count(len(world.orders.state), 'order')} undelivered"]
     if not undelivered:
         phrases = [f"all orders delivered, but {count(abroad, 'robot')} not parked"]
@@ -68,25 +68,29 @@ def named(simulation: Simulation, stored: Array) -> str:
 def out_of_order(simulation: Simulation) -> list[str]:
     """Who has broken down, or has an empty battery, and is not repaired."""
     status = simulation.world.robots.status
-    kinds = ((BROKEN, "broken down"), (EMPTY, "run empty"), (GONE, "been towed away for good"))
+    kinds = (
+        (STATUS_FAILED, "broken down"),
+        (STATUS_DEPLETED, "run empty"),
+        (STATUS_REMOVED, "been towed away for good"),
+    )
     found = [(np.flatnonzero(status == code), what) for code, what in kinds]
     return [f"{named(simulation, stored)} {what}" for stored, what in found if len(stored)]
 
 
 def in_the_way(simulation: Simulation, waiting: Array) -> list[str]:
     """Who holds a cell that some of these robots wait for, and waits for nobody itself."""
-    robots, plan = simulation.world.robots, simulation.resolved.plan
+    robots, floor_plan = simulation.world.robots, simulation.resolved.floor_plan
     keeper = keepers(simulation.world, waiting)
     phrases = []
     for j in sorted(set(keeper.values()) - set(keeper), key=lambda j: int(robots.identity[j])):
         kept = sorted(int(robots.identity[i]) for i, other in keeper.items() if other == j)
         who = f"robot {kept[0]} waits" if len(kept) == 1 else f"robots {listed(kept)} wait"
-        if robots.status[j] >= EMPTY:
+        if robots.status[j] >= STATUS_DEPLETED:
             why = "is out of order"
-        elif robots.goal[j] == GOAL_NONE and robots.load[j] == NIL:
+        elif robots.goal_type[j] == GOAL_NONE and robots.load[j] == NIL:
             why = "has nothing to do"
         else:
             why = "has work to do"
-        cell = plan.xy(int(robots.cell[j]))
+        cell = floor_plan.xy(int(robots.cell[j]))
         phrases.append(f"{who} for robot {robots.identity[j]}, which holds {cell} and {why}")
     return phrases[:NAMED]

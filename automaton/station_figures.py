@@ -1,11 +1,11 @@
-"""What stations did, by the works of automaton.world.work: parts finished, and ticks of work."""
+"""What stations did, by the works of automaton.world.parts: parts finished, and ticks of work."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from automaton.tasks import summed
-from automaton.world.state import NIL, TICK, Array, World
+from automaton.world.state import CLOCK_TICK, NIL, Array, World
 
 
 def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
@@ -16,10 +16,10 @@ def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
     stations = world.stations
     if not len(stations.part):
         return {}
-    ended = np.flatnonzero((stations.frees == NIL) & (stations.done != NIL))
+    ended = np.flatnonzero((stations.releases_order == NIL) & (stations.completion_tick != NIL))
     begun = np.full(int(stations.part.max()) + 1, NIL, np.int64)
-    begun[stations.part[stations.entering]] = stations.came[stations.entering]
-    at = stations.done[ended]
+    begun[stations.part[stations.part_arrivals]] = stations.arrival_tick[stations.part_arrivals]
+    at = stations.completion_tick[ended]
     took = at - begun[stations.part[ended]]
     return {
         "parts": summed(at, np.ones(len(at)), borders),
@@ -29,11 +29,13 @@ def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
 
 def busy_ticks(world: World) -> Array:
     """(k,) ticks in which each station worked, what it works on now included."""
-    stations, now = world.stations, int(world.clock[TICK])
-    ended = np.flatnonzero(stations.done != NIL)
+    stations, now = world.stations, int(world.clock[CLOCK_TICK])
+    ended = np.flatnonzero(stations.completion_tick != NIL)
     count = len(stations.slot)
-    busy = np.bincount(stations.station[ended], stations.ticks[ended], count).astype(np.int64)
-    working = np.flatnonzero(stations.first != NIL)
-    since = stations.until[working] - stations.ticks[stations.first[working]]
+    busy = np.bincount(stations.station[ended], stations.processing_time[ended], count).astype(
+        np.int64
+    )
+    working = np.flatnonzero(stations.in_service != NIL)
+    since = stations.job_done_tick[working] - stations.processing_time[stations.in_service[working]]
     busy[working] += np.maximum(0, now - since)
     return busy

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from automaton.world.condition import FULL
+from automaton.world.robot_status import BATTERY_FULL
 
 LOST: Final = (
     "lost_waiting",
@@ -65,8 +65,8 @@ QUOTIENTS: Final = {
     "delay": Quotient("delays", "taken", measured=False),
     "completions": Quotient("completed", "watched_robot_ticks", 1000),
     "lead_time": Quotient("lead_times", "timed", measured=False),
-    "energy": Quotient("charge", FULL),
-    "repair_energy": Quotient("repaired", FULL),
+    "energy": Quotient("charge", BATTERY_FULL),
+    "repair_energy": Quotient("repaired", BATTERY_FULL),
     "charging": Quotient("charging", "robot_ticks"),
     "part_time": Quotient("part_times", "parts", measured=False),
     "in_balance": Quotient("ticks_in_balance", "ticks_watched", measured=False),

@@ -14,10 +14,18 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from automaton.interruption import interruptible
-from automaton.kernels.tasks import least_drives
+from automaton.kernels.task_lower_bounds import min_drive_ticks
 from automaton.scenario.measures import TASK_METRICS as TASK_METRICS
 from automaton.scenario.resolve import Resolved
-from automaton.world.state import DELIVERED, DROP, NIL, PICK, Array, Workspace, World
+from automaton.world.state import (
+    ACTION_DROP,
+    ACTION_PICK,
+    NIL,
+    ORDER_DELIVERED,
+    Array,
+    Workspace,
+    World,
+)
 
 
 class Measured(Protocol):
@@ -28,7 +36,7 @@ class Measured(Protocol):
     @property
     def view(self) -> World: ...
     @property
-    def space(self) -> Workspace: ...
+    def workspace(self) -> Workspace: ...
     @property
     def resolved(self) -> Resolved: ...
     @property
@@ -58,7 +66,7 @@ def tasks_after(run: Measured, tick: int) -> Tasks:
     """The tasks that were taken after a tick and are done."""
     world = run.world
     orders = world.orders
-    whole = (orders.state == DELIVERED) & (orders.legs == 1)
+    whole = (orders.state == ORDER_DELIVERED) & (orders.legs == 1)
     tasks = np.flatnonzero(whole & (orders.dispatched > tick))
     times = task_times(world, tasks)
     return Tasks(orders.dispatched[tasks], times, times - least_times(run, tasks))
@@ -94,8 +102,10 @@ def least_times(run: Measured, tasks: Array) -> Array:
     """(k,) the least ticks that each of these delivered orders could have taken."""
     unknown = tasks[run.least[tasks] == NIL]
     if len(unknown):
-        with interruptible(run.space.stop):
-            least_drives(run.view, run.space, unknown, run.least)
+        with interruptible(run.workspace.stop):
+            min_drive_ticks(run.view, run.workspace, unknown, run.least)
     duration = run.world.rules.duration[0]  # types differ in their moves alone
-    times: Array = run.least[tasks] + int(duration[PICK]) + min(1, int(duration[DROP]))
+    times: Array = (
+        run.least[tasks] + int(duration[ACTION_PICK]) + min(1, int(duration[ACTION_DROP]))
+    )
     return times

@@ -24,7 +24,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from automaton.world.cells import ALL_EXITS, CHARGER, FLOOR, STATION, UNLIMITED
-from automaton.world.plan import FloorPlan, bordered, floor_plan
+from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
 CELL: Final = 10  # metres; a robot drives 1 m/s
 WIDTH: Final = 9
@@ -124,4 +124,4 @@ class Depots(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
         for position in self.chargers:
             x, y = PLACES[position]
             floor[y, x], robots[y, x] = CHARGER, 1
-        return floor_plan(kind, leave, capacity)
+        return make_floor_plan(kind, leave, capacity)

@@ -20,7 +20,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from automaton.world.cells import ALL_EXITS, FLOOR, STATION, UNLIMITED
-from automaton.world.plan import FloorPlan, bordered, floor_plan
+from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
 FEET: Final[dict[str, tuple[float, float]]] = {  # point: feet from the west and from the south
     **{"A": (70, 390), "B": (190, 390), "C": (230, 390), "D": (290, 390), "E": (70, 315)},
@@ -102,7 +102,7 @@ class Factory(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
             floor[y, x] = STATION
         stride = width + 2
         numbered = ((y + 1) * stride + x + 1 for x, y in self.stations().values())
-        return floor_plan(kind, leave, capacity, numbered=numbered)
+        return make_floor_plan(kind, leave, capacity, numbered=numbered)
 
     def _cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Halves are rounded to the east and to the north."""

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from msgspec import Meta
 
 from automaton.world.cells import ALL_EXITS, DOCK, FLOOR, RACK
-from automaton.world.plan import CellBytes, FloorPlan, bordered, floor_plan
+from automaton.world.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
 
 AISLE_EVERY: Final = 3  # an aisle, then two rows of racks
 HIGHWAYS: Final = (1, 3)
@@ -111,7 +111,7 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         draw(kind[1:-1, 1:-1], shape)
         free = kind == FLOOR
         leave = np.where(free, ALL_EXITS, 0).astype(np.uint8)
-        return floor_plan(kind, leave, np.where(free, self.capacity, 1).astype(np.uint8))
+        return make_floor_plan(kind, leave, np.where(free, self.capacity, 1).astype(np.uint8))
 
 
 def draw(floor: CellBytes, shape: Shape) -> None:

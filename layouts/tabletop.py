@@ -24,7 +24,7 @@ from automaton.world.cells import (
     TRACK,
     TURNTABLE,
 )
-from automaton.world.plan import FloorPlan, bordered, floor_plan
+from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
 
 class Tabletop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -60,4 +60,4 @@ class Tabletop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             out[corridor, 0 : last_alley + 1 : 2] = ALL_EXITS
         floor[:rows, last_alley + 1] = DESTINATION
         kind[1:-1, 0] = BAY
-        return floor_plan(kind, leave)
+        return make_floor_plan(kind, leave)

@@ -20,8 +20,8 @@ from automaton.strategy.entry import (
     Entry,
     NoParameters,
 )
-from automaton.world.cells import KINDS
-from automaton.world.plan import FloorPlan
+from automaton.world.cells import CELL_KINDS
+from automaton.world.floor_plan import FloorPlan
 from strategies.allocation.parameters import Auctions, ShortestJob
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 from strategies.zoning.parameters import Annealing, Decentralized, Genetic, Monitoring
@@ -67,10 +67,14 @@ class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """No parameters; but loads are looked for on shelves alone."""
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Loads at docks and stations belong to no alley: nobody would ever fetch them."""
-        begun = sources(scenario, plan)
-        names = [f"{kind.name}s" for kind in KINDS if kind.supplies and kind.code in begun]
+        begun = sources(scenario, floor_plan)
+        names = [
+            f"{robot_type.name}s"
+            for robot_type in CELL_KINDS
+            if robot_type.is_source and robot_type.code in begun
+        ]
         if not names:
             return None
         places = " and ".join(names)
@@ -165,11 +169,11 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
         scenario = resolved.scenario
         kinematics, durations = scenario.fleet.kinematics, scenario.durations
         driving = (kinematics, durations.move, durations.turn, scenario.world.zones)
-        grid = floor_for(resolved.plan, *driving, types_of(scenario)).grid
+        grid = floor_for(resolved.floor_plan, *driving, types_of(scenario)).grid
         duration = rules_for(scenario, scenario.seed).duration[0]
         whole_layers(network_for(grid, duration, self.network))
 
-    def located(self, folder: Path) -> Avoidance:
+    def resolve_paths(self, folder: Path) -> Avoidance:
         """The same with that file found from a folder."""
         for file in self.files:
             found = os.path.abspath(folder / file)
@@ -199,7 +203,7 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         ),
     ] = "plans"
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The plans are kept in memory, 16 bytes for each robot and tick."""
         robots = scenario.fleet.robots
         if robots * self.horizon <= MOST_PLANNED:

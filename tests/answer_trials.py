@@ -22,7 +22,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import LAYERS
+from automaton.world.state import LAYER_NAMES
 
 FLOORS = {  # settings, and ticks to run
     "tabletop-mini": ((), 200),
@@ -32,9 +32,9 @@ FLOORS = {  # settings, and ticks to run
     "factory": (("fleet.robots=3",), 200),
     "factory-ddz": ((), 100),
 }
-WILD = {layer: f"wild_answers:Wild{layer.title().replace('_', '')}" for layer in LAYERS}
+WILD = {layer: f"wild_answers:Wild{layer.title().replace('_', '')}" for layer in LAYER_NAMES}
 POWERED = "depots"  # elsewhere there is nothing to charge
-MIXES = (*((layer,) for layer in LAYERS), LAYERS, LAYERS[1:])
+MIXES = (*((layer,) for layer in LAYER_NAMES), LAYER_NAMES, LAYER_NAMES[1:])
 
 
 class Trial(NamedTuple):
@@ -68,7 +68,7 @@ def trial(floor: str, mix: tuple[str, ...], seed: int) -> Trial:
     before, recorder = ANSWERS.copy(), MemoryRecorder(resolved)
     run = Simulation(resolved, on_record=recorder)
     run.run(until=ticks)
-    illegal = dict(zip(LAYERS, run.world.tally.illegal.tolist(), strict=True))
+    illegal = dict(zip(LAYER_NAMES, run.world.tally.illegal.tolist(), strict=True))
     report = validate_stored(recorder.recording())
     broken = [str(violation) for violation in report.violations]
     return Trial(ANSWERS - before, Counter(illegal), broken)
@@ -93,7 +93,7 @@ def main(arguments: list[str]) -> int:
             break
     print(file=sys.stderr)
     print(f"{answers.total():,} answers in {runs:,} runs, {broken} with a broken rule")
-    for layer in LAYERS:
+    for layer in LAYER_NAMES:
         print(f"{layer}: {answers[layer]:,} answers, {illegal[layer]:,} counted as illegal")
     return 1 if broken else 0
 

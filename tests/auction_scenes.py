@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from automaton.auctions import quotes
-from automaton.auctions.market import FULL, HIERARCHICAL, Array, Battery, Fleet, Scratch, Work
+from automaton.auctions.market import (
+    BATTERY_FULL,
+    HIERARCHICAL,
+    Array,
+    Battery,
+    Fleet,
+    Scratch,
+    Work,
+)
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
 from automaton.reproductions.auction_floor import seconds
 from layouts.depots import NEEDED, OPTIONAL, metres
@@ -37,7 +45,7 @@ def random_situation(rng: random.Random, curve: Any = None, chargers: int = 3) -
         reserve=rng.choice((0, 100_000, 200_000)),
         end_reach=rng.random() < 0.5,
         start=rng.randrange(17),
-        charge=rng.choice((FULL, rng.randrange(250_000, FULL))),
+        charge=rng.choice((BATTERY_FULL, rng.randrange(250_000, BATTERY_FULL))),
         stops=tuple(rng.sample(range(3, 16), rng.randint(1, 9))),
     )
 
@@ -85,7 +93,7 @@ def random_auction(
             work.use[0, task] = energy[work.begin[task], work.end[task]]
     chargers = (1, 7)
     battery = battery_of(energy, chargers, ((0, 10_000),), policy=policy, **rules)
-    charge = [rng.choice((FULL, 600_000, 450_000)) for _ in range(robots)]
+    charge = [rng.choice((BATTERY_FULL, 600_000, 450_000)) for _ in range(robots)]
     places = [rng.choice((0, 1, 2, 16)) for _ in range(robots)]
     fleet = fleet_of(places, tasks + listed, charge)
     scratch = scratch_for(robots, tasks + listed, tasks + listed, len(chargers))

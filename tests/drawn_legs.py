@@ -12,7 +12,7 @@ from plain_paths import Pose, Ways
 from automaton.scenario.pictures import draw_floor
 from automaton.world.floor import Floor, floor_for
 from automaton.world.route_space import RouteSpace, route_space
-from automaton.world.state import ACTIONS, MOVE, TURN, Array
+from automaton.world.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
 
 SYMBOLS = ".......++--||==~><v^##"
 
@@ -27,10 +27,14 @@ class Case(NamedTuple):
 
     def built(self) -> tuple[Floor, Array, RouteSpace]:
         ways = self.ways
-        floor = floor_for(ways.plan, ways.kinematics, ways.move, ways.turn, self.mode)
-        duration = np.ones(ACTIONS, np.int32)
-        duration[MOVE], duration[TURN] = ways.move, ways.turn
-        return floor, duration, route_space(floor.grid.rule.size * ways.headings, floor.grid.zones)
+        floor = floor_for(ways.floor_plan, ways.kinematics, ways.move, ways.turn, self.mode)
+        duration = np.ones(ACTION_COUNT, np.int32)
+        duration[ACTION_MOVE], duration[ACTION_TURN] = ways.move, ways.turn
+        return (
+            floor,
+            duration,
+            route_space(floor.grid.cell_flags.size * ways.headings, floor.grid.traffic_zone_count),
+        )
 
     def start_pose(self) -> int:
         return self.start[0] * self.ways.headings + self.start[1]
@@ -43,7 +47,7 @@ def cases(draw: Any) -> Case:
     if all(set(line) == {"#"} for line in lines):
         lines.append("." * width)
     ways = Ways(
-        plan=draw_floor("\n".join(lines)),
+        floor_plan=draw_floor("\n".join(lines)),
         kinematics=draw(st.sampled_from(["rail", "differential", "omni"])),
         move=draw(st.integers(1, 3)),
         turn=draw(st.sampled_from([0, 1, 2, 5])),

@@ -68,7 +68,7 @@ def played(
         for robot, code in acts.items():
             did[row, robot] = code
     rows = np.array(changes or [], np.int64).reshape(-1, 4)
-    content = {"first": 1, "did": did, "changes": rows, "digests": np.zeros((len(ticks), 1))}
+    content = {"first": 1, "executed": did, "changes": rows, "digests": np.zeros((len(ticks), 1))}
     end = [] if finished is None else [Frame(END, {"ticks": len(ticks), "finished": finished})]
     return validate_recording(head, [Frame(TICKS, content), *end])
 

@@ -2,7 +2,7 @@
 
 from automaton.compiled import kernel
 from automaton.strategy.kernels import find_path, position
-from automaton.world.state import NIL, TICK
+from automaton.world.state import CLOCK_TICK, NIL
 from strategies.allocation.independent_python import IndependentPython
 from strategies.routing import shortest
 
@@ -12,33 +12,33 @@ LONG_TICK = 5
 class Told(IndependentPython):
     """Says which tick is being computed, before routing is asked."""
 
-    every = 1
+    period = 1
 
-    def decide(self, view, asked, answers, memory, space):
-        print(f"tick {view.clock[TICK]}", flush=True)
-        super().decide(view, asked, answers, memory, space)
+    def decide(self, view, batch, decisions, memory, workspace):
+        print(f"tick {view.clock[CLOCK_TICK]}", flush=True)
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 @kernel
-def search_on(view, asked, answers, memory, space):
-    shortest.decide(view, asked, answers, memory, space)
+def search_on(view, batch, decisions, memory, workspace):
+    shortest.decide(view, batch, decisions, memory, workspace)
     here = position(view, 0)
-    while view.clock[TICK] == LONG_TICK:
-        if find_path(view, space, 0, here, 0, here, False, space.steps) == NIL:
+    while view.clock[CLOCK_TICK] == LONG_TICK:
+        if find_path(view, workspace, 0, here, 0, here, False, workspace.steps) == NIL:
             break
 
 
 @kernel
-def count_on(view, asked, answers, memory, space):
-    shortest.decide(view, asked, answers, memory, space)
-    while view.clock[TICK] == LONG_TICK:
+def count_on(view, batch, decisions, memory, workspace):
+    shortest.decide(view, batch, decisions, memory, workspace)
+    while view.clock[CLOCK_TICK] == LONG_TICK:
         memory.shared[0] += 1
 
 
 class Searches(shortest.Shortest):
     """Searches the way from a cell to itself until that is not found any more."""
 
-    every = 1
+    period = 1
     compiled = search_on
 
 

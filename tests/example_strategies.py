@@ -6,19 +6,19 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.strategy.per_robot import park, per_robot, set_down, take
+from automaton.strategy.per_robot import drop_at, park, per_robot, take
 from automaton.world.cells import CHARGER
-from automaton.world.condition import FULL
+from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import (
-    FREE,
+    CLOCK_TICK,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_TAKE_ORDER,
     GOAL_NONE,
     KEEP,
     NIL,
-    PARK,
-    PICKED,
-    SET_DOWN,
-    TAKE,
-    TICK,
+    REASON_IDLE,
+    REASON_PICKED,
 )
 
 
@@ -26,41 +26,44 @@ class HalfAndHalf(Strategy):
     """Zoning: robots with even identities serve zone 0, the others zone 1."""
 
     layer = "zoning"
-    every = 5
+    period = 5
 
-    def decide(self, view, asked, answers, memory, space):
-        for k in range(asked.count[0]):
-            answers.zoning.zone[k] = view.robots.identity[asked.robot[k]] % 2
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count[0]):
+            decisions.zoning.service_zone[k] = view.robots.identity[batch.robot[k]] % 2
 
 
 class Halts(Strategy):
     """Zoning: in every tenth tick, all robots are told to stand still for six ticks."""
 
     layer = "zoning"
-    every = 10
+    period = 10
 
-    def decide(self, view, asked, answers, memory, space):
-        if view.clock[TICK] % 10 == 0:
-            answers.zoning.halt[: asked.count[0]] = 6
+    def decide(self, view, batch, decisions, memory, workspace):
+        if view.clock[CLOCK_TICK] % 10 == 0:
+            decisions.zoning.halt[: batch.count[0]] = 6
 
 
 class ChargeFirst(Strategy):
     """Charging: a robot without an order goes once to the first charger, until it is full."""
 
     layer = "charging"
-    every = 1
+    period = 1
 
     def reset(self, view):
-        return memory_of(view, own=1)
+        return memory_of(view, per_robot=1)
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         charger = int(np.flatnonzero(view.grid.kind == CHARGER)[0])
-        for k in range(asked.count[0]):
-            robot = asked.robot[k]
-            idle = view.robots.order[robot] == NIL and view.robots.goal[robot] == GOAL_NONE
-            if idle and view.robots.busy[robot] == 0 and not memory.own[robot, 0]:
-                memory.own[robot, 0] = 1
-                answers.charging.stand[k], answers.charging.level[k] = charger, FULL
+        for k in range(batch.count[0]):
+            robot = batch.robot[k]
+            idle = view.robots.order[robot] == NIL and view.robots.goal_type[robot] == GOAL_NONE
+            if idle and view.robots.busy[robot] == 0 and not memory.per_robot[robot, 0]:
+                memory.per_robot[robot, 0] = 1
+                decisions.charging.goal_cell[k], decisions.charging.charge_target[k] = (
+                    charger,
+                    BATTERY_FULL,
+                )
 
 
 class Greedy(Strategy):
@@ -68,12 +71,12 @@ class Greedy(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
-        given = answers.allocation
-        for k in range(asked.count[0]):
-            given.verb[k] = SET_DOWN if asked.reason[k] == FREE else TAKE
-            given.order[k] = 10_000
-            given.slot[k] = -5
+    def decide(self, view, batch, decisions, memory, workspace):
+        out = decisions.allocation
+        for k in range(batch.count[0]):
+            out.command[k] = CMD_DROP_AT if batch.reason[k] == REASON_IDLE else CMD_TAKE_ORDER
+            out.order[k] = 10_000
+            out.slot[k] = -5
 
 
 class Idle(Strategy):
@@ -81,8 +84,8 @@ class Idle(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
-        answers.allocation.verb[: asked.count[0]] = PARK
+    def decide(self, view, batch, decisions, memory, workspace):
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 
 class Writes(Strategy):
@@ -90,7 +93,7 @@ class Writes(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         view.robots.cell[0] = 0
 
 
@@ -99,12 +102,12 @@ class Raises(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         raise RuntimeError("the strategy's own mistake")
 
 
 @kernel
-def write_to_view(view, asked, answers, memory, space):
+def write_to_view(view, batch, decisions, memory, workspace):
     view.robots.cell[0] = 0
 
 
@@ -116,7 +119,7 @@ class CompiledWrites(Strategy):
 
 
 @kernel
-def four_arguments(view, asked, answers, memory):
+def four_arguments(view, batch, decisions, memory):
     pass
 
 
@@ -131,39 +134,39 @@ class Watcher(Strategy):
     """Right of way: notes which other robots it can see, and whether it may know their memory."""
 
     layer = "right_of_way"
-    every = 1
+    period = 1
     sightings: list[tuple[int, frozenset[int]]] = []  # noqa: RUF012
     memories: list[int] = []  # noqa: RUF012
 
     def reset(self, view):
-        return memory_of(view, own=1, shared=1)
+        return memory_of(view, per_robot=1, shared=1)
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         robots = view.robots
-        for k in range(asked.count[0]):
-            i = int(asked.robot[k])
+        for k in range(batch.count[0]):
+            i = int(batch.robot[k])
             seen = {int(robots.identity[j]) for j in (robots.cell != NIL).nonzero()[0]}
             self.sightings.append((int(robots.identity[i]), frozenset(seen)))
-            self.memories.append(int(memory.own[:, 0].sum() - memory.own[i, 0]))
-            memory.own[i, 0] += 1
+            self.memories.append(int(memory.per_robot[:, 0].sum() - memory.per_robot[i, 0]))
+            memory.per_robot[i, 0] += 1
             memory.shared[0] += 1
-            answers.right_of_way.verb[k] = KEEP
+            decisions.right_of_way.command[k] = KEEP
 
 
 @per_robot("allocation")
-def eager(me, sees):
+def eager(me, view):
     """Takes the open order that is nearest."""
     if me.load is not None:
-        return set_down(sees.target_of(me.load))
-    orders = sees.open_orders()
+        return drop_at(view.target_of(me.load))
+    orders = view.open_orders()
     return take(min(orders, key=lambda order: me.ticks_to(order.slot))) if orders else park()
 
 
 @per_robot("allocation", memory=1)
-def counting(me, sees):
+def counting(me, view):
     """Takes orders in turn, and counts in its own memory how often it was asked."""
     me.memory[0] += 1
-    if me.reason == PICKED:
-        return set_down(sees.target_of(me.load))
-    orders = sees.open_orders()
+    if me.reason == REASON_PICKED:
+        return drop_at(view.target_of(me.load))
+    orders = view.open_orders()
     return take(orders[0]) if orders else park()

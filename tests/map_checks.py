@@ -16,7 +16,7 @@ def pans(name: str, rows: int, columns: int) -> None:
             camera.zoom_in()
         user.app.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
         camera.resize(3, 20)  # so that there is something beside what is seen
-        camera.centre_on(camera.plan.cell(6, 3))
+        camera.centre_on(camera.floor_plan.cell(6, 3))
         user.app.choice.robot, user.app.choice.following = 0, True
         top, left = camera.top, camera.left
         await press(user, name)

@@ -186,7 +186,7 @@ class MovingMap(App[None]):
         half.rename(self.dump)
 
     def whole_screen(self) -> list[str]:
-        """What Textual would paint, row by row; the map in it comes from `shown`."""
+        """What Textual would paint, row by row; the map in it comes from `batch_view`."""
         visible_screen_stack.set(self._background_screens)
         return [strip.render(self.console) for strip in self.screen._compositor.render_strips()]
 

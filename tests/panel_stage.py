@@ -59,7 +59,7 @@ def of_robot(view: View, robot: int) -> View:
 
 def of_cell(view: View, x: int, y: int) -> View:
     """The same moment with a cell selected."""
-    return replace(view, robot=NIL, cell=view.plan.cell(x, y))
+    return replace(view, robot=NIL, cell=view.floor_plan.cell(x, y))
 
 
 class Stage(App[None]):

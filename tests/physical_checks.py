@@ -10,22 +10,28 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 from automaton.world.cells import CHARGER, RACK, STATION
-from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
+from automaton.world.robot_status import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+)
 from automaton.world.state import (
-    CARRIED,
-    CHARGE,
-    DELIVERED,
-    DROP,
-    MOVE,
+    ACTION_CHARGE,
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TURN,
     NIL,
-    PICK,
-    TURN,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
     World,
 )
 
 Edge = tuple[int, int]
-OFF_THE_FLOOR = (TOWED, GONE)
-OUT_OF_ORDER = (EMPTY, BROKEN)
+OFF_THE_FLOOR = (STATUS_TOWED, STATUS_REMOVED)
+OUT_OF_ORDER = (STATUS_DEPLETED, STATUS_FAILED)
 
 
 @dataclass
@@ -50,7 +56,11 @@ def picture_of(world: World) -> Picture:
     robots = world.robots
     names = ["cell", "claim", "busy", "heading", "travel", "status", "load", "charge", "home"]
     arrays = [getattr(robots, name)[robots.at_index].tolist() for name in names]
-    orders = world.orders.state.tolist(), world.orders.place.tolist(), world.slots.cell.tolist()
+    orders = (
+        world.orders.state.tolist(),
+        world.orders.current_slot.tolist(),
+        world.slots.cell.tolist(),
+    )
     return Picture(*arrays, *orders)
 
 
@@ -66,8 +76,8 @@ class PhysicalChecks:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.capacity = (world.grid.rule >> 5 & 3).tolist()  # 0: no limit
-        self.exits = (world.grid.rule & 15).tolist()
+        self.capacity = (world.grid.cell_flags >> 5 & 3).tolist()  # 0: no limit
+        self.exits = (world.grid.cell_flags & 15).tolist()
         self.kind = world.grid.kind.tolist()
         self.step = [int(offset) for offset in world.grid.offset[:4]]
         self.drain = world.rules.drain.tolist()
@@ -156,11 +166,11 @@ class PhysicalChecks:
     def _check_charge(self, before: Picture, r: int) -> None:
         """What begins is paid at once and in full; nothing else than a charger gives charge."""
         was, now = before.charge[r], self.now.charge[r]
-        if not 0 <= now <= FULL:
+        if not 0 <= now <= BATTERY_FULL:
             self._wrong("battery", f"robot {r} has {now} units")
         action = self._begun(before, r)
         loaded = int(before.load[r] != NIL)
-        if before.status[r] == TOWED != self.now.status[r]:
+        if before.status[r] == STATUS_TOWED != self.now.status[r]:
             return  # it comes back from repair, and may be exhausted in the same tick
         if action != NIL:
             ticks = self.now.busy[r] + 1
@@ -169,7 +179,7 @@ class PhysicalChecks:
                 self._wrong("battery", f"robot {r} pays {was - now} of {was}, not {price}")
         elif now > was:
             charger = self.now.cell[r] != NIL and self.kind[self.now.cell[r]] == CHARGER
-            charges = self.world.robots.action[self.world.robots.at_index[r]] == CHARGE
+            charges = self.world.robots.action[self.world.robots.at_index[r]] == ACTION_CHARGE
             if not charger or not charges or now - was > self.world.rules.curve[:, 1].max():
                 self._wrong("battery", f"robot {r} gains {now - was} units")
 
@@ -178,14 +188,14 @@ class PhysicalChecks:
         if before.busy[r] > 0:
             return NIL
         if self._edge(before, r) is not None:
-            return MOVE
+            return ACTION_MOVE
         on_floor = NIL not in (before.cell[r], self.now.cell[r])
         if on_floor and before.heading[r] != self.now.heading[r]:
-            return TURN
+            return ACTION_TURN
         if before.status[r] not in OUT_OF_ORDER and self.now.status[r] in OUT_OF_ORDER:
             return NIL
         if before.load[r] != self.now.load[r]:
-            return PICK if before.load[r] == NIL else DROP
+            return ACTION_PICK if before.load[r] == NIL else ACTION_DROP
         return NIL
 
     # Loads
@@ -195,9 +205,9 @@ class PhysicalChecks:
         carried = Counter(load for load in now.load if load != NIL)
         for order, (state, place) in enumerate(zip(now.state, now.place, strict=True)):
             robots, slots = carried[order], int(place != NIL)
-            if robots + slots != 1 or (state == CARRIED) != (robots == 1):
+            if robots + slots != 1 or (state == ORDER_CARRIED) != (robots == 1):
                 self._wrong("load", f"order {order}: {robots} robots, {slots} slots have it")
-            if before.state[order] == DELIVERED != state:
+            if before.state[order] == ORDER_DELIVERED != state:
                 self._wrong("load", f"order {order} was delivered, and is not any more")
             if before.place[order] != place and NIL not in (before.place[order], place):
                 self._wrong("load", f"order {order} jumps from slot {before.place[order]}")

@@ -19,10 +19,10 @@ def path(
 
     `closed`: (cell, direction) pairs that may not be entered so.
     """
-    goal_x, goal_y = ways.plan.xy(target)
+    goal_x, goal_y = ways.floor_plan.xy(target)
 
     def estimate(pose: Pose) -> int:
-        x, y = ways.plan.xy(pose[0])
+        x, y = ways.floor_plan.xy(pose[0])
         return ways.move * (abs(x - goal_x) + abs(y - goal_y))
 
     best: dict[Pose, int] = {start: 0}
@@ -56,7 +56,7 @@ def neighbours(ways: Ways, pose: Pose) -> list[tuple[int | None, Pose, int]]:
     steps = list(ways.steps(pose))
     moves: list[tuple[int | None, Pose, int]] = []
     for way in ORDER:
-        after = ways.plan.neighbours(pose[0])[way]
+        after = ways.floor_plan.neighbours(pose[0])[way]
         moves += [
             (way, to, ticks)
             for to, ticks in steps

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
-from automaton.world.cells import KINDS
-from automaton.world.plan import FloorPlan
+from automaton.world.cells import CELL_KINDS
+from automaton.world.floor_plan import FloorPlan
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 FAR = 1 << 30
@@ -21,7 +21,7 @@ Pose = tuple[int, int]
 class Ways(NamedTuple):
     """A floor as robots of some kinematics drive it, with the ticks of a move and of a turn."""
 
-    plan: FloorPlan
+    floor_plan: FloorPlan
     kinematics: str
     move: int
     turn: int
@@ -31,18 +31,18 @@ class Ways(NamedTuple):
         return HEADINGS[self.kinematics]
 
     def cells(self) -> list[int]:
-        kinds = self.plan.kind.ravel().tolist()
-        return [cell for cell, kind in enumerate(kinds) if KINDS[kind].drivable]
+        kinds = self.floor_plan.kind.ravel().tolist()
+        return [cell for cell, kind in enumerate(kinds) if CELL_KINDS[kind].drivable]
 
     def steps(self, pose: Pose, closed: Collection[int] = ()) -> Iterator[tuple[Pose, int]]:
         """The poses next to a pose, with what each costs; cells in `closed` are not entered."""
         cell, heading = pose
-        exits, n = int(self.plan.exits.flat[cell]), self.headings
-        for direction, after in enumerate(self.plan.neighbours(cell)):
+        exits, n = int(self.floor_plan.exits.flat[cell]), self.headings
+        for direction, after in enumerate(self.floor_plan.neighbours(cell)):
             if exits >> direction & 1 and direction % n == heading and after not in closed:
                 yield (after, heading), self.move
         rail = self.kinematics == "rail"
-        if n > 1 and (not rail or KINDS[self.plan.kind.flat[cell]].turns):
+        if n > 1 and (not rail or CELL_KINDS[self.floor_plan.kind.flat[cell]].turns):
             for turned in {(heading + 1) % n, (heading - 1) % n}:
                 yield (cell, turned), self.turn
 
@@ -77,9 +77,11 @@ class Ways(NamedTuple):
             wanted = direction % self.headings
             quarters = min((wanted - heading) % self.headings, (heading - wanted) % self.headings)
             if quarters:
-                assert self.kinematics != "rail" or KINDS[self.plan.kind.flat[cell]].turns
-            assert int(self.plan.exits.flat[cell]) >> direction & 1
-            cell, heading = self.plan.neighbours(cell)[direction], wanted
+                assert (
+                    self.kinematics != "rail" or CELL_KINDS[self.floor_plan.kind.flat[cell]].turns
+                )
+            assert int(self.floor_plan.exits.flat[cell]) >> direction & 1
+            cell, heading = self.floor_plan.neighbours(cell)[direction], wanted
             assert cell not in closed
             ticks += quarters * self.turn + self.move
         return ticks, cell

@@ -13,7 +13,7 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Battery, Drain, Scenario
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.world.condition import PERCENT
+from automaton.world.robot_status import BATTERY_PERCENT
 from automaton.world.state import GOAL_CHARGE
 
 MOVES = Battery(drain=Drain(move=1.0), charge=10.0)
@@ -23,24 +23,24 @@ class Powered(Staged):
     """A staged run whose robots are told to charge; charges in percent."""
 
     def charge(self, name: str) -> float:
-        return float(self.world.robots.charge[self.index(name)]) / PERCENT
+        return float(self.world.robots.charge[self.index(name)]) / BATTERY_PERCENT
 
     def status(self, name: str) -> int:
         return int(self.world.robots.status[self.index(name)])
 
     def at(self, name: str) -> tuple[int, int]:
-        return self.plan.xy(int(self.world.robots.cell[self.index(name)]))
+        return self.floor_plan.xy(int(self.world.robots.cell[self.index(name)]))
 
     def send_to_charge(self, name: str, route: str, level: float = 100) -> None:
         """Drive to a charger and charge up to a level, in percent."""
         self.send(name, route)
         robots, i = self.world.robots, self.index(name)
-        robots.goal[i], robots.level[i] = GOAL_CHARGE, round(level * PERCENT)
+        robots.goal_type[i], robots.charge_target[i] = GOAL_CHARGE, round(level * BATTERY_PERCENT)
         if not route:
-            robots.stand[i] = robots.cell[i]
+            robots.goal_cell[i] = robots.cell[i]
 
     def charges(self, name: str) -> bool:
-        return bool(self.world.robots.goal[self.index(name)] == GOAL_CHARGE)
+        return bool(self.world.robots.goal_type[self.index(name)] == GOAL_CHARGE)
 
 
 def scene(

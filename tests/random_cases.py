@@ -15,7 +15,7 @@ from automaton.errors import InputError
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.orders import WeightRange
 from automaton.scenario.pictures import draw_floor
-from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.resolve import Resolved, StrategyChoice
 from automaton.scenario.schema import (
     Area,
     Battery,
@@ -33,10 +33,10 @@ from automaton.scenario.schema import (
 from automaton.strategy.entry import NoParameters
 from automaton.world.build import build_world
 from automaton.world.cells import STATION
-from automaton.world.plan import FloorPlan
-from automaton.world.reach import around_home
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.reachability import around_home
+from automaton.world.traffic_zones import MODES
 from automaton.world.types import closed_cells, types_of
-from automaton.world.zones import MODES
 
 TICKS = 24  # of a run
 
@@ -206,33 +206,35 @@ def scenarios(
 @st.composite
 def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
     busy = draw(st.integers(0, 5)) == 5  # everybody on the move: rings would be rare otherwise
-    plan = draw_floor(draw(st.sampled_from(LOOPS))) if busy else draw(plans())
-    if len(plan.bays):
-        n, start = draw(st.sampled_from(range(len(plan.bays), 0, -1))), "bays"
+    floor_plan = draw_floor(draw(st.sampled_from(LOOPS))) if busy else draw(plans())
+    if len(floor_plan.bays):
+        n, start = draw(st.sampled_from(range(len(floor_plan.bays), 0, -1))), "bays"
     else:
-        cells = draw(st.permutations(np.flatnonzero(plan.drivable()).tolist()))
+        cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable()).tolist()))
         n = draw(st.sampled_from(range(min(6, len(cells)), 0, -1)))
         start = tuple(cells[:n])
-    picks = {"zoning": Pick("none", NoParameters())}
+    picks = {"zoning": StrategyChoice("none", NoParameters())}
     if zoned := not busy and draw(st.integers(0, 3)) == 3:
-        picks["zoning"] = Pick("random_strategies:RandomZoning", draw(moods("zoning", busy)))
+        picks["zoning"] = StrategyChoice(
+            "random_strategies:RandomZoning", draw(moods("zoning", busy))
+        )
     for layer, name in STRATEGIES.items():
-        picks[layer] = Pick(f"random_strategies:{name}", draw(moods(layer, busy)))
-    stations = reachable_stations(plan, start)
+        picks[layer] = StrategyChoice(f"random_strategies:{name}", draw(moods(layer, busy)))
+    stations = reachable_stations(floor_plan, start)
     scenario = draw(scenarios(n, busy, start == "bays", stations, ticks))
     if types:
-        scenario = draw(typed(scenario, plan, start))
-    resolved = Resolved(scenario, plan, picks, start=start, source="")  # type: ignore[arg-type]
+        scenario = draw(typed(scenario, floor_plan, start))
+    resolved = Resolved(scenario, floor_plan, picks, start=start, source="")  # type: ignore[arg-type]
     if zoned:
         try:
             build_world(resolved, scenario.seed)
         except InputError:  # no way leads from station to station
-            picks["zoning"] = Pick("none", NoParameters())
+            picks["zoning"] = StrategyChoice("none", NoParameters())
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
 
 
 @st.composite
-def typed(draw: Any, scenario: Scenario, plan: FloorPlan, start: Any) -> Scenario:
+def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> Scenario:
     """The same with two types of robots, and perhaps an area that is closed to one of them."""
     fleet = scenario.fleet
     few = draw(st.integers(1, max(1, fleet.robots - 1)))
@@ -245,17 +247,21 @@ def typed(draw: Any, scenario: Scenario, plan: FloorPlan, start: Any) -> Scenari
     scenario = msgspec.structs.replace(
         scenario, fleet=fleet, orders=msgspec.structs.replace(orders, weight=weight)
     )
-    columns = sorted(draw(st.integers(0, plan.width - 1)) for _ in range(2))
-    rows = sorted(draw(st.integers(0, plan.height - 1)) for _ in range(2))
+    columns = sorted(draw(st.integers(0, floor_plan.width - 1)) for _ in range(2))
+    rows = sorted(draw(st.integers(0, floor_plan.height - 1)) for _ in range(2))
     area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=("slow",))
     closed = msgspec.structs.replace(scenario, areas={"area": area})
-    shut = closed_cells(plan, types_of(closed)[0])
-    homes = plan.bays[:, 1].tolist() if start == "bays" else start
+    shut = closed_cells(floor_plan, types_of(closed)[0])
+    homes = floor_plan.bays[:, 1].tolist() if start == "bays" else start
     allowed = orders.generator == "full-shelves" and not shut[list(homes[: fleet.robots])].any()
     return closed if allowed else scenario
 
 
-def reachable_stations(plan: FloorPlan, start: Any) -> int:
+def reachable_stations(floor_plan: FloorPlan, start: Any) -> int:
     """How many stations every robot gets to and home from, whatever its kinematics."""
-    home = int(plan.bays[0, 1]) if start == "bays" else start[0]
-    return int(np.count_nonzero(around_home(plan, home, True) & (plan.kind.reshape(-1) == STATION)))
+    home = int(floor_plan.bays[0, 1]) if start == "bays" else start[0]
+    return int(
+        np.count_nonzero(
+            around_home(floor_plan, home, True) & (floor_plan.kind.reshape(-1) == STATION)
+        )
+    )

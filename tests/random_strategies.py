@@ -14,20 +14,20 @@ from naive_motion import mix
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
 from automaton.world.cells import CHARGER
-from automaton.world.condition import FULL
+from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import (
+    CLOCK_TICK,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
     GOAL_CHARGE,
-    LAYERS,
+    LAYER_NAMES,
     NIL,
-    PARK,
-    PAUSE,
-    PICKED,
-    RETREAT,
-    SET_DOWN,
-    STEP,
-    TAKE,
-    TICK,
-    WAITING,
+    ORDER_WAITING,
+    REASON_PICKED,
 )
 
 
@@ -64,36 +64,36 @@ class RandomStrategy(Strategy):
 
     def __init__(self, parameters: Mood | None = None) -> None:
         super().__init__(parameters)
-        self.every = self.parameters.every
+        self.period = self.parameters.every
 
-    def waits(self) -> Any:
+    def wait_ranges(self) -> Any:
         return self.parameters.waits
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-        layer = LAYERS.index(self.layer)
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        layer = LAYER_NAMES.index(self.layer)
         mood = self.parameters
-        for k in range(asked.count[0]):
-            i = int(asked.robot[k])
+        for k in range(batch.count[0]):
+            i = int(batch.robot[k])
             who = int(view.robots.identity[i])
-            dice = Dice(mood.seed, layer, int(view.clock[TICK]), who)
+            dice = Dice(mood.seed, layer, int(view.clock[CLOCK_TICK]), who)
             roll = dice.below(256)
             if roll < mood.illegal:
-                self.offend(view, dice, i, k, getattr(answers, self.layer))
+                self.offend(view, dice, i, k, getattr(decisions, self.layer))
             elif roll < mood.illegal + mood.active:
-                given = getattr(answers, self.layer)
-                self.act(view, dice, i, k, given, int(asked.reason[k]), space)
+                out = getattr(decisions, self.layer)
+                self.act(view, dice, i, k, out, int(batch.reason[k]), workspace)
 
-    def offend(self, view: Any, dice: Dice, i: int, k: int, given: Any) -> None:
+    def offend(self, view: Any, dice: Dice, i: int, k: int, out: Any) -> None:
         raise NotImplementedError
 
     def act(
-        self, view: Any, dice: Dice, i: int, k: int, given: Any, reason: int, space: Any
+        self, view: Any, dice: Dice, i: int, k: int, out: Any, reason: int, workspace: Any
     ) -> None:
         raise NotImplementedError
 
 
 def floor_cells(view: Any) -> Any:
-    return (view.grid.rule & 15).nonzero()[0].tolist()
+    return (view.grid.cell_flags & 15).nonzero()[0].tolist()
 
 
 class RandomZoning(RandomStrategy):
@@ -101,31 +101,31 @@ class RandomZoning(RandomStrategy):
 
     layer = "zoning"
 
-    def offend(self, view, dice, i, k, given):
-        given.halt[k] = dice.among([-1, 60_001, 2**31 - 1])
-        given.server[dice.below(len(given.server))] = dice.among([-1, len(given.server)])
+    def offend(self, view, dice, i, k, out):
+        out.halt[k] = dice.among([-1, 60_001, 2**31 - 1])
+        out.server[dice.below(len(out.server))] = dice.among([-1, len(out.server)])
 
-    def act(self, view, dice, i, k, given, reason, space):
-        zones = len(given.server)
-        given.zone[k] = dice.below(zones)
-        given.again[k] = dice.among([NIL, 1, 3])
+    def act(self, view, dice, i, k, out, reason, workspace):
+        zones = len(out.server)
+        out.service_zone[k] = dice.below(zones)
+        out.again[k] = dice.among([NIL, 1, 3])
         if dice.below(3) == 0:
-            given.halt[k] = dice.below(6)
-        given.tells[k] = dice.below(2)
-        given.said[k] = dice.below(100)
-        given.server[dice.below(zones)] = dice.below(zones)
+            out.halt[k] = dice.below(6)
+        out.sends_message[k] = dice.below(2)
+        out.messages[k] = dice.below(100)
+        out.server[dice.below(zones)] = dice.below(zones)
         if dice.below(4) == 0:
-            design = given.design
+            design = out.design
             design.segments[0] = 0
             design.transfer[:] = 0
             design.zone[:] = [dice.below(zones) for _ in design.zone]
-            given.redesigned[0] = 1
-        row = int(given.queued[0])
+            out.redesigned[0] = 1
+        row = int(out.queued[0])
         if row < len(view.orders.state):
-            given.queued[0] = row + 1
-            given.order[row] = order = dice.below(len(view.orders.state))
-            given.queue[row], given.stop[row] = dice.below(zones), view.orders.target[order]
-            given.direct[row] = dice.below(2)
+            out.queued[0] = row + 1
+            out.order[row] = order = dice.below(len(view.orders.state))
+            out.queue[row], out.next_slot[row] = dice.below(zones), view.orders.target[order]
+            out.skips_transfer[row] = dice.below(2)
 
 
 class RandomCharging(RandomStrategy):
@@ -133,19 +133,19 @@ class RandomCharging(RandomStrategy):
 
     layer = "charging"
 
-    def offend(self, view, dice, i, k, given):
-        given.stand[k] = dice.among([0, -5, len(view.grid.rule), *floor_cells(view)[:1]])
-        given.level[k] = dice.among([0, -1, FULL + 1])
+    def offend(self, view, dice, i, k, out):
+        out.goal_cell[k] = dice.among([0, -5, len(view.grid.cell_flags), *floor_cells(view)[:1]])
+        out.charge_target[k] = dice.among([0, -1, BATTERY_FULL + 1])
 
-    def act(self, view, dice, i, k, given, reason, space):
+    def act(self, view, dice, i, k, out, reason, workspace):
         eager = view.robots.parked[i] or dice.below(6) == 0
         chargers = np.flatnonzero(view.grid.kind == CHARGER).tolist()
         if eager and view.robots.order[i] == NIL and chargers and view.rules.battery:
-            given.stand[k] = dice.among(chargers)
-            given.level[k] = 1 + dice.below(FULL)
-            given.yields[k] = dice.below(2)
-        elif view.robots.goal[i] == GOAL_CHARGE and dice.below(4) == 0:
-            given.stand[k] = NIL
+            out.goal_cell[k] = dice.among(chargers)
+            out.charge_target[k] = 1 + dice.below(BATTERY_FULL)
+            out.charging_interruptible[k] = dice.below(2)
+        elif view.robots.goal_type[i] == GOAL_CHARGE and dice.below(4) == 0:
+            out.goal_cell[k] = NIL
 
 
 class RandomAllocation(RandomStrategy):
@@ -153,34 +153,38 @@ class RandomAllocation(RandomStrategy):
 
     layer = "allocation"
 
-    def offend(self, view, dice, i, k, given):
-        given.verb[k] = dice.among([TAKE, SET_DOWN, PARK, 7, -1])
-        given.order[k] = dice.below(len(view.orders.state) + 4) - 2
-        given.slot[k] = dice.below(len(view.slots.cell) + 4) - 2
-        given.stand[k] = dice.below(len(view.grid.rule))
+    def offend(self, view, dice, i, k, out):
+        out.command[k] = dice.among([CMD_TAKE_ORDER, CMD_DROP_AT, CMD_PARK, 7, -1])
+        out.order[k] = dice.below(len(view.orders.state) + 4) - 2
+        out.slot[k] = dice.below(len(view.slots.cell) + 4) - 2
+        out.goal_cell[k] = dice.below(len(view.grid.cell_flags))
 
-    def act(self, view, dice, i, k, given, reason, space):
-        if reason == PICKED or view.robots.load[i] != NIL:
+    def act(self, view, dice, i, k, out, reason, workspace):
+        if reason == REASON_PICKED or view.robots.load[i] != NIL:
             target = int(view.orders.target[view.robots.load[i]])
-            empty = (view.slots.content == NIL) & (view.slots.by == NIL) & (view.slots.endless == 0)
+            empty = (
+                (view.slots.content == NIL)
+                & (view.slots.reserved_by == NIL)
+                & (view.slots.unbounded == 0)
+            )
             slot = dice.among([target, target, *empty.nonzero()[0].tolist()])
-            self.send(view, dice, k, given, SET_DOWN, slot)
-            given.slot[k] = slot
-            given.try_drop[k] = dice.below(4) == 0
+            self.send(view, dice, k, out, CMD_DROP_AT, slot)
+            out.slot[k] = slot
+            out.try_drop[k] = dice.below(4) == 0
         elif dice.below(3) == 0 and view.robots.order[i] == NIL:
-            given.verb[k] = PARK
+            out.command[k] = CMD_PARK
         else:
-            waiting = (view.orders.state == WAITING) & (view.orders.by == NIL)
+            waiting = (view.orders.state == ORDER_WAITING) & (view.orders.reserved_by == NIL)
             for order in [dice.among(waiting.nonzero()[0])] if waiting.any() else []:
-                self.send(view, dice, k, given, TAKE, int(view.orders.place[order]))
-                given.order[k] = order
-        given.ask_again[k] = dice.below(2)
+                self.send(view, dice, k, out, CMD_TAKE_ORDER, int(view.orders.current_slot[order]))
+                out.order[k] = order
+        out.ask_again[k] = dice.below(2)
 
-    def send(self, view, dice, k, given, verb, slot):
+    def send(self, view, dice, k, out, command, slot):
         stands = [cell for cell in view.slots.access[slot].tolist() if cell != NIL]
         if stands:
-            given.verb[k] = verb
-            given.stand[k] = dice.among(stands)
+            out.command[k] = command
+            out.goal_cell[k] = dice.among(stands)
 
 
 class RandomRouting(RandomStrategy):
@@ -188,18 +192,18 @@ class RandomRouting(RandomStrategy):
 
     layer = "routing"
 
-    def offend(self, view, dice, i, k, given):
-        given.length[k] = dice.among([-1, 1, 3, given.steps.shape[1] + 1])
-        given.steps[k, :3] = [dice.below(6) for _ in range(3)]
+    def offend(self, view, dice, i, k, out):
+        out.route_length[k] = dice.among([-1, 1, 3, out.steps.shape[1] + 1])
+        out.steps[k, :3] = [dice.below(6) for _ in range(3)]
 
-    def act(self, view, dice, i, k, given, reason, space):
-        goal = int(view.robots.stand[i])
+    def act(self, view, dice, i, k, out, reason, workspace):
+        goal = int(view.robots.goal_cell[i])
         if goal == NIL or dice.below(8) == 0:
             goal = dice.among(floor_cells(view) or [goal])
-        route = paths.route(view, space, i, goal, around=bool(dice.below(2)))
-        if route is not None and len(route) <= given.steps.shape[1]:
-            given.length[k] = len(route)
-            given.steps[k, : len(route)] = route
+        route = paths.route(view, workspace, i, goal, around=bool(dice.below(2)))
+        if route is not None and len(route) <= out.steps.shape[1]:
+            out.route_length[k] = len(route)
+            out.steps[k, : len(route)] = route
 
 
 class RandomRightOfWay(RandomStrategy):
@@ -207,27 +211,34 @@ class RandomRightOfWay(RandomStrategy):
 
     layer = "right_of_way"
 
-    def offend(self, view, dice, i, k, given):
-        steps = ((STEP, 4), (STEP, -1), (STEP, dice.below(4)))
-        others = ((PAUSE, 0), (PAUSE, 20_000), (RETREAT, 0), (RETREAT, -3), (9, 1), (-7, 1))
-        given.verb[k], given.value[k] = dice.among(steps + others)
-        given.priority[k] = dice.among([40_000, -40_000, 3, -3])
+    def offend(self, view, dice, i, k, out):
+        steps = ((CMD_STEP, 4), (CMD_STEP, -1), (CMD_STEP, dice.below(4)))
+        others = (
+            (CMD_WAIT, 0),
+            (CMD_WAIT, 20_000),
+            (CMD_RETREAT, 0),
+            (CMD_RETREAT, -3),
+            (9, 1),
+            (-7, 1),
+        )
+        out.command[k], out.value[k] = dice.among(steps + others)
+        out.priority[k] = dice.among([40_000, -40_000, 3, -3])
 
-    def act(self, view, dice, i, k, given, reason, space):
+    def act(self, view, dice, i, k, out, reason, workspace):
         if view.robots.parked[i] and dice.below(32):
             return
-        given.verb[k] = dice.among([STEP] * 12 + [PAUSE, RETREAT])
-        given.value[k] = 1 + dice.below(3)
-        given.release[k] = dice.below(2)
+        out.command[k] = dice.among([CMD_STEP] * 12 + [CMD_WAIT, CMD_RETREAT])
+        out.value[k] = 1 + dice.below(3)
+        out.return_order[k] = dice.below(2)
         if dice.below(4) == 0:
-            given.priority[k] = dice.below(5) - 2
-        if given.verb[k] == STEP:
-            given.value[k] = self.direction(view, dice, i)
+            out.priority[k] = dice.below(5) - 2
+        if out.command[k] == CMD_STEP:
+            out.value[k] = self.direction(view, dice, i)
 
     def direction(self, view, dice, i):
         """A direction that leads somewhere; rather straight on, as robots do that want to go."""
         cell, heading = int(view.robots.cell[i]), int(view.robots.heading[i])
-        rule = int(view.grid.rule[cell]) if cell != NIL else 0
+        rule = int(view.grid.cell_flags[cell]) if cell != NIL else 0
         ways = [d for d in range(4) if rule >> d & 1]
         straight = [d for d in ways if d & (view.grid.headings - 1) == heading]
         if not rule & 16 or dice.below(2):

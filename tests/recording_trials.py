@@ -115,7 +115,9 @@ def put_together(parts: list[tuple[int, Any]], chance: Chance | None = None) -> 
     chain, out = Chain(), [preamble()]
     for kind, content in parts:
         try:
-            tick = tick_of(kind, {**content, "did": content["did"].T} if kind == TICKS else content)
+            tick = tick_of(
+                kind, {**content, "executed": content["executed"].T} if kind == TICKS else content
+            )
             tick = tick if 0 <= tick < 2**64 else 0
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
             tick = 0

@@ -10,22 +10,28 @@ from naive_motion import luck
 
 from automaton.kernels.motion import LIVE, MOVED
 from automaton.recording.codes import (
-    DID_BAY_BLOCKED,
-    DROPPED_AT_ONCE,
-    INTO_BAY,
-    LEFT_BAY,
-    PICKED_AT_ONCE,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    LEFT_PARKING_BAY,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.world.cells import STATION
-from automaton.world.condition import BROKEN, EMPTY, GONE, RUNNING, TOWED
+from automaton.world.robot_status import (
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+)
 from automaton.world.state import (
-    CHARGE,
-    DELIVERED,
-    IN_LINE,
-    LAYERS,
+    ACTION_CHARGE,
+    ACTION_QUEUE,
+    CLOCK_TICK,
+    CLOCK_ZONES_REDESIGNED,
+    LAYER_NAMES,
     NIL,
-    REDESIGNED,
-    TICK,
+    ORDER_DELIVERED,
     World,
 )
 
@@ -39,7 +45,7 @@ WANTED = (
     *("battery empty", "broken down", "towed", "came back", "gone for good", "load left behind"),
     *("charging", "in line before a charger", "order came later", "visited", "on a station"),
     *("halted by zoning", "halted while out of order", "designed anew"),
-    *(f"illegal {layer}" for layer in LAYERS),
+    *(f"illegal {layer}" for layer in LAYER_NAMES),
 )
 
 
@@ -58,19 +64,19 @@ def wants(world: World) -> list[Want]:
     """The live intents of the last tick."""
     robots, traffic = world.robots, world.traffic
     found = []
-    for i in np.flatnonzero(traffic.want & LIVE).tolist():
-        step = int(world.grid.offset[traffic.want[i] & 3])
-        moved = bool(traffic.want[i] & MOVED)
+    for i in np.flatnonzero(traffic.intent & LIVE).tolist():
+        step = int(world.grid.offset[traffic.intent[i] & 3])
+        moved = bool(traffic.intent[i] & MOVED)
         cell = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
         start = cell - step if moved and robots.claim[i] == NIL else cell
         who, priority = int(robots.identity[i]), int(robots.priority[i])
-        found.append(Want(who, start, start + step, moved, int(traffic.span[i]), priority))
+        found.append(Want(who, start, start + step, moved, int(traffic.move_ticks[i]), priority))
     return found
 
 
 def count_situations(world: World, reached: Counter[str]) -> None:
     """Add the situations of the last tick."""
-    capacity = (world.grid.rule >> 5 & 3).tolist()
+    capacity = (world.grid.cell_flags >> 5 & 3).tolist()
     live = wants(world)
     made = [want for want in live if want.moved]
     edges = {(want.start, want.to): want for want in live}
@@ -113,7 +119,7 @@ def contests(
     reached: Counter[str],
 ) -> None:
     """Cells that several robots wanted, and who got them."""
-    tick = int(world.clock[TICK])
+    tick = int(world.clock[CLOCK_TICK])
     rivals: dict[int, list[Want]] = {}
     for want in live:
         if capacity[want.to] == 1 and (want.to, want.start) not in edges:
@@ -138,42 +144,51 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
     turning = (robots.claim != NIL) & (robots.claim == robots.cell)
     reached["turn on two lanes"] += int(turning.sum())
     reached["move in a slow zone"] += int(world.tally.slowed.any())
-    reached["picked up on arrival"] += int((robots.did & PICKED_AT_ONCE != 0).sum())
-    reached["set down on arrival"] += int((robots.did & DROPPED_AT_ONCE != 0).sum())
-    did = robots.did[robots.bay != NIL]
-    reached["left a bay"] += int((did & LEFT_BAY != 0).sum())
-    reached["went into a bay"] += int((did & INTO_BAY != 0).sum())
-    reached["bay blocked"] += int((did == DID_BAY_BLOCKED).sum())
-    did = robots.did[robots.bay == NIL]
+    reached["picked up on arrival"] += int((robots.executed & PICKED_ON_ARRIVAL != 0).sum())
+    reached["set down on arrival"] += int((robots.executed & DROPPED_ON_ARRIVAL != 0).sum())
+    executed = robots.executed[robots.bay != NIL]
+    reached["left a bay"] += int((executed & LEFT_PARKING_BAY != 0).sum())
+    reached["went into a bay"] += int((executed & ENTERED_PARKING_BAY != 0).sum())
+    reached["bay blocked"] += int((executed == EXECUTED_BAY_BLOCKED).sum())
+    executed = robots.executed[robots.bay == NIL]
     gone = robots.cell[robots.bay == NIL] == NIL
-    reached["left the floor"] += int((gone & (did & INTO_BAY != 0)).sum())
-    reached["came back to the floor"] += int((did & LEFT_BAY != 0).sum())
-    reached["kept off the floor"] += int((did == DID_BAY_BLOCKED).sum())
+    reached["left the floor"] += int((gone & (executed & ENTERED_PARKING_BAY != 0)).sum())
+    reached["came back to the floor"] += int((executed & LEFT_PARKING_BAY != 0).sum())
+    reached["kept off the floor"] += int((executed == EXECUTED_BAY_BLOCKED).sum())
 
 
 def count_illegal(world: World, reached: Counter[str]) -> None:
-    for layer, count in zip(LAYERS, world.tally.illegal.tolist(), strict=True):
+    for layer, count in zip(LAYER_NAMES, world.tally.illegal.tolist(), strict=True):
         reached[f"illegal {layer}"] += count
 
 
 def conditions(world: World, reached: Counter[str]) -> None:
     """Add what batteries, faults and orders that come in time bring about."""
     robots, orders, slots = world.robots, world.orders, world.slots
-    names = {EMPTY: "battery empty", BROKEN: "broken down", TOWED: "towed", GONE: "gone for good"}
+    names = {
+        STATUS_DEPLETED: "battery empty",
+        STATUS_FAILED: "broken down",
+        STATUS_TOWED: "towed",
+        STATUS_REMOVED: "gone for good",
+    }
     for status, name in names.items():
         reached[name] += int((robots.status == status).any())
-    reached["came back"] += int(((robots.status == RUNNING) & (world.tally.out.any(1))).any())
-    reached["load left behind"] += int((slots.cell[slots.spare :] != NIL).any())
-    reached["charging"] += int((robots.action == CHARGE).any())
-    reached["in line before a charger"] += int((robots.action == IN_LINE).any())
-    reached["order came later"] += int((orders.released == world.clock[TICK]).any())
-    visits = (orders.source == orders.target) & (orders.state == DELIVERED)
+    reached["came back"] += int(
+        ((robots.status == STATUS_UP) & (world.tally.failures.any(1))).any()
+    )
+    reached["load left behind"] += int((slots.cell[slots.first_spare :] != NIL).any())
+    reached["charging"] += int((robots.action == ACTION_CHARGE).any())
+    reached["in line before a charger"] += int((robots.action == ACTION_QUEUE).any())
+    reached["order came later"] += int((orders.release_tick == world.clock[CLOCK_TICK]).any())
+    visits = (orders.source == orders.target) & (orders.state == ORDER_DELIVERED)
     reached["visited"] += int(visits.any())
-    if len(world.zoning.halt):
-        halted = (world.zoning.halt >= world.clock[TICK]) & (robots.cell != NIL)
+    if len(world.service_zones.halt):
+        halted = (world.service_zones.halt >= world.clock[CLOCK_TICK]) & (robots.cell != NIL)
         reached["halted by zoning"] += int(halted.any())
-        out = (robots.status == EMPTY) | (robots.status == BROKEN)
+        out = (robots.status == STATUS_DEPLETED) | (robots.status == STATUS_FAILED)
         reached["halted while out of order"] += int((halted & out).any())
-        reached["designed anew"] += int(world.clock[REDESIGNED] == world.clock[TICK])
+        reached["designed anew"] += int(
+            world.clock[CLOCK_ZONES_REDESIGNED] == world.clock[CLOCK_TICK]
+        )
     standing = robots.cell[robots.cell != NIL]
     reached["on a station"] += int((world.grid.kind[standing] == STATION).any())

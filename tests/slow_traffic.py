@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.scenario.pictures import draw_floor
-from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.resolve import Resolved, StrategyChoice
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
@@ -13,14 +13,14 @@ from automaton.strategy.kernels import forecast_memory
 from automaton.strategy.layer import Strategy
 from automaton.world.cells import FLOOR, UNLIMITED, Symbol
 from automaton.world.state import (
+    CLOCK_NEEDING_ROUTE,
     GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
-    LAYERS,
+    LAYER_NAMES,
     NEED_ROUTE,
-    NEEDING_ROUTE,
     NIL,
-    PLAN,
+    REASON_NEW_GOAL,
     Array,
     Memory,
 )
@@ -52,7 +52,7 @@ class Traffic:
     ) -> None:
         letters = sorted(set(picture) & set("ABCDEFGHIJKLMNOP"))
         plain = "".join("~" if symbol in letters else symbol for symbol in picture)
-        self.plan = draw_floor(plain, tuple(ONE_WAY.items()))
+        self.floor_plan = draw_floor(plain, tuple(ONE_WAY.items()))
         lines = picture.split("\n")
         places = [
             (line.index(name), y)
@@ -60,7 +60,7 @@ class Traffic:
             for y, line in enumerate(lines)
             if name in line
         ]
-        start = robots or tuple(self.plan.cell(*place) for place in places)
+        start = robots or tuple(self.floor_plan.cell(*place) for place in places)
         scenario = Scenario(
             name="traffic",
             layout={},
@@ -70,10 +70,10 @@ class Traffic:
             world=WorldRules(zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
             stop=Stop(when="never", at_most=10_000),
         )
-        picks = {layer: Pick("none", NoParameters()) for layer in LAYERS}
+        picks = {layer: StrategyChoice("none", NoParameters()) for layer in LAYER_NAMES}
         self.run = Simulation(
-            Resolved(scenario, self.plan, picks, start="bays" if bays else start, source=""),
-            strategies=[routing if layer == "routing" else None for layer in LAYERS],
+            Resolved(scenario, self.floor_plan, picks, start="bays" if bays else start, source=""),
+            strategies=[routing if layer == "routing" else None for layer in LAYER_NAMES],
         )
         self.world = self.run.world
         if bays:
@@ -85,20 +85,20 @@ class Traffic:
         return int(self.world.robots.at_index[ord(name) - ord("A")])
 
     def place(self, name: str) -> tuple[int, int]:
-        return self.plan.xy(int(self.world.robots.cell[self.index(name)]))
+        return self.floor_plan.xy(int(self.world.robots.cell[self.index(name)]))
 
     def put(self, name: str, place: tuple[int, int]) -> None:
         """Move a robot by hand."""
-        self.world.robots.cell[self.index(name)] = self.plan.cell(*place)
+        self.world.robots.cell[self.index(name)] = self.floor_plan.cell(*place)
 
     def send(self, i: int, route: list[int]) -> None:
         """Give a robot a route, at whose end it does nothing."""
         robots = self.world.robots
         robots.route[i, : len(route)] = route
-        robots.length[i], robots.at[i] = len(route), 0
-        robots.goal[i] = GOAL_CHARGE if robots.parked[i] else GOAL_PARK
+        robots.route_length[i], robots.route_index[i] = len(route), 0
+        robots.goal_type[i] = GOAL_CHARGE if robots.parked[i] else GOAL_PARK
         begins = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
-        robots.stand[i] = int(begins) + int(self.world.grid.offset[route].sum())
+        robots.goal_cell[i] = int(begins) + int(self.world.grid.offset[route].sum())
 
     def drive(self, **routes: str) -> Traffic:
         """Give robots routes, such as A="EES"."""
@@ -110,10 +110,10 @@ class Traffic:
         """Have robots ask for routes to cells."""
         for name, place in targets.items():
             i, robots = self.index(name), self.world.robots
-            robots.goal[i], robots.stand[i] = GOAL_PARK, self.plan.cell(*place)
+            robots.goal_type[i], robots.goal_cell[i] = GOAL_PARK, self.floor_plan.cell(*place)
             robots.need[i] |= NEED_ROUTE
-            robots.route_reason[i] = PLAN
-            self.world.clock[NEEDING_ROUTE] += 1
+            robots.route_reason[i] = REASON_NEW_GOAL
+            self.world.clock[CLOCK_NEEDING_ROUTE] += 1
         return self
 
     def tick(self, ticks: int = 1) -> Traffic:
@@ -123,23 +123,25 @@ class Traffic:
     def route(self, name: str) -> str:
         """What a robot has still to drive."""
         robots, i = self.world.robots, self.index(name)
-        return "".join(STEPS[step] for step in robots.route[i, robots.at[i] : robots.length[i]])
+        return "".join(
+            STEPS[step] for step in robots.route[i, robots.route_index[i] : robots.route_length[i]]
+        )
 
     def crowd(self) -> Array:
         """(Z,) robots in each zone, counted here."""
         robots, grid = self.world.robots, self.world.grid
         inside = robots.cell != NIL
-        zone = grid.zone[robots.cell[inside], robots.travel[inside] >> 1]
-        return np.bincount(zone[zone != NIL], minlength=grid.zones)
+        traffic_zone = grid.traffic_zone[robots.cell[inside], robots.travel[inside] >> 1]
+        return np.bincount(traffic_zone[traffic_zone != NIL], minlength=grid.traffic_zone_count)
 
     def tick_and_take_away(self) -> None:
         """A tick; robots that stood at the end of their routes before it vanish after it."""
         robots = self.world.robots
-        there = (robots.length > 0) & (robots.at >= robots.length)
+        there = (robots.route_length > 0) & (robots.route_index >= robots.route_length)
         there &= (robots.busy == 0) & (robots.claim == NIL)
         self.tick()
-        robots.cell[there], robots.length[there] = NIL, 0
-        robots.goal[there], robots.stand[there] = GOAL_NONE, NIL
+        robots.cell[there], robots.route_length[there] = NIL, 0
+        robots.goal_type[there], robots.goal_cell[there] = GOAL_NONE, NIL
 
     def memory(self, horizon: int, *own: int) -> Memory:
         return forecast_memory(self.run.view, horizon, own)

@@ -10,7 +10,7 @@ import numpy as np
 from automaton.history.chronicle import Chronicle, Event
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.pictures import draw_floor
-from automaton.scenario.resolve import Pick, Resolved
+from automaton.scenario.resolve import Resolved, StrategyChoice
 from automaton.scenario.schema import (
     Battery,
     Durations,
@@ -24,8 +24,8 @@ from automaton.scenario.schema import (
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
 from automaton.strategy.layer import Strategy
-from automaton.world.state import GOAL_PARK, LAYERS, NIL
-from automaton.world.waiting import CAUSES
+from automaton.world.observation import CAUSES
+from automaton.world.state import GOAL_PARK, LAYER_NAMES, NIL
 
 STEPS = "ESWN"
 
@@ -52,9 +52,9 @@ class Staged:
         battery: Battery | None = None,
         faults: Faults | None = None,
     ) -> None:
-        self.plan = draw_floor(picture.strip("\n"))
-        start = start or self.plan.starts or "bays"
-        robots = len(self.plan.bays) if start == "bays" else len(start)
+        self.floor_plan = draw_floor(picture.strip("\n"))
+        start = start or self.floor_plan.starts or "bays"
+        robots = len(self.floor_plan.bays) if start == "bays" else len(start)
         scenario = Scenario(
             name="staged",
             layout={},
@@ -67,13 +67,13 @@ class Staged:
             stop=Stop(when="never", at_most=10_000),
         )
         self.answers: Any = (strategies or {}).get("right_of_way")
-        picks = {layer: Pick("none", NoParameters()) for layer in LAYERS}
+        picks = {layer: StrategyChoice("none", NoParameters()) for layer in LAYER_NAMES}
         self.chronicle = Chronicle()
         self.run = Simulation(
-            Resolved(scenario, self.plan, picks, start=start, source=""),
+            Resolved(scenario, self.floor_plan, picks, start=start, source=""),
             storage=None if storage is None else np.array(storage, np.int32),
             on_observe=self.chronicle,
-            strategies=[(strategies or {}).get(layer) for layer in LAYERS],
+            strategies=[(strategies or {}).get(layer) for layer in LAYER_NAMES],
         )
         self.world = self.run.world
         if start != "bays":
@@ -91,10 +91,10 @@ class Staged:
         robots, i = self.world.robots, self.index(name)
         steps = [STEPS.index(step) for step in route]
         robots.route[i, : len(steps)] = steps
-        robots.length[i], robots.at[i] = len(steps), 0
-        robots.goal[i] = GOAL_PARK
+        robots.route_length[i], robots.route_index[i] = len(steps), 0
+        robots.goal_type[i] = GOAL_PARK
         cell = int(robots.cell[i])
-        robots.stand[i] = cell + sum(int(self.world.grid.offset[step]) for step in steps)
+        robots.goal_cell[i] = cell + sum(int(self.world.grid.offset[step]) for step in steps)
 
     def tick(self, ticks: int = 1) -> Staged:
         self.run.run(self.run.tick + ticks)
@@ -102,23 +102,23 @@ class Staged:
 
     def cause(self, name: str) -> str:
         """The name of what keeps a robot in the last tick; "none" if it does not wait."""
-        return CAUSES[self.run.watch.cause[self.index(name)]].name
+        return CAUSES[self.run.observation.cause[self.index(name)]].name
 
     def blocker(self, name: str) -> str:
         """The robot that keeps it, or ""."""
-        robot = int(self.run.watch.blocker[self.index(name)])
+        robot = int(self.run.observation.blocker[self.index(name)])
         return "" if robot == NIL else chr(ord("A") + robot)
 
     def wanted(self, name: str) -> tuple[int, int] | None:
         """Column and row of the cell that it wants."""
-        cell = int(self.run.watch.wanted[self.index(name)])
-        return None if cell == NIL else self.plan.xy(cell)
+        cell = int(self.run.observation.wanted[self.index(name)])
+        return None if cell == NIL else self.floor_plan.xy(cell)
 
     def why(self, name: str) -> tuple[str, str, tuple[int, int] | None]:
         return self.cause(name), self.blocker(name), self.wanted(name)
 
     def ring(self, name: str) -> int:
-        return int(self.run.watch.ring[self.index(name)])
+        return int(self.run.observation.wait_cycle_ticks[self.index(name)])
 
     def snapshot(self) -> Snapshot:
         return take_snapshot(self.run)

@@ -10,8 +10,8 @@ import numpy as np
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION, FLOOR
-from automaton.world.condition import FULL
-from automaton.world.plan import FloorPlan, floor_plan
+from automaton.world.floor_plan import FloorPlan, make_floor_plan
+from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.camera import Camera
@@ -23,12 +23,19 @@ NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
 ALL = [*NEAR, "half", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
-    **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "ring"), 0),
-    **{"goal": 0, "stand": NIL, "charge": FULL, "level": 0, "status": 0, "ticket": 0},
+    **dict.fromkeys(("heading", "travel", "action", "parked", "cause", "wait_cycle_ticks"), 0),
+    **{
+        "goal_type": 0,
+        "goal_cell": NIL,
+        "charge": BATTERY_FULL,
+        "charge_target": 0,
+        "status": 0,
+        "ticket": 0,
+    },
 }
 
 
-def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: Any) -> Scene:
+def stage(floor_plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: Any) -> Scene:
     """A scene with robots as given, for instance {"cell": 12, "heading": 1}."""
     fleet = SimpleNamespace(
         **{
@@ -36,9 +43,9 @@ def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: A
             for name, rest in FIELDS.items()
         }
     )
-    cells = plan.slots()
-    endless = (plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
-    loaded = plan.loads.reshape(-1)[cells] != 0
+    cells = floor_plan.slots()
+    endless = (floor_plan.kind.reshape(-1)[cells] == DESTINATION).astype(np.uint8)
+    loaded = floor_plan.loads.reshape(-1)[cells] != 0
     content = np.where(loaded, np.cumsum(loaded) - 1, NIL)
     left = more.pop("left", {})  # cell: the load that lies there
     orders = int(loaded.sum())
@@ -47,22 +54,22 @@ def stage(plan: FloorPlan, *robots: dict[str, int], headings: int = 4, **more: A
         robots=fleet,
         slots=SimpleNamespace(
             cell=np.array([*cells, *left], np.int32),
-            endless=np.array([*endless, *[0] * len(left)], np.uint8),
+            unbounded=np.array([*endless, *[0] * len(left)], np.uint8),
             content=np.array([*content, *left.values()]),
-            by=np.full(len(cells) + len(left), NIL),
+            reserved_by=np.full(len(cells) + len(left), NIL),
         ),
         orders=SimpleNamespace(
-            place=np.flatnonzero(loaded),
+            current_slot=np.flatnonzero(loaded),
             target=np.full(orders, len(cells) - 1),
-            by=np.full(orders, NIL),
+            reserved_by=np.full(orders, NIL),
             state=np.zeros(orders, np.uint8),
         ),
         heat=more.pop("heat", None),
         flow=more.pop("flow", None),
-        zoning=more.pop("zoning", None),
+        service_zones=more.pop("zoning", None),
     )
     kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
-    floor = Floor(plan, cells, endless, headings, more.pop("zones", None), **kinds)
+    floor = Floor(floor_plan, cells, endless, headings, more.pop("zones", None), **kinds)
     return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
 
 
@@ -71,12 +78,12 @@ def drawn(picture: str) -> FloorPlan:
 
 
 def shipped(name: str) -> FloorPlan:
-    return resolve(name).plan
+    return resolve(name).floor_plan
 
 
-def camera_at(plan: FloorPlan, zoom: str, rows: int = 0, columns: int = 0) -> Camera:
+def camera_at(floor_plan: FloorPlan, zoom: str, rows: int = 0, columns: int = 0) -> Camera:
     """A camera on that step of the ladder, of the size of the floor unless said."""
-    camera = Camera(plan, rows or 1, columns or 1)
+    camera = Camera(floor_plan, rows or 1, columns or 1)
     camera.zoom = next(step for step in camera.ladder if step.name == zoom)
     size = camera.size()
     camera.resize(rows or size[0], columns or size[1])
@@ -103,33 +110,33 @@ def paper(code: int) -> int:
 def open_floor(width: int, height: int) -> FloorPlan:
     kind = np.zeros((height + 2, width + 2), np.uint8)
     kind[1:-1, 1:-1] = FLOOR
-    return floor_plan(kind, np.full_like(kind, 15))
+    return make_floor_plan(kind, np.full_like(kind, 15))
 
 
 def crossing() -> Scene:
     """Three robots: one parked in its bay, one with a load, one that faces west."""
-    plan = shipped("crossing")
+    floor_plan = shipped("crossing")
     return stage(
-        plan,
-        {"bay": plan.cell(-1, 0), "parked": 1},
-        {"cell": plan.cell(3, 0), "load": 4},
-        {"cell": plan.cell(5, 5), "heading": 2},
+        floor_plan,
+        {"bay": floor_plan.cell(-1, 0), "parked": 1},
+        {"cell": floor_plan.cell(3, 0), "load": 4},
+        {"cell": floor_plan.cell(5, 5), "heading": 2},
     )
 
 
 def mini() -> Scene:
     """Two robots on rails: one has come north with a load, one has turned on its turntable."""
-    plan = shipped("tabletop-mini")
+    floor_plan = shipped("tabletop-mini")
     return stage(
-        plan,
-        {"cell": plan.cell(2, 3), "heading": 1, "travel": 3, "load": 0},
-        {"cell": plan.cell(4, 0), "heading": 1, "travel": 0},
+        floor_plan,
+        {"cell": floor_plan.cell(2, 3), "heading": 1, "travel": 3, "load": 0},
+        {"cell": floor_plan.cell(4, 0), "heading": 1, "travel": 0},
         headings=2,
     )
 
 
 def composed(scene: Scene, zoom: str, rows: int = 0, columns: int = 0) -> tuple[Codes, Camera]:
-    camera = camera_at(scene.floor.plan, zoom, rows, columns)
+    camera = camera_at(scene.floor.floor_plan, zoom, rows, columns)
     return compose(scene, camera, UNICODE), camera
 
 

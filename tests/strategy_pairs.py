@@ -36,13 +36,13 @@ from automaton.headless import run_to_end
 from automaton.metrics import illegal_by_layer
 from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import Resolved, resolve
-from automaton.scenario.schema import LAYERS
+from automaton.scenario.schema import LAYER_NAMES
 from automaton.simulation import Simulation
 from automaton.standstill import stuck, trouble
 from automaton.strategy.lookup import names
-from automaton.world.condition import EMPTY
-from automaton.world.state import DELIVERED
-from automaton.world.waiting import DEADLOCK_TICKS
+from automaton.world.observation import DEADLOCK_TICKS
+from automaton.world.robot_status import STATUS_DEPLETED
+from automaton.world.state import ORDER_DELIVERED
 
 TICKS = 8000
 MORE = 4 * DEADLOCK_TICKS  # ticks between two looks for a first delivery
@@ -89,8 +89,8 @@ class Verdict(NamedTuple):
 
 def own_strategies(scenario: str) -> tuple[tuple[str, str], ...]:
     """The strategies that a scenario picks."""
-    picks = resolve(scenario).picks
-    return tuple((layer, picks[layer].name) for layer in LAYERS)
+    strategies = resolve(scenario).strategies
+    return tuple((layer, strategies[layer].name) for layer in LAYER_NAMES)
 
 
 OWN = {scenario: own_strategies(scenario) for scenario in shipped()}
@@ -109,7 +109,7 @@ def covering(scenario: str) -> Iterator[Trial]:
     own = Trial(scenario, OWN[scenario])
     left = {
         pair
-        for one, other in combinations(LAYERS, 2)
+        for one, other in combinations(LAYER_NAMES, 2)
         for pair in product(*([(layer, name) for name in names(layer)] for layer in (one, other)))
     }
     for pair in sorted(left):
@@ -117,7 +117,7 @@ def covering(scenario: str) -> Iterator[Trial]:
             continue
         trial = own.with_one(*pair[0]).with_one(*pair[1])
         if not isinstance(resolved(trial), Verdict):
-            for layer in LAYERS:
+            for layer in LAYER_NAMES:
                 if layer not in dict(pair):
                     trial = with_most_new(trial, layer, left)
         left -= trial.pairs if not isinstance(resolved(trial), Verdict) else {pair}
@@ -136,7 +136,7 @@ def with_most_new(trial: Trial, layer: str, left: set[Pair]) -> Trial:
 def sample(seed: int = 1) -> list[Trial]:
     """A few dozen trials that are not refused: each strategy and each scenario occurs."""
     random, found = Random(seed), []
-    wanted = [(layer, name) for layer in LAYERS for name in names(layer)]
+    wanted = [(layer, name) for layer in LAYER_NAMES for name in names(layer)]
     scenarios = sorted(OWN)
     random.shuffle(scenarios)
     for number, strategy in enumerate(wanted):
@@ -151,7 +151,7 @@ def drawn(random: Random, scenarios: list[str], *wanted: tuple[str, str]) -> Tri
     for scenario in scenarios:
         for _ in range(10):
             trial = Trial(scenario, OWN[scenario])
-            for layer in random.sample(LAYERS, 2):
+            for layer in random.sample(LAYER_NAMES, 2):
                 trial = trial.with_one(layer, random.choice(names(layer)))
             for layer, name in wanted:
                 trial = trial.with_one(layer, name)
@@ -180,7 +180,7 @@ def verdict(trial: Trial, ticks: int = TICKS) -> Verdict:
 
 def is_over(simulation: Simulation) -> bool:
     """Whether something was delivered, or never will be."""
-    if (simulation.world.orders.state == DELIVERED).any() or simulation.finished:
+    if (simulation.world.orders.state == ORDER_DELIVERED).any() or simulation.finished:
         return True
     return simulation.tick >= simulation.resolved.scenario.stop.at_most
 
@@ -190,11 +190,11 @@ def judged(simulation: Simulation, still: np.ndarray) -> Verdict:
     illegal = {layer: many for layer, many in illegal_by_layer(simulation).items() if many}
     if illegal:
         return Verdict("ILLEGAL", str(illegal))
-    delivered = int((simulation.world.orders.state == DELIVERED).sum())
+    delivered = int((simulation.world.orders.state == ORDER_DELIVERED).sum())
     if delivered:
         return Verdict("delivered", f"{delivered:,} by tick {simulation.tick:,}")
     told = trouble(simulation, still)
-    if (simulation.world.robots.status >= EMPTY).all():
+    if (simulation.world.robots.status >= STATUS_DEPLETED).all():
         return Verdict("empty", told)
     jammed = keepers(simulation.world, stuck(simulation, still))
     return Verdict("jammed" if jammed else "SILENT", told)

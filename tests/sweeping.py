@@ -17,7 +17,7 @@ from hearing import hearing
 
 from automaton.experiments import Study, sweep
 from automaton.strategy.layer import Strategy
-from automaton.world.state import PARK
+from automaton.world.state import CMD_PARK
 
 TESTS = Path(__file__).parent
 TIMES = ("wall_s", "cpu_s")
@@ -164,10 +164,10 @@ class DiesOnce(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if mark("died once"):
             os.kill(os.getpid(), signal.SIGKILL)
-        answers.allocation.verb[: asked.count[0]] = PARK
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 
 class DiesUntilMended(Strategy):
@@ -175,10 +175,10 @@ class DiesUntilMended(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2 and not (Path(os.environ[TROUBLE]) / "mended").exists():
             os.kill(os.getpid(), signal.SIGKILL)
-        answers.allocation.verb[: asked.count[0]] = PARK
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 
 class Raises(Strategy):
@@ -186,55 +186,55 @@ class Raises(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             raise ValueError("two are too many")
-        answers.allocation.verb[: asked.count[0]] = PARK
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 
 class NeverAnswers(Raises):
     """Allocation: goes on for ever whenever two robots run."""
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         while len(view.robots.cell) == 2:
             pass
-        answers.allocation.verb[: asked.count[0]] = PARK
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 
 
 class Quits(Raises):
     """Allocation: leaves Python whenever two robots run."""
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             sys.exit(0)
-        super().decide(view, asked, answers, memory, space)
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 class Interrupts(Raises):
     """Allocation: raises by itself what Ctrl-C raises whenever two robots run."""
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             raise KeyboardInterrupt
-        super().decide(view, asked, answers, memory, space)
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 class IsInterrupted(Raises):
     """Allocation: decides while somebody presses Ctrl-C whenever two robots run."""
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             signal.raise_signal(signal.SIGINT)
-        super().decide(view, asked, answers, memory, space)
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 class SaysSomethingOdd(Raises):
     """Allocation: raises with a name of a file that is no UTF-8, whenever two robots run."""
 
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             raise ValueError(os.fsdecode(b"no caf\xe9.csv"))
-        super().decide(view, asked, answers, memory, space)
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 class NeedsAllMemory(Raises):

@@ -36,7 +36,7 @@ def place_of(user: Watched, cell: int) -> tuple[int, int]:
 @pytest.mark.parametrize("size", [NARROW, MIDDLE])
 def test_what_is_chosen_in_a_list_is_seen_on_the_map(size: tuple[int, int]) -> None:
     async def tell(user: Watched) -> None:
-        cell = user.app.pictures.camera.plan.cell(1, 4)
+        cell = user.app.pictures.camera.floor_plan.cell(1, 4)
         for message in (RobotChosen(2), CellChosen(cell), TickChosen(60)):
             user.app.show_panels("full")
             await user.until(lambda: covered(user))
@@ -80,8 +80,8 @@ def test_the_next_robot_is_looked_at_without_leaving_the_inspector() -> None:
 
 def test_inspect_tells_of_what_the_mouse_has_moved_to_and_else_of_what_is_selected() -> None:
     async def tell(user: Watched) -> None:
-        plan = user.app.pictures.camera.plan
-        one, other = plan.cell(1, 4), plan.cell(2, 4)
+        floor_plan = user.app.pictures.camera.floor_plan
+        one, other = floor_plan.cell(1, 4), floor_plan.cell(2, 4)
         user.app.choose(1)
         await user.pilot.hover("#map-0", offset=place_of(user, one))
         await user.until(lambda: user.app.hovered == one)

@@ -42,7 +42,7 @@ def test_a_click_selects_the_robot_or_the_cell_there_and_beside_the_floor_nothin
         await user.pilot.click("#map-0", offset=place_of(user, 2))
         assert user.app.choice.robot == 2
         camera = user.app.pictures.camera
-        cell = camera.plan.cell(1, 4)
+        cell = camera.floor_plan.cell(1, 4)
         row, column = camera.place_of(cell)
         await user.pilot.click("#map-0", offset=(column, row))
         assert (user.app.choice.robot, user.app.choice.cell) == (NIL, cell)
@@ -68,7 +68,7 @@ def test_the_wheel_zooms_at_the_pointer_and_pans_with_shift() -> None:
         camera = user.app.pictures.camera
         camera.resize(5, 20)
         camera.zoom = camera.ladder[2]
-        camera.centre_on(camera.plan.cell(6, 3))
+        camera.centre_on(camera.floor_plan.cell(6, 3))
         before = camera.cell_at(2, 5)
         view = user.app.maps[0]
         wheel = MapView.Wheeled.__new__(MapView.Wheeled)

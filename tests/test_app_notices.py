@@ -165,7 +165,7 @@ def test_what_failed_stays_in_the_line_whatever_is_selected() -> None:
     async def tell(user: Watched) -> None:
         user.app.go_to_tick(400)
         await user.until(lambda: "own mistake" in said(user.app.info))
-        user.app.choose(cell=user.app.pictures.camera.plan.cell(1, 4))
+        user.app.choose(cell=user.app.pictures.camera.floor_plan.cell(1, 4))
         await user.shown()
         assert "own mistake" in said(user.app.info)
         for _ in range(3):

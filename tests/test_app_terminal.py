@@ -216,9 +216,9 @@ def intended(rows: int, columns: int, tick: int, glyphs: GlyphSet, steps: str = 
     """The map as it ought to be, from a simulation of our own; `steps` are keys of the camera."""
     resolved = resolve("tabletop-mini")
     simulation = Simulation(resolved, on_observe=lambda run: None)
-    simulation.watch.count[:2] = 0
+    simulation.observation.count[:2] = 0
     simulation.run(until=tick)
-    camera = Camera(resolved.plan, rows, columns, resolved.scenario.fleet.robots)
+    camera = Camera(resolved.floor_plan, rows, columns, resolved.scenario.fleet.robots)
     for step in steps:
         {
             "+": camera.zoom_in,

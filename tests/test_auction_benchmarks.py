@@ -106,8 +106,8 @@ METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
 
 
 def optimum(market: Market, items: Array, tasks: int, epsilon: int) -> int:
-    space = bundles_for(len(market[2].place), tasks)
-    return int(exact.exact(*market, space, items, tasks, epsilon))
+    workspace = bundles_for(len(market[2].place), tasks)
+    return int(exact.exact(*market, workspace, items, tasks, epsilon))
 
 
 @pytest.mark.parametrize("epsilon", [0, 500, 1000])
@@ -231,9 +231,9 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
             [INF if rng.random() < 0.2 else rng.randrange(40) for _ in range(columns)]
             for _ in range(rows)
         ]
-        space = assignment_for(columns)
-        space.cost[:rows, :columns] = table
-        assignment.linear_sum_assignment(space.cost, rows, columns, space)
+        workspace = assignment_for(columns)
+        workspace.cost[:rows, :columns] = table
+        assignment.linear_sum_assignment(workspace.cost, rows, columns, workspace)
         ways = [
             [table[i][j] for i, j in enumerate(way)]
             for way in itertools.permutations(range(columns), rows)
@@ -244,7 +244,7 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
             for way in ways
             if sum(cost < INF for cost in way) == most
         )
-        chosen = {int(i): j for j, i in enumerate(space.row_of[:columns]) if i != NIL}
+        chosen = {int(i): j for j, i in enumerate(workspace.row_of[:columns]) if i != NIL}
         assert len(chosen) == most
         assert sum(table[i][j] for i, j in chosen.items()) == least
 
@@ -255,8 +255,8 @@ def test_one_shot_gives_each_robot_one_task_at_most(robots: int, tasks: int) -> 
         *market, items = random_auction(random.Random(seed), robots, tasks)
         market[2].heard[:] = 1
         before = market[2].length.copy()
-        space = assignment_for(max(robots, tasks))
-        given = assignment.assign_once(*market, space, items, tasks, MIX, 0)
+        workspace = assignment_for(max(robots, tasks))
+        given = assignment.assign_once(*market, workspace, items, tasks, MIX, 0)
         assert given == min(robots, tasks)
         added = market[2].length - before
         assert added.max() == 1

@@ -17,7 +17,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import ALLOCATION, DELIVERED, NIL, TICK
+from automaton.world.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from strategies.allocation.auction import ROLE, ROUND
 
 EIGHT = "orders={generator: stations, count: 8}"
@@ -36,7 +36,7 @@ def lists(run: Simulation) -> list[list[int]]:
     robots = run.world.robots
     return [
         [int(robots.order[i])] * int(robots.order[i] != NIL)
-        + robots.plan[i, : robots.planned[i]].tolist()
+        + robots.order_queue[i, : robots.order_queue_length[i]].tolist()
         for i in robots.at_index
     ]
 
@@ -50,7 +50,7 @@ def sold_at_once(options: str, *settings: str, seed: int = 1) -> Simulation:
 
 def value(run: Simulation) -> int:
     """What the last auction made of the lists: the objective for epsilon = 0.5."""
-    return int(objective(run._strategies[ALLOCATION]._site.fleet, 500))  # type: ignore[union-attr]
+    return int(objective(run._strategies[LAYER_ALLOCATION]._site.fleet, 500))  # type: ignore[union-attr]
 
 
 # Kinds of auctions, and what they count.
@@ -154,7 +154,7 @@ def test_no_list_is_longer_than_the_limit(limit: int) -> None:
     longest = 0
     while run.tick < 1500:
         run.run(until=run.tick + 1)
-        longest = max(longest, int(run.world.robots.planned.max()))
+        longest = max(longest, int(run.world.robots.order_queue_length.max()))
     assert longest == limit
 
 
@@ -180,10 +180,10 @@ def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
     assert same_run("epsilon: {from: 0, to: 1, until: 1}", "epsilon: 1", FIFTY)
     assert same_run("epsilon: {from: 0.3, to: 0.3, until: 700}", "epsilon: 0.3", FIFTY)
     run = auction("epsilon: {from: 0.2, to: 0.6, until: 1000}", FIFTY)
-    strategy: Any = run._strategies[ALLOCATION]
+    strategy: Any = run._strategies[LAYER_ALLOCATION]
     found = []
     for tick in (0, 500, 1000, 9000):
-        run.world.clock[TICK] = tick
+        run.world.clock[CLOCK_TICK] = tick
         found.append(strategy._epsilon(run.view, 1))
     assert found == [200, 400, 600, 600]
 
@@ -207,7 +207,7 @@ def test_whoever_the_auctioneer_is_the_result_is_the_same_if_all_hear_it() -> No
 
 def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() -> None:
     run = auction("auctioneer: token", FIFTY)
-    shared = run.memories[ALLOCATION].shared
+    shared = run.memories[LAYER_ALLOCATION].shared
     held = set()
     for until in range(1, 900, 10):
         run.run(until=until)
@@ -215,7 +215,7 @@ def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() ->
         held.add(int(shared[ROLE]))
     assert held == {0, 1, 2, 3}
     run = auction("auctioneer: time, term: 250", FIFTY)
-    shared = run.memories[ALLOCATION].shared
+    shared = run.memories[LAYER_ALLOCATION].shared
     for tick in range(1, 1200):
         rounds = int(shared[ROUND])
         run.run(until=tick)
@@ -251,7 +251,7 @@ def test_a_region_is_doubled_until_somebody_bids(column: int, rounds: int) -> No
     """Radius 1, 2, 4, 8: each round is an auction; only those who hear cost messages."""
     run = road({"region": "order", "radius": 1}, column)
     assert run.counted == {"auctions": rounds, "bids": 1, "messages": 3}
-    assert run.world.orders.by[0] == 0
+    assert run.world.orders.reserved_by[0] == 0
 
 
 def test_a_region_leaves_out_robots_that_are_far_away() -> None:
@@ -265,7 +265,7 @@ def test_around_an_auctioneer_those_hear_it_who_are_near_to_it() -> None:
     """The second of two robots has the token first: around it there is nobody else."""
     run = road({"auctioneer": "token", "radius": 2}, 2, 9)
     assert run.counted == {"auctions": 1, "bids": 1, "messages": 3}
-    assert run.world.orders.by[0] == 1, "though the other one is nearer"
+    assert run.world.orders.reserved_by[0] == 1, "though the other one is nearer"
 
 
 # Late robots.
@@ -316,8 +316,8 @@ def test_an_order_that_nobody_can_do_does_not_keep_the_others_from_being_done(ki
     run = auction(f"auction: {kind}", *IMPOSSIBLE)
     run.run()
     state = run.world.orders.state
-    assert (state[1:] == DELIVERED).all() and state[0] != DELIVERED
-    assert (run.world.tally.out == 0).all()
+    assert (state[1:] == ORDER_DELIVERED).all() and state[0] != ORDER_DELIVERED
+    assert (run.world.tally.failures == 0).all()
 
 
 def first_genes(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:

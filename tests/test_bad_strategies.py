@@ -28,22 +28,22 @@ from strategies.allocation.independent import Independent
 class Silent(Strategy):
     layer = "allocation"
 
-    def decied(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decied(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         """Misspelt."""
 
 
 class Tampers(Strategy):
     layer = "allocation"
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-        asked.robot[0] = 500_000_000
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        batch.robot[0] = 500_000_000
 
 
 class Faraway(Strategy):
     layer = "allocation"
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-        paths.distance(view, space, 0, 2_000_000_000)
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        paths.distance(view, workspace, 0, 2_000_000_000)
 
 
 class Base(Strategy):
@@ -53,48 +53,52 @@ class Base(Strategy):
     def reset(self, view: Any) -> Any:
         return self.memory
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         pass
 
 
 class OneRow(Base):
     def reset(self, view: Any) -> Any:
-        good = memory_of(view, own=1)
-        return Memory(own=good.own[:1].copy(), shared=good.shared, parameters=good.parameters)
+        good = memory_of(view, per_robot=1)
+        return Memory(
+            per_robot=good.per_robot[:1].copy(), shared=good.shared, parameters=good.parameters
+        )
 
 
 class Floats(Base):
     def reset(self, view: Any) -> Any:
         good = memory_of(view)
-        return Memory(own=good.own, shared=np.zeros(3, np.float32), parameters=good.parameters)
+        return Memory(
+            per_robot=good.per_robot, shared=np.zeros(3, np.float32), parameters=good.parameters
+        )
 
 
 class CountsNothing(Base):
     counters: ClassVar = {"asked": 1}
 
     def reset(self, view: Any) -> Any:
-        return memory_of(view, own=1)
+        return memory_of(view, per_robot=1)
 
 
 class CountsMoves(Base):
     counters: ClassVar = {"moves": 0}
 
     def reset(self, view: Any) -> Any:
-        return memory_of(view, own=1)
+        return memory_of(view, per_robot=1)
 
 
 class NoWait(Strategy):
     layer = "right_of_way"
 
-    def waits(self) -> Any:
+    def wait_ranges(self) -> Any:
         return (0, 0, 0, 0, 1)
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         pass
 
 
 class Often(Base):
-    every = -3
+    period = -3
 
     def reset(self, view: Any) -> Any:
         return memory_of(view)
@@ -103,7 +107,7 @@ class Often(Base):
 class Mine(Independent):
     """A Python decide in a subclass of a compiled strategy takes its place."""
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         raise ArithmeticError("mine was asked")
 
 
@@ -118,12 +122,12 @@ def run(name: str, layer: str = "allocation", scenario: str = "tabletop-mini") -
     [
         ("Silent", "allocation", r"Silent: it has no method decide \(did you mean 'decied'"),
         ("Base", "allocation", "reset\\(\\) must return memory_of"),
-        ("OneRow", "allocation", "memory.own as int64 of shape"),
+        ("OneRow", "allocation", "memory.per_robot as int64 of shape"),
         ("Floats", "allocation", "memory.shared as int64 of shape"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
-        ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.own"),
+        ("CountsNothing", "allocation", "counter 'asked' must name a column of memory.per_robot"),
         ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
-        ("Often", "allocation", "every must be a number of ticks"),
+        ("Often", "allocation", "period must be a number of ticks"),
     ],
 )
 def test_what_does_not_fit_the_contract_is_refused(name: str, layer: str, sentence: str) -> None:
@@ -146,54 +150,54 @@ def test_a_decide_written_below_a_compiled_one_counts() -> None:
         run("Mine")
 
 
-def opens_flags(view: Any, answers: Any, memory: Any, space: Any) -> None:
+def opens_flags(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
     view.robots.cell.flags.writeable = True
 
 
-def opens_base(view: Any, answers: Any, memory: Any, space: Any) -> None:
+def opens_base(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
     array = view.robots.cell
     while isinstance(array.base, np.ndarray):
         array = array.base
     array.flags.writeable = True
 
 
-def opens_buffer(view: Any, answers: Any, memory: Any, space: Any) -> None:
+def opens_buffer(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
     memoryview(view.orders.state).cast("B")[0] = 2
 
 
-def rewires_table(view: Any, answers: Any, memory: Any, space: Any) -> None:
+def rewires_table(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
     view.robots._table[0, 0] = 0
 
 
-def writes_space(view: Any, answers: Any, memory: Any, space: Any) -> None:
-    space.field_of[:] = 10**9
+def writes_space(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    workspace.field_of[:] = 10**9
 
 
-def replaces_answers(view: Any, answers: Any, memory: Any, space: Any) -> None:
-    answers.allocation = None
+def replaces_answers(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    decisions.allocation = None
 
 
-def replaces_array(view: Any, answers: Any, memory: Any, space: Any) -> None:
-    answers.allocation.verb = np.zeros(1)
+def replaces_array(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    decisions.allocation.command = np.zeros(1)
 
 
-def frees_array(view: Any, answers: Any, memory: Any, space: Any) -> None:
-    answers.allocation.verb.resize(10**6, refcheck=False)
+def frees_array(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    decisions.allocation.command.resize(10**6, refcheck=False)
 
 
-def frees_memory(view: Any, answers: Any, memory: Any, space: Any) -> None:
-    memory.own.resize(10**6, refcheck=False)
+def frees_memory(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+    memory.per_robot.resize(10**6, refcheck=False)
 
 
 class Does(Strategy):
     """Allocation that does what TRICK says, in the third tick."""
 
     layer = "allocation"
-    every = 1
+    period = 1
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         if view.clock[0] == 3:
-            TRICK[0](view, answers, memory, space)
+            TRICK[0](view, decisions, memory, workspace)
 
 
 class StandsStill(Strategy):
@@ -201,7 +205,7 @@ class StandsStill(Strategy):
 
     layer = "routing"
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         pass
 
 
@@ -224,8 +228,8 @@ def does(trick: Callable[..., None]) -> Simulation:
         (opens_buffer, TypeError, "read-only"),
         (rewires_table, ValueError, "read-only"),
         (writes_space, ValueError, "read-only"),
-        (replaces_answers, AttributeError, "Answers.allocation cannot be replaced"),
-        (replaces_array, AttributeError, "AllocationAnswers.verb cannot be replaced"),
+        (replaces_answers, AttributeError, "Decisions.allocation cannot be replaced"),
+        (replaces_array, AttributeError, "AllocationDecisions.command cannot be replaced"),
         (frees_array, ValueError, "does not own its data"),
         (frees_memory, ValueError, "does not own its data"),
     ],
@@ -238,7 +242,7 @@ def test_what_is_lent_to_a_strategy_cannot_be_opened_or_freed(
 
 
 def test_who_writes_to_bare_addresses_is_named() -> None:
-    def moves_everybody(view: Any, answers: Any, memory: Any, space: Any) -> None:
+    def moves_everybody(view: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         cells = view.robots.cell
         ctypes.memset(cells.ctypes.data, 1, cells.nbytes)
 
@@ -251,10 +255,10 @@ class WritesLater(Strategy):
     """Allocation that moves everybody by bare addresses, but not in its first decisions."""
 
     layer = "allocation"
-    every = 1
+    period = 1
     decisions = 0
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         self.decisions += 1
         if self.decisions > ALWAYS_CHECKED + 1:
             priority = view.robots.priority
@@ -264,8 +268,8 @@ class WritesLater(Strategy):
 def test_who_writes_to_bare_addresses_later_is_named_soon() -> None:
     strategy = WritesLater()
     resolved = resolve("tabletop-mini")
-    picks = {layer: resolved.picks[layer] for layer in ("routing", "right_of_way")}
-    others = [lookup.load(layer, pick.name)(pick.parameters) for layer, pick in picks.items()]
+    picks = {layer: resolved.strategies[layer] for layer in ("routing", "right_of_way")}
+    others = [lookup.load(layer, choice.name)(choice.parameters) for layer, choice in picks.items()]
     run = Simulation(resolved, strategies=[None, None, strategy, *others])
     with pytest.raises(PermissionError, match=r"it has written to robots\.priority of the world"):
         run.run()
@@ -281,7 +285,7 @@ class Open:
 
 
 def opens_ways(view: Any, *_: Any) -> None:
-    np.asarray(Open(view.grid.ways))[...] = 15
+    np.asarray(Open(view.grid.type_cell_flags))[...] = 15
 
 
 def opens_durations(view: Any, *_: Any) -> None:
@@ -289,7 +293,7 @@ def opens_durations(view: Any, *_: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("trick", "name"), [(opens_ways, "grid.ways"), (opens_durations, "rules.duration")]
+    ("trick", "name"), [(opens_ways, "grid.type_cell_flags"), (opens_durations, "rules.duration")]
 )
 def test_who_writes_to_constants_by_address_is_named_and_spoils_no_other_run(
     trick: Callable[..., None], name: str
@@ -310,7 +314,9 @@ class WritesInReset(Base):
 
 
 def test_who_writes_to_constants_in_reset_is_named() -> None:
-    with pytest.raises(InputError, match=r"strategy '.*:WritesInReset' has written to grid\.ways"):
+    with pytest.raises(
+        InputError, match=r"strategy '.*:WritesInReset' has written to grid\.type_cell_flags"
+    ):
         run_once(resolve("tabletop-mini", [f"strategy.allocation={__name__}:WritesInReset"]))
 
 
@@ -332,7 +338,7 @@ def test_who_writes_to_the_clock_is_named() -> None:
 
 def test_names_that_a_strategy_takes_away_are_its_own_loss() -> None:
     """The engine has its own: a strategy may empty the object that it got."""
-    simulation = does(lambda view, answers, memory, space: answers.__dict__.clear())
+    simulation = does(lambda view, decisions, memory, workspace: decisions.__dict__.clear())
     assert simulation.tick == 5
 
 
@@ -393,8 +399,8 @@ from automaton.strategy.layer import Strategy
 
 class Waits(Strategy):
     layer = "allocation"
-    every = 1
-    def decide(self, view, asked, answers, memory, space):
+    period = 1
+    def decide(self, view, batch, decisions, memory, workspace):
         pass
 
 class WhileMade(Waits):
@@ -407,18 +413,18 @@ class InReset(Waits):
         time.sleep(1000)
 
 class InDecide(Waits):
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         time.sleep(1000)
 
 class CatchesOnce(Waits):
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         try:
             time.sleep(1000)
         except BaseException:
             time.sleep(1000)
 
 class Locked(Waits):
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         import threading
         lock = threading.Lock()
         with lock, lock:

@@ -31,11 +31,11 @@ from automaton.commands import main
 from automaton.commands.bench import chosen, measurements
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.world.cells import UNLIMITED
-from automaton.world.state import ALLOCATION, NIL, ZONING, World
+from automaton.world.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
 
 CROWDED = Case(200, 20)
 SPARSE = Case(200, 100)
-EXITS = np.uint8(15)  # bits of grid.rule that no wall has
+EXITS = np.uint8(15)  # bits of grid.cell_flags that no wall has
 
 
 def holders(world: World, cells: Any) -> Any:
@@ -97,14 +97,16 @@ def test_random_walkers_never_share_a_cell_and_none_is_lost(case: Case) -> None:
     for first in range(0, 300, 20):
         random_walk(world, first, first + 20)
         assert len(np.unique(world.robots.cell)) == case.robots
-        assert np.all(world.grid.rule[world.robots.cell] & EXITS), "a robot has left the floor"
+        assert np.all(world.grid.cell_flags[world.robots.cell] & EXITS), (
+            "a robot has left the floor"
+        )
     assert np.count_nonzero(world.robots.cell != start) > 0.8 * case.robots
 
 
 @pytest.mark.parametrize("walk", [random_walk, random_walk_in_spans])
 def test_random_walkers_keep_to_the_capacities_of_a_mixed_floor(walk: Any) -> None:
     world = walking_fleet(Case(300, 20, mixed=True))
-    capacity = (world.grid.rule >> np.uint8(5)) & 3
+    capacity = (world.grid.cell_flags >> np.uint8(5)) & 3
     most = np.where(capacity == UNLIMITED, 300, capacity)
     entering = shared = 0
     for tick in range(300):
@@ -146,21 +148,21 @@ def test_the_sizes_quoted_are_the_sizes_measured() -> None:
     ]
     world = walking_fleet(SPARSE)
     assert len(world.robots.cell) == SPARSE.robots
-    assert np.count_nonzero(world.grid.rule & EXITS) == SPARSE.side**2
+    assert np.count_nonzero(world.grid.cell_flags & EXITS) == SPARSE.side**2
 
 
 def test_routes_are_driven_in_every_tick_and_nobody_is_asked() -> None:
     robots, side = 60, 10
     simulation = routes.circling_fleet(robots, side)
     start = simulation.world.robots.cell.copy()
-    asked = simulation.world.tally.asked.copy()
-    assert asked[ALLOCATION] == 1
+    batches = simulation.world.tally.batches.copy()
+    assert batches[LAYER_ALLOCATION] == 1
     for _ in range(3):
         assert routes.cpu_seconds_of_driving(simulation, 2 * side) > 0
         assert np.array_equal(simulation.world.robots.cell, start), "a round ends where it began"
     assert routes.cpu_seconds_of_driving(simulation, 1) >= 0
     assert np.all(simulation.world.robots.cell != start)
-    assert np.array_equal(simulation.world.tally.asked, asked)
+    assert np.array_equal(simulation.world.tally.batches, batches)
     assert len(np.unique(simulation.world.robots.cell)) == robots
 
 
@@ -168,8 +170,8 @@ def test_observing_is_measured_on_a_fleet_that_is_observed_and_one_that_is_not()
     alone, observed = (observing.fleet(60, 20, watched) for watched in (False, True))
     for simulation in (alone, observed):
         assert observing.seconds_of_driving(simulation, 40, seed=1) > 0
-    assert observed.watch.lost.sum() > 60 and observed.watch.flow.sum() > 100
-    assert not alone.watch.lost.any() and alone.digest == observed.digest
+    assert observed.observation.lost.sum() > 60 and observed.observation.flow.sum() > 100
+    assert not alone.observation.lost.any() and alone.digest == observed.digest
 
 
 def test_a_robot_in_the_way_of_the_routes_is_noticed() -> None:
@@ -182,11 +184,11 @@ def test_a_robot_in_the_way_of_the_routes_is_noticed() -> None:
 @pytest.mark.parametrize("strategy", [layers.COMPILED, layers.IN_PYTHON])
 def test_the_layer_is_asked_every_tick_and_moves_nobody(strategy: str) -> None:
     simulation = loop.idle_fleet(strategy)
-    before = simulation.world.tally.asked.copy()
+    before = simulation.world.tally.batches.copy()
     loop.seconds_of(simulation, 50)
-    after = simulation.world.tally.asked
-    assert after[ZONING] - before[ZONING] == 50
-    assert np.array_equal(np.delete(after, ZONING), np.delete(before, ZONING))
+    after = simulation.world.tally.batches
+    assert after[LAYER_ZONING] - before[LAYER_ZONING] == 50
+    assert np.array_equal(np.delete(after, LAYER_ZONING), np.delete(before, LAYER_ZONING))
     assert simulation.world.robots.parked.all()
     assert not simulation.finished
 
@@ -214,7 +216,7 @@ def test_every_sampler_returns_a_figure() -> None:
 def test_a_scene_has_no_orders_and_never_ends() -> None:
     resolved = scene(open_floor(8, 6), 5)
     assert resolved.scenario.stop.when == "never"
-    assert resolved.plan.slots().size == 0
+    assert resolved.floor_plan.slots().size == 0
 
 
 def test_bench_prints_json(capsys: pytest.CaptureFixture[str]) -> None:

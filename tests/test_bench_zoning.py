@@ -17,17 +17,17 @@ from automaton.zoning.roads import roads_of
 def test_a_lattice_has_its_stations_on_aisles_that_hang_together(stations: int) -> None:
     picture = zoning.lattice(stations)
     assert picture.count("t") == stations and zoning.lattice(stations) == picture
-    plan = draw_floor(picture)
-    between = roads_of(plan, plan.stations()).between
+    floor_plan = draw_floor(picture)
+    between = roads_of(floor_plan, floor_plan.stations()).between
     assert between.shape == (stations, stations) and between.max() < 1000
 
 
 @pytest.mark.parametrize(("stations", "zones"), [(18, 3), (50, 3), (50, 10)])
 def test_a_repair_gives_every_station_of_a_lattice_a_zone(stations: int, zones: int) -> None:
-    plan = draw_floor(zoning.lattice(stations))
+    floor_plan = draw_floor(zoning.lattice(stations))
     rng = np.random.default_rng(4)
     flow = rng.integers(0, 2, (stations, stations)).astype(float)
-    one = zoning.task(roads_of(plan, plan.stations()), flow, zones)
+    one = zoning.task(roads_of(floor_plan, floor_plan.stations()), flow, zones)
     assert zoning.anneal(one, 1) == 1
     assert set(one.design.zone.tolist()) == set(range(zones))
 

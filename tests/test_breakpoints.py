@@ -13,17 +13,17 @@ from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.resolve import resolve
-from automaton.world.state import ACTION_NAMES, NIL
-from automaton.world.waiting import (
+from automaton.world.observation import (
+    CAUSE_NO_ORDER,
+    CAUSE_NOT_WAITING,
+    CAUSE_REDUCED_SPEED,
     CAUSES,
-    CYCLE,
-    DEADLOCK,
     DEADLOCK_TICKS,
-    DELIVERED_AT,
-    DRIVING_SLOWLY,
-    NO_ORDER,
-    NOT_WAITING,
+    EVENT_DEADLOCK,
+    EVENT_DELIVERED,
+    EVENT_WAIT_CYCLE,
 )
+from automaton.world.state import ACTION_NAMES, NIL
 
 ENERGY = ("battery", "charging", "in_line", "empty", "broken", "towed", "ahead")
 
@@ -36,7 +36,7 @@ def run() -> LiveRun:
 
 
 def holding(run: LiveRun, text: str) -> list[int]:
-    return sorted(breakpoint_of(text).test(run.shown, run.plan).tolist())
+    return sorted(breakpoint_of(text).test(run.shown, run.floor_plan).tolist())
 
 
 @pytest.fixture(scope="module")
@@ -57,25 +57,27 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
     """The value of a field, read off a snapshot."""
     fleet = snapshot.robots
     cell = fleet.bay[robot] if fleet.cell[robot] == NIL else fleet.cell[robot]
-    waits = fleet.cause[robot] not in (NOT_WAITING, NO_ORDER)
+    waits = fleet.cause[robot] not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER)
     values = {
         "battery": fleet.charge[robot] / 10_000,
-        "charging": int(ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.level[robot] > 0),
+        "charging": int(
+            ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.charge_target[robot] > 0
+        ),
         "in_line": int(
             fleet.ticket[robot] != 0
-            and fleet.stand[robot] not in (fleet.cell[robot], fleet.claim[robot])
+            and fleet.goal_cell[robot] not in (fleet.cell[robot], fleet.claim[robot])
         ),
         "empty": int(CAUSES[fleet.cause[robot]].name == "empty battery"),
         "broken": int(CAUSES[fleet.cause[robot]].name == "broken down"),
         "towed": int(fleet.status[robot] in (5, 6)),
-        "ahead": int(fleet.planned[robot]),
-        "zone": int(fleet.zone[robot]) + 1,  # 0: none
+        "ahead": int(fleet.order_queue_length[robot]),
+        "zone": int(fleet.service_zone[robot]) + 1,  # 0: none
         "robot": robot,
-        "x": run.plan.xy(int(cell))[0],
-        "y": run.plan.xy(int(cell))[1],
+        "x": run.floor_plan.xy(int(cell))[0],
+        "y": run.floor_plan.xy(int(cell))[1],
         "loaded": int(fleet.load[robot] != NIL),
         "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
-        "slowed": int(fleet.lost[robot, DRIVING_SLOWLY]),
+        "slowed": int(fleet.lost[robot, CAUSE_REDUCED_SPEED]),
         "steps": int(fleet.route_length[robot]),
     }
     return values[field] if field in values else int(getattr(fleet, field)[robot])
@@ -92,7 +94,7 @@ def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
             seen.add(value)
             same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
             assert holding(run, f"{field} == {value}") == same
-            assert robots_where(f"{field} == {value}", snapshot, run.plan).tolist() == same
+            assert robots_where(f"{field} == {value}", snapshot, run.floor_plan).tolist() == same
     never = ("zone", "parked", "priority", "slowed", *ENERGY)
     assert len(seen) > 1 or field in never
 
@@ -108,7 +110,7 @@ def test_batteries_and_faults_are_asked_for(field: str, living: LiveRun) -> None
             seen.add(value)
             same = [robot for robot in range(4) if values[robot] == value]
             assert holding(living, f"{field} == {value}") == same
-            assert robots_where(f"{field} == {value}", snapshot, living.plan).tolist() == same
+            assert robots_where(f"{field} == {value}", snapshot, living.floor_plan).tolist() == same
     assert len(seen) > 1
 
 
@@ -119,7 +121,7 @@ def test_in_line_is_written_as_one_says_it(living: LiveRun) -> None:
     assert waiting
     for text in ("in line", "  in  line and battery < 50", "not (not in line or charging)"):
         assert holding(living, text) == waiting
-        assert robots_where(text, snapshot, living.plan).tolist() == waiting
+        assert robots_where(text, snapshot, living.floor_plan).tolist() == waiting
     assert holding(living, "in line and loaded and battery < 1") == []
     with pytest.raises(InputError, match="'in line' is no cause"):
         breakpoint_of("cause == 'in line'")
@@ -149,7 +151,7 @@ def test_conditions_are_read_as_in_python(text: str, plain, run: LiveRun) -> Non
         run.show(tick, 99)
         snapshot = take_snapshot(run.shown)
         mine = [r for r in range(5) if plain(reader(snapshot, run), r)]
-        assert holding(run, text) == mine == robots_where(text, snapshot, run.plan).tolist()
+        assert holding(run, text) == mine == robots_where(text, snapshot, run.floor_plan).tolist()
 
 
 @pytest.mark.parametrize(
@@ -190,20 +192,20 @@ def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
     for _ in range(DEADLOCK_TICKS + 5):
         floor.tick()
         for text, ticks in held.items():
-            if len(breakpoint_of(text).test(floor.run, floor.plan)):
+            if len(breakpoint_of(text).test(floor.run, floor.floor_plan)):
                 ticks.append(floor.run.tick)
-                assert breakpoint_of(text).test(floor.run, floor.plan).tolist() == [0, 1]
+                assert breakpoint_of(text).test(floor.run, floor.floor_plan).tolist() == [0, 1]
     mine = {
         name: [e.tick for e in floor.events() if e.code == code]
-        for name, code in (("circular wait", CYCLE), ("deadlock", DEADLOCK))
+        for name, code in (("circular wait", EVENT_WAIT_CYCLE), ("deadlock", EVENT_DEADLOCK))
     }
     assert held == mine == {"circular wait": [1], "deadlock": [DEADLOCK_TICKS]}
-    assert robots_where("deadlock", floor.snapshot(), floor.plan).tolist() == [0, 1]
+    assert robots_where("deadlock", floor.snapshot(), floor.floor_plan).tolist() == [0, 1]
 
 
 def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
     run.show(700, 99)
-    mine = [e for e in run.chronicle.events.tolist() if e[1] == DELIVERED_AT]
+    mine = [e for e in run.chronicle.events.tolist() if e[1] == EVENT_DELIVERED]
     assert len(mine) > 3
     for tick, _, robot, load, _ in mine:
         run.show(tick, 99)
@@ -217,5 +219,7 @@ def test_how_robots_are_stored_does_not_matter() -> None:
     found = set()
     for storage in ([0, 1, 2], [2, 0, 1]):
         floor = Staged("ABC", {"A": "E", "B": "E"}, storage=storage).tick()
-        found.add(tuple(np.sort(breakpoint_of("cause == 'queue'").test(floor.run, floor.plan))))
+        found.add(
+            tuple(np.sort(breakpoint_of("cause == 'queue'").test(floor.run, floor.floor_plan)))
+        )
     assert found == {(0,)}

@@ -43,11 +43,11 @@ def move(camera: Camera, draw: st.DrawFn) -> None:
 
 
 def cells(camera: Camera) -> list[int]:
-    return np.flatnonzero(camera.plan.kind.reshape(-1) != 0).tolist()
+    return np.flatnonzero(camera.floor_plan.kind.reshape(-1) != 0).tolist()
 
 
 def test_bays_in_the_border_column_are_shown_and_outer_walls_are_not():
-    assert shown_rectangle(resolve("tabletop-mini").plan) == Rectangle(1, 0, 8, 13)
+    assert shown_rectangle(resolve("tabletop-mini").floor_plan) == Rectangle(1, 0, 8, 13)
     walled = draw_floor("#####\n#...#\n#...#\n#####")
     assert shown_rectangle(walled) == Rectangle(2, 2, 4, 5)
 
@@ -71,7 +71,7 @@ def test_the_nearest_step_has_room_for_the_highest_number(robots: int, name: str
 def test_fit_takes_the_nearest_step_that_shows_everything_in_the_middle():
     camera = Camera(open_floor(20, 10), 24, 80)
     assert camera.zoom.name == "3x1"
-    assert camera.place_of(camera.plan.cell(0, 0)) == (7, 10)
+    assert camera.place_of(camera.floor_plan.cell(0, 0)) == (7, 10)
     camera.resize(24, 50)
     camera.fit()
     assert camera.zoom.name == "2x1"
@@ -88,7 +88,7 @@ def test_a_place_and_its_cell_are_inverse(camera: Camera):
             assert place is not None
             assert place[0] == row and 0 <= column - place[1] < camera.zoom.width
             rectangle = camera.rectangle_at(row, column)
-            y, x = divmod(cell, camera.plan.stride)
+            y, x = divmod(cell, camera.floor_plan.stride)
             assert rectangle.top <= y < rectangle.bottom
             assert rectangle.left <= x < rectangle.right
     if camera.zoom.kind == "cells":
@@ -138,10 +138,10 @@ def test_zooming_out_keeps_the_cell_under_the_pointer_inside_a_large_floor():
 def test_a_resize_keeps_the_centre(rows: int, columns: int):
     camera = Camera(open_floor(1000, 1000), 59, 200)
     camera.one_to_one()
-    camera.centre_on(camera.plan.cell(300, 600))
+    camera.centre_on(camera.floor_plan.cell(300, 600))
     before = camera.key
     camera.resize(rows, columns)
-    place = camera.place_of(camera.plan.cell(300, 600))
+    place = camera.place_of(camera.floor_plan.cell(300, 600))
     assert place is not None
     assert abs(place[0] - rows // 2) <= 1 and abs(place[1] - columns // 2) <= 1
     camera.resize(59, 200)
@@ -175,10 +175,10 @@ def test_a_pan_stops_at_the_edges_and_turns_at_once():
 def test_centre_on_brings_a_cell_to_the_middle_unless_it_is_at_an_edge():
     camera = Camera(open_floor(300, 100), 20, 80)
     camera.one_to_one()
-    camera.centre_on(camera.plan.cell(150, 50))
-    assert camera.place_of(camera.plan.cell(150, 50)) == (10, 40)
-    camera.centre_on(camera.plan.cell(0, 0))
-    assert camera.place_of(camera.plan.cell(0, 0)) == (0, 0)
+    camera.centre_on(camera.floor_plan.cell(150, 50))
+    assert camera.place_of(camera.floor_plan.cell(150, 50)) == (10, 40)
+    camera.centre_on(camera.floor_plan.cell(0, 0))
+    assert camera.place_of(camera.floor_plan.cell(0, 0)) == (0, 0)
     assert camera.exceeds()
 
 

@@ -86,7 +86,7 @@ def intended(
     orders = len(snapshot.orders.state)
     tick = unit(resolved.scenario.units.tick)
     below = Status(LAST, len(snapshot.robots), orders, tick, layer).codes(snapshot, columns)
-    camera = Camera(resolved.plan, rows - len(below), columns, len(snapshot.robots))
+    camera = Camera(resolved.floor_plan, rows - len(below), columns, len(snapshot.robots))
     above = compose(Scene(floor_of(resolved), snapshot, layer=layer), camera, glyphs)
     return np.vstack((above, below))
 

@@ -13,14 +13,19 @@ from automaton.world.cells import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
+    CELL_KINDS,
+    DIRECTION_VECTORS,
     DIRECTIONS,
-    KINDS,
-    STEPS,
     SYMBOLS,
     TURNTABLE,
 )
-from automaton.world.plan import FloorPlan
-from automaton.world.reach import around_home, reached, slots_out_of_reach, slots_without_access
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.reachability import (
+    around_home,
+    reached,
+    slots_out_of_reach,
+    slots_without_access,
+)
 from layouts.tabletop import Tabletop
 
 
@@ -28,25 +33,25 @@ def picture(*rows: str) -> FloorPlan:
     return draw_floor("\n".join(rows))
 
 
-def exits(plan: FloorPlan, x: int, y: int) -> set[str]:
-    bits = int(plan.exits.flat[plan.cell(x, y)])
+def exits(floor_plan: FloorPlan, x: int, y: int) -> set[str]:
+    bits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
     return {name for direction, name in enumerate(DIRECTIONS) if bits >> direction & 1}
 
 
-def as_text(plan: FloorPlan) -> list[str]:
+def as_text(floor_plan: FloorPlan) -> list[str]:
     """Kinds of a floor with its border, for tables of track: one letter each."""
     letters = " .o+sdcb"
-    rows = ["".join(letters[kind] for kind in row) for row in plan.kind.tolist()]
+    rows = ["".join(letters[kind] for kind in row) for row in floor_plan.kind.tolist()]
     return [row.rstrip() for row in rows]
 
 
 def test_the_code_of_a_kind_is_its_row_in_the_table() -> None:
-    assert [kind.code for kind in KINDS] == list(range(len(KINDS)))
+    assert [kind.code for kind in CELL_KINDS] == list(range(len(CELL_KINDS)))
 
 
 def test_directions_turn_clockwise_and_d_xor_2_is_the_opposite() -> None:
-    for direction, (dx, dy) in enumerate(STEPS):
-        assert STEPS[direction ^ 2] == (-dx, -dy)
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+        assert DIRECTION_VECTORS[direction ^ 2] == (-dx, -dy)
         assert (dx == 0) == bool(direction & 1)
 
 
@@ -55,89 +60,89 @@ def test_capital_letters_are_robots_and_never_symbols() -> None:
 
 
 def test_cells_are_counted_from_the_upper_left_and_have_a_border() -> None:
-    plan = picture("..", "..", "..")
-    assert (plan.width, plan.height, plan.stride) == (2, 3, 4)
-    assert plan.kind.shape == (5, 4)
-    assert plan.cell(0, 0) == 5
-    assert plan.xy(plan.cell(1, 2)) == (1, 2)
-    assert plan.holds(1, 2) and not plan.holds(2, 2) and not plan.holds(-1, 0)
+    floor_plan = picture("..", "..", "..")
+    assert (floor_plan.width, floor_plan.height, floor_plan.stride) == (2, 3, 4)
+    assert floor_plan.kind.shape == (5, 4)
+    assert floor_plan.cell(0, 0) == 5
+    assert floor_plan.xy(floor_plan.cell(1, 2)) == (1, 2)
+    assert floor_plan.holds(1, 2) and not floor_plan.holds(2, 2) and not floor_plan.holds(-1, 0)
 
 
 def test_free_floor_is_left_towards_drivable_neighbours_only() -> None:
-    plan = picture("...", ".s.", "...")
-    assert exits(plan, 0, 0) == {"east", "south"}
-    assert exits(plan, 1, 0) == {"east", "west"}
-    assert exits(plan, 1, 1) == set()
+    floor_plan = picture("...", ".s.", "...")
+    assert exits(floor_plan, 0, 0) == {"east", "south"}
+    assert exits(floor_plan, 1, 0) == {"east", "west"}
+    assert exits(floor_plan, 1, 1) == set()
 
 
 def test_tracks_are_entered_and_left_along_their_axis() -> None:
-    plan = picture("+-+", "|.|", "+-+")
-    assert exits(plan, 0, 0) == {"east", "south"}
-    assert exits(plan, 1, 0) == {"east", "west"}
-    assert exits(plan, 0, 1) == {"north", "south"}
-    assert exits(plan, 1, 1) == set(), "free floor inside may not enter tracks from the side"
+    floor_plan = picture("+-+", "|.|", "+-+")
+    assert exits(floor_plan, 0, 0) == {"east", "south"}
+    assert exits(floor_plan, 1, 0) == {"east", "west"}
+    assert exits(floor_plan, 0, 1) == {"north", "south"}
+    assert exits(floor_plan, 1, 1) == set(), "free floor inside may not enter tracks from the side"
 
 
 def test_a_one_way_cell_is_left_along_its_arrow_and_not_entered_against_it() -> None:
-    plan = picture(".>.", "...")
-    assert exits(plan, 1, 0) == {"east"}
-    assert exits(plan, 0, 0) == {"east", "south"}
-    assert exits(plan, 2, 0) == {"south"}, "west would be against the arrow"
-    assert exits(plan, 1, 1) == {"east", "north", "west"}, "from the side is allowed"
+    floor_plan = picture(".>.", "...")
+    assert exits(floor_plan, 1, 0) == {"east"}
+    assert exits(floor_plan, 0, 0) == {"east", "south"}
+    assert exits(floor_plan, 2, 0) == {"south"}, "west would be against the arrow"
+    assert exits(floor_plan, 1, 1) == {"east", "north", "west"}, "from the side is allowed"
 
 
 def test_a_ring_of_arrows_is_driven_one_way_round() -> None:
-    plan = picture(">>v", "^#v", "^<<")
-    cell, visited = plan.cell(0, 0), []
+    floor_plan = picture(">>v", "^#v", "^<<")
+    cell, visited = floor_plan.cell(0, 0), []
     for _ in range(8):
-        visited.append(plan.xy(cell))
-        (direction,) = (d for d in range(4) if plan.exits.flat[cell] >> d & 1)
-        cell = plan.neighbours(cell)[direction]
-    assert cell == plan.cell(0, 0)
+        visited.append(floor_plan.xy(cell))
+        (direction,) = (d for d in range(4) if floor_plan.exits.flat[cell] >> d & 1)
+        cell = floor_plan.neighbours(cell)[direction]
+    assert cell == floor_plan.cell(0, 0)
     assert len(set(visited)) == 8
 
 
 def test_aisles_carry_their_capacity() -> None:
-    plan = picture(".=~")
-    assert [int(plan.capacity.flat[plan.cell(x, 0)]) for x in range(3)] == [1, 2, 0]
+    floor_plan = picture(".=~")
+    assert [int(floor_plan.capacity.flat[floor_plan.cell(x, 0)]) for x in range(3)] == [1, 2, 0]
 
 
 def test_slots_come_in_table_order_by_column_then_row() -> None:
-    plan = picture("s.d", "$.s", "...")
-    assert [plan.xy(cell) for cell in plan.slots()] == [(0, 0), (0, 1), (2, 0), (2, 1)]
-    assert [plan.xy(cell) for cell in np.flatnonzero(plan.loads).tolist()] == [(0, 1)]
+    floor_plan = picture("s.d", "$.s", "...")
+    assert [floor_plan.xy(cell) for cell in floor_plan.slots()] == [(0, 0), (0, 1), (2, 0), (2, 1)]
+    assert [floor_plan.xy(cell) for cell in np.flatnonzero(floor_plan.loads).tolist()] == [(0, 1)]
 
 
 def test_a_first_column_of_bays_lies_left_of_the_floor() -> None:
-    plan = picture("b..", " ..", "b..")
-    assert (plan.width, plan.height) == (2, 3)
-    pairs = [(plan.xy(bay), plan.xy(home)) for bay, home in plan.bays]
+    floor_plan = picture("b..", " ..", "b..")
+    assert (floor_plan.width, floor_plan.height) == (2, 3)
+    pairs = [(floor_plan.xy(bay), floor_plan.xy(home)) for bay, home in floor_plan.bays]
     assert pairs == [((-1, 0), (0, 0)), ((-1, 2), (0, 2))]
 
 
 def test_a_bay_elsewhere_opens_east_then_west_south_north() -> None:
-    plan = picture(".b.", "...", "sb#")
-    pairs = [(plan.xy(bay), plan.xy(home)) for bay, home in plan.bays]
+    floor_plan = picture(".b.", "...", "sb#")
+    pairs = [(floor_plan.xy(bay), floor_plan.xy(home)) for bay, home in floor_plan.bays]
     assert pairs == [((1, 0), (2, 0)), ((1, 2), (1, 1))]
 
 
 def test_short_rows_are_filled_with_wall() -> None:
-    plan = picture("....", ".", "...")
-    assert plan.width == 4
-    assert exits(plan, 0, 1) == {"north", "south"}
+    floor_plan = picture("....", ".", "...")
+    assert floor_plan.width == 4
+    assert exits(floor_plan, 0, 1) == {"north", "south"}
 
 
 def test_robots_drawn_stand_on_free_floor_in_the_order_of_their_letters() -> None:
-    plan = picture("B..", "..A")
-    assert [plan.xy(cell) for cell in plan.starts] == [(2, 1), (0, 0)]
-    assert exits(plan, 0, 0) == {"east", "south"}
+    floor_plan = picture("B..", "..A")
+    assert [floor_plan.xy(cell) for cell in floor_plan.starts] == [(2, 1), (0, 0)]
+    assert exits(floor_plan, 0, 0) == {"east", "south"}
 
 
 def test_a_legend_adds_symbols() -> None:
     legend = (("x", symbol_of("track", exits=("north", "south"))), ("o", symbol_of("floor", 0)))
-    plan = draw_floor("+x\no+", legend)
-    assert exits(plan, 0, 0) == {"south"}, "a vertical track is not entered from the side"
-    assert int(plan.capacity.flat[plan.cell(0, 1)]) == 0
+    floor_plan = draw_floor("+x\no+", legend)
+    assert exits(floor_plan, 0, 0) == {"south"}, "a vertical track is not entered from the side"
+    assert int(floor_plan.capacity.flat[floor_plan.cell(0, 1)]) == 0
 
 
 @pytest.mark.parametrize("bad", [("wall", 1), ("shelf", None, ("east",)), ("track",)])
@@ -147,19 +152,21 @@ def test_a_legend_cannot_contradict_the_kind(bad: tuple[str]) -> None:
 
 
 def test_equal_pictures_give_the_same_plan_and_plans_cannot_be_changed() -> None:
-    plan = picture("..", ".s")
-    assert picture("..", ".s") is plan
-    assert plan == picture("..", ".s", "") and hash(plan) == hash(picture("..", ".s", ""))
-    assert plan != picture("..", "s.")
+    floor_plan = picture("..", ".s")
+    assert picture("..", ".s") is floor_plan
+    assert floor_plan == picture("..", ".s", "") and hash(floor_plan) == hash(
+        picture("..", ".s", "")
+    )
+    assert floor_plan != picture("..", "s.")
     with pytest.raises(ValueError, match="read-only"):
-        plan.kind[1, 1] = 0
+        floor_plan.kind[1, 1] = 0
     with pytest.raises(FrozenInstanceError):
-        plan.width = 3  # type: ignore[misc]
+        floor_plan.width = 3  # type: ignore[misc]
 
 
 def test_the_tabletop_has_alleys_corridors_destinations_and_bays() -> None:
-    plan = Tabletop(tables=2, positions=3, destinations=4).build()
-    assert as_text(plan) == [
+    floor_plan = Tabletop(tables=2, positions=3, destinations=4).build()
+    assert as_text(floor_plan) == [
         "",
         "b+o+o+d",
         "bososod",
@@ -169,9 +176,9 @@ def test_the_tabletop_has_alleys_corridors_destinations_and_bays() -> None:
         "",
     ]
     for y in range(1, 4):
-        assert exits(plan, 0, y) == exits(plan, 2, y) == {"north", "south"}
-    assert exits(plan, 1, 0) == exits(plan, 3, 4) == {"east", "west"}
-    assert exits(plan, 2, 0) == {"east", "west", "south"}
+        assert exits(floor_plan, 0, y) == exits(floor_plan, 2, y) == {"north", "south"}
+    assert exits(floor_plan, 1, 0) == exits(floor_plan, 3, 4) == {"east", "west"}
+    assert exits(floor_plan, 2, 0) == {"east", "west", "south"}
 
 
 @pytest.mark.parametrize(
@@ -180,25 +187,29 @@ def test_the_tabletop_has_alleys_corridors_destinations_and_bays() -> None:
 def test_the_papers_floors_have_the_papers_size(
     tables: int, positions: int, size: tuple[int, int]
 ) -> None:
-    plan = Tabletop(tables=tables, positions=positions).build()
-    assert (plan.width - 1, plan.height) == size, "the paper leaves out the destinations' column"
-    assert np.count_nonzero(plan.kind == TURNTABLE) == 2 * (tables + 1)
-    assert len(plan.bays) == plan.height
+    floor_plan = Tabletop(tables=tables, positions=positions).build()
+    assert (floor_plan.width - 1, floor_plan.height) == size, (
+        "the paper leaves out the destinations' column"
+    )
+    assert np.count_nonzero(floor_plan.kind == TURNTABLE) == 2 * (tables + 1)
+    assert len(floor_plan.bays) == floor_plan.height
 
 
 def test_the_smallest_tabletop_works() -> None:
-    plan = Tabletop(tables=1, positions=1, destinations=1).build()
-    assert as_text(plan) == ["", "b+o+d", "boso", "b+o+", ""]
-    assert not slots_without_access(plan).size
-    assert not slots_out_of_reach(plan, around_home(plan, int(plan.bays[0, 1]), rail=True)).size
+    floor_plan = Tabletop(tables=1, positions=1, destinations=1).build()
+    assert as_text(floor_plan) == ["", "b+o+d", "boso", "b+o+", ""]
+    assert not slots_without_access(floor_plan).size
+    assert not slots_out_of_reach(
+        floor_plan, around_home(floor_plan, int(floor_plan.bays[0, 1]), rail=True)
+    ).size
 
 
 def test_what_lies_behind_a_one_way_door_is_reached_but_not_left() -> None:
-    plan = picture(".>.s", "s###")
-    assert reached(plan, [plan.cell(0, 0)], rail=False)[plan.cell(2, 0)]
-    assert not reached(plan, [plan.cell(2, 0)], rail=False)[plan.cell(0, 0)]
-    within = around_home(plan, plan.cell(2, 0), False)
-    assert [plan.xy(c) for c in slots_out_of_reach(plan, within)] == [(0, 1)]
+    floor_plan = picture(".>.s", "s###")
+    assert reached(floor_plan, [floor_plan.cell(0, 0)], rail=False)[floor_plan.cell(2, 0)]
+    assert not reached(floor_plan, [floor_plan.cell(2, 0)], rail=False)[floor_plan.cell(0, 0)]
+    within = around_home(floor_plan, floor_plan.cell(2, 0), False)
+    assert [floor_plan.xy(c) for c in slots_out_of_reach(floor_plan, within)] == [(0, 1)]
 
 
 def test_rails_turn_on_turntables_only() -> None:
@@ -214,11 +225,11 @@ def test_exits_never_lead_into_the_border_or_a_wall() -> None:
     symbols = list("#.-|+sdc><v^=~")
     for _ in range(50):
         rows = ["".join(generator.choice(symbols, 7)) for _ in range(6)]
-        plan = picture(*rows, ".......")
-        drivable = plan.drivable().reshape(-1)
-        for cell, bits in enumerate(plan.exits.reshape(-1).tolist()):
+        floor_plan = picture(*rows, ".......")
+        drivable = floor_plan.drivable().reshape(-1)
+        for cell, bits in enumerate(floor_plan.exits.reshape(-1).tolist()):
             assert bits & ~ALL_EXITS == 0
-            for direction, neighbour in enumerate(plan.neighbours(cell)):
+            for direction, neighbour in enumerate(floor_plan.neighbours(cell)):
                 if bits >> direction & 1:
                     assert drivable[cell] and drivable[neighbour]
     assert ALONG_X | ALONG_Y == ALL_EXITS

@@ -11,11 +11,11 @@ import pytest
 
 from automaton.auctions import quotes
 from automaton.auctions.market import (
+    BATTERY_FULL,
     CHARGING,
     COST,
     END,
     FILL_UP,
-    FULL,
     GROSS,
     HIERARCHICAL,
     INF,
@@ -125,7 +125,7 @@ def test_with_a_taper_one_stop_is_the_best_by_the_curve() -> None:
 
 
 @pytest.mark.parametrize("curve", [None, TAPER])
-@pytest.mark.parametrize("target", [FULL, 800_000])
+@pytest.mark.parametrize("target", [BATTERY_FULL, 800_000])
 def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
     seen = 0
     for case in short_of_energy(150, seed=6, curve=curve):
@@ -146,10 +146,12 @@ def test_charging_time_is_that_of_charging_tick_by_tick(curve: tuple[tuple[int, 
     rng = random.Random(7)
     pieces = np.array(curve, np.int32)
     for _ in range(200):
-        low, high = sorted((rng.randrange(FULL + 1), rng.randrange(FULL + 1)))
+        low, high = sorted((rng.randrange(BATTERY_FULL + 1), rng.randrange(BATTERY_FULL + 1)))
         ticks = charging_ticks(pieces, low, high)
-        assert (ticks, level_after(pieces, low, ticks, FULL)) == charging_time(curve, low, high)
-        fewer = level_after(pieces, low, max(ticks - 1, 0), FULL)
+        assert (ticks, level_after(pieces, low, ticks, BATTERY_FULL)) == charging_time(
+            curve, low, high
+        )
+        fewer = level_after(pieces, low, max(ticks - 1, 0), BATTERY_FULL)
         assert fewer < high or low == high
 
 
@@ -166,7 +168,7 @@ def threshold_by_hand(case: Situation, threshold: int, safe: bool) -> tuple[int,
             at = case.chargers[charger]
             level -= case.between[here][at] * case.drain
             lowest = min(lowest, level)
-            used, level = charging_time(case.curve, level, FULL)
+            used, level = charging_time(case.curve, level, BATTERY_FULL)
             ticks = max(ticks + case.between[here][at], case.wait[charger]) + used
             here = at
             stops.append(i)

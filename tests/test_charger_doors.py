@@ -10,7 +10,7 @@ import pytest
 from automaton.errors import InputError
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 
 SURROUNDED = """
 name: surrounded
@@ -52,7 +52,7 @@ def test_a_robot_that_is_done_gets_out_past_the_line(
     for seed in range(1, 7):
         run = Simulation(resolve(path, [f"strategy.routing={routing}"], seed=seed))
         run.run()
-        assert run.finished and (run.world.orders.state == DELIVERED).all(), seed
+        assert run.finished and (run.world.orders.state == ORDER_DELIVERED).all(), seed
 
 
 def test_a_towed_robot_on_rails_stands_as_its_home_leads(tmp_path: Path) -> None:
@@ -60,25 +60,25 @@ def test_a_towed_robot_on_rails_stands_as_its_home_leads(tmp_path: Path) -> None
         faults = f"faults={{list: [{{robot: 0, at: {tick}}}], tow_after: 5, repair: 5}}"
         run = Simulation(resolve("tabletop-mini", [faults]))
         run.run()
-        assert run.finished and run.world.tally.out[:, 2].sum() == 1, tick
+        assert run.finished and run.world.tally.failures[:, 2].sum() == 1, tick
 
 
 def test_a_branch_may_have_shorter_lists_than_the_plans_it_finds() -> None:
     run = Simulation(resolve("depots-full"))
     run.run(until=3)
-    assert run.world.robots.planned.max() > 1
+    assert run.world.robots.order_queue_length.max() > 1
     short = "strategy.allocation={name: auction, limit: 1, horizon: 1}"
     branch = run.continued(resolve("depots-full", [short]))
     branch.run(until=3000)
-    assert int((branch.world.orders.state == DELIVERED).sum()) > 20
+    assert int((branch.world.orders.state == ORDER_DELIVERED).sum()) > 20
 
 
 def test_plans_end_with_the_strategy_that_made_them() -> None:
     run = Simulation(resolve("depots-full"))
     run.run(until=300)
-    assert run.world.robots.planned.any()
+    assert run.world.robots.order_queue_length.any()
     branch = run.continued(resolve("depots-full", ["strategy.allocation=first-come"]))
-    assert not branch.world.robots.planned.any()
+    assert not branch.world.robots.order_queue_length.any()
 
 
 def test_auctions_need_to_see_everything() -> None:
@@ -90,6 +90,6 @@ def test_orders_far_apart_come_at_the_end_not_before_their_time() -> None:
     run = Simulation(
         resolve("depots", ["orders={generator: stations, count: 2600, interval: 1000000}"])
     )
-    released = run.world.orders.released
-    assert (np.diff(released) >= 0).all()
-    assert released.max() == run.resolved.scenario.stop.at_most + 1
+    release_tick = run.world.orders.release_tick
+    assert (np.diff(release_tick) >= 0).all()
+    assert release_tick.max() == run.resolved.scenario.stop.at_most + 1

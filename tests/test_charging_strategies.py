@@ -12,8 +12,8 @@ from automaton.metrics import metrics_of
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.condition import FULL, PERCENT, RAN_EMPTY
-from automaton.world.state import CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
+from automaton.world.robot_status import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
+from automaton.world.state import ACTION_CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
 
 # The charger is at the left end, stations in the middle and at the right end.
 ROAD = "c~~~~t~~~~t"
@@ -35,11 +35,11 @@ def road(
 
 
 def stays(run: Simulation, robot: int = 0) -> int:
-    return int(run.world.tally.times[robot, CHARGE, 0])
+    return int(run.world.tally.operations[robot, ACTION_CHARGE, 0])
 
 
 def charged(run: Simulation, robot: int = 0) -> float:
-    return float(run.world.tally.charged[robot]) / PERCENT
+    return float(run.world.tally.charged[robot]) / BATTERY_PERCENT
 
 
 def test_insertion_charges_as_much_as_the_list_needs() -> None:
@@ -48,7 +48,7 @@ def test_insertion_charges_as_much_as_the_list_needs() -> None:
     assert run.finished and stays(run) == 1
     # It arrives with 14 %, and 10 cells there and 10 back take 40 %: 26 % are missing, 6 ticks.
     assert charged(run) == 30
-    assert run.world.robots.charge[0] / PERCENT == 14 + 30 - 20
+    assert run.world.robots.charge[0] / BATTERY_PERCENT == 14 + 30 - 20
 
 
 def test_without_never_strand_it_does_not_keep_the_way_back() -> None:
@@ -59,7 +59,9 @@ def test_without_never_strand_it_does_not_keep_the_way_back() -> None:
 def test_a_reserve_is_never_touched() -> None:
     run = road("insertion", has=30.0, reserve=10.0)
     assert run.finished
-    assert run.world.robots.charge[0] / PERCENT >= 10 + 20, "and the way back to the charger"
+    assert run.world.robots.charge[0] / BATTERY_PERCENT >= 10 + 20, (
+        "and the way back to the charger"
+    )
 
 
 def test_a_robot_that_can_do_its_list_does_not_charge() -> None:
@@ -71,7 +73,7 @@ def test_fill_up_charges_up_to_its_target() -> None:
     for target in (100, 80):
         run = road({"name": "fill-up", "target": target}, has=20.0)
         assert run.finished and stays(run) == 1
-        assert run.world.robots.charge[0] / PERCENT == pytest.approx(target + 0 - 20, abs=5)
+        assert run.world.robots.charge[0] / BATTERY_PERCENT == pytest.approx(target + 0 - 20, abs=5)
 
 
 def test_the_threshold_charges_full_before_a_leg_that_would_end_below_it() -> None:
@@ -79,7 +81,7 @@ def test_the_threshold_charges_full_before_a_leg_that_would_end_below_it() -> No
     for mode in ("look", "safe"):
         run = road({"name": "threshold", "mode": mode}, has=20.0)
         assert run.finished and stays(run) == 1
-        assert run.world.robots.charge[0] == FULL - 20 * PERCENT
+        assert run.world.robots.charge[0] == BATTERY_FULL - 20 * BATTERY_PERCENT
     run = road({"name": "threshold", "threshold": 0, "mode": "look"}, has=20.0)
     assert run.finished and stays(run) == 0
 
@@ -106,8 +108,8 @@ def test_a_robot_that_took_an_order_gives_it_back_to_charge_first() -> None:
     run = Simulation(resolved)
     run.run(until=1)
     robots = run.world.robots
-    assert robots.goal[0] == GOAL_CHARGE and robots.order[0] == NIL
-    assert run.world.orders.by[0] == NIL, "others may have it meanwhile"
+    assert robots.goal_type[0] == GOAL_CHARGE and robots.order[0] == NIL
+    assert run.world.orders.reserved_by[0] == NIL, "others may have it meanwhile"
     run.run()
     assert run.finished and stays(run) == 1
 
@@ -126,7 +128,7 @@ def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> No
     )
     run = Simulation(resolved)
     run.run()
-    assert run.finished and run.world.tally.out[0, RAN_EMPTY] == 0
+    assert run.finished and run.world.tally.failures[0, FAILURE_DEPLETED] == 0
     assert stays(run) >= 4
     with_none = Simulation(
         scene(
@@ -136,7 +138,7 @@ def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> No
         )
     )  # fmt: skip
     with_none.run()
-    assert with_none.world.tally.out[0, RAN_EMPTY] == 1
+    assert with_none.world.tally.failures[0, FAILURE_DEPLETED] == 1
 
 
 def test_opportunity_charges_when_there_is_nothing_to_do_and_is_called_away() -> None:
@@ -152,7 +154,7 @@ def test_opportunity_charges_when_there_is_nothing_to_do_and_is_called_away() ->
 def test_opportunity_stays_for_an_order_that_it_cannot_finish() -> None:
     run = road("opportunity", TRIP | {"at": 6}, has=20.0)
     assert run.finished and stays(run) >= 1
-    assert run.world.tally.out[0, RAN_EMPTY] == 0
+    assert run.world.tally.failures[0, FAILURE_DEPLETED] == 0
 
 
 TWO = """
@@ -171,8 +173,8 @@ def two_chargers(charging: Any) -> list[tuple[int, int]]:
     )
     run = Simulation(resolved)
     run.run(until=3)
-    assert (run.world.robots.goal == GOAL_CHARGE).all()
-    return [resolved.plan.xy(int(stand)) for stand in run.world.robots.stand]
+    assert (run.world.robots.goal_type == GOAL_CHARGE).all()
+    return [resolved.floor_plan.xy(int(stand)) for stand in run.world.robots.goal_cell]
 
 
 def test_of_two_chargers_a_robot_takes_the_shorter_line() -> None:
@@ -205,8 +207,8 @@ def test_an_empty_list_needs_no_charger() -> None:
     """With a robot on its way to pick up, the goal stays; only those that must go are sent."""
     run = Simulation(resolve("depots", ["orders.count=10"]), seed=1)
     run.run(until=1)
-    assert (run.world.robots.goal == GOAL_PICK).any()
-    assert (run.world.robots.goal != GOAL_CHARGE).all(), "all batteries are full"
+    assert (run.world.robots.goal_type == GOAL_PICK).any()
+    assert (run.world.robots.goal_type != GOAL_CHARGE).all(), "all batteries are full"
 
 
 def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:

@@ -19,7 +19,7 @@ from automaton.scenario.json_schema import json_schema
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.resolve import resolve
-from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 
 HEAVY = ("numba", "textual", "rich")
@@ -152,13 +152,13 @@ def test_the_schema_has_every_key_and_describes_it() -> None:
         assert definition.get("description"), name
         for key, schema in definition.get("properties", {}).items():
             referred = schema.get("$ref") or schema.get("const") or schema.get("anyOf")
-            assert "description" in schema or referred or name.startswith(LAYERS), (name, key)
+            assert "description" in schema or referred or name.startswith(LAYER_NAMES), (name, key)
 
 
 def test_the_schema_names_every_generator_and_strategy() -> None:
     definitions = json_schema()["$defs"]
     expected = {f"layout-{name}" for name in generators()}
-    expected |= {f"{layer}-{name}" for layer in LAYERS for name in lookup.names(layer)}
+    expected |= {f"{layer}-{name}" for layer in LAYER_NAMES for name in lookup.names(layer)}
     assert expected <= set(definitions)
     assert set(definitions["layout-tabletop"]["properties"]) == {
         "generator",

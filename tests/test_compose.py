@@ -133,11 +133,11 @@ def test_the_unicode_set_draws_the_same_floor():
 
 @st.composite
 def fleets(draw: st.DrawFn) -> Scene:
-    plan = open_floor(draw(st.integers(1, 12)), draw(st.integers(1, 12)))
-    free = np.flatnonzero(plan.drivable().reshape(-1)).tolist()
+    floor_plan = open_floor(draw(st.integers(1, 12)), draw(st.integers(1, 12)))
+    free = np.flatnonzero(floor_plan.drivable().reshape(-1)).tolist()
     spots = draw(st.lists(st.sampled_from(free), unique=True, max_size=12, min_size=1))
     return stage(
-        plan,
+        floor_plan,
         *(
             {
                 "cell": cell,
@@ -153,7 +153,7 @@ def fleets(draw: st.DrawFn) -> Scene:
 def test_every_robot_on_the_screen_is_at_its_place_and_shows_its_heading(
     scene: Scene, zoom: str, rows: int, columns: int, data: st.DataObject
 ):
-    camera = camera_at(scene.floor.plan, zoom, rows, columns)
+    camera = camera_at(scene.floor.floor_plan, zoom, rows, columns)
     camera.pan(data.draw(st.integers(-9, 9)), data.draw(st.integers(-9, 9)))
     codes = compose(scene, camera, UNICODE)
     robots = scene.snapshot.robots
@@ -192,7 +192,7 @@ def test_in_half_blocks_each_robot_is_a_half_in_its_colour(scene: Scene):
     for cell, load in zip(robots.cell.tolist(), robots.load.tolist(), strict=True):
         place = camera.place_of(cell)
         assert place is not None
-        y = cell // scene.floor.plan.stride - camera.shown.top
+        y = cell // scene.floor.floor_plan.stride - camera.shown.top
         inks = halves(codes[place])
         assert inks[y % 2] == (styles.LOADED if load >= 0 else styles.ROBOT)
 
@@ -209,10 +209,10 @@ def halves(code: int) -> tuple[int, int]:
 
 
 def test_identities_stand_beside_their_robots():
-    plan = open_floor(12, 10)
-    cells = [plan.cell(x, y) for y in range(10) for x in range(12)]
-    scene = stage(plan, *({"cell": cell} for cell in cells))
-    camera = Camera(plan, 10, 48, robots=len(cells))
+    floor_plan = open_floor(12, 10)
+    cells = [floor_plan.cell(x, y) for y in range(10) for x in range(12)]
+    scene = stage(floor_plan, *({"cell": cell} for cell in cells))
+    camera = Camera(floor_plan, 10, 48, robots=len(cells))
     assert camera.zoom.name == "4x1"
     assert text(compose(scene, camera, UNICODE)).split("\n")[8][12:27] == "▹99 ▹100▹101▹10"
 
@@ -221,9 +221,9 @@ def test_identities_stand_beside_their_robots():
     ("heading", "travel", "sign"), [(0, 0, "▹"), (0, 2, "◃"), (1, 3, "▵"), (1, 0, "▿"), (0, 1, "▹")]
 )
 def test_a_robot_on_rails_shows_the_way_it_came_until_it_turns(heading, travel, sign):
-    plan = drawn("+-+\n| |\n+-+")
-    robot = {"cell": plan.cell(0, 0), "heading": heading, "travel": travel}
-    codes, _ = composed(stage(plan, robot, headings=2), "1x1")
+    floor_plan = drawn("+-+\n| |\n+-+")
+    robot = {"cell": floor_plan.cell(0, 0), "heading": heading, "travel": travel}
+    codes, _ = composed(stage(floor_plan, robot, headings=2), "1x1")
     assert signs(codes)[0, 0] == sign
 
 
@@ -232,13 +232,13 @@ STATES = [
     ({}, styles.ROBOT),
     ({"load": 1}, styles.LOADED),
     ({"load": 1, "cause": 2}, styles.WAITS),
-    ({"load": 1, "cause": 2, "ring": 1}, styles.FAULT),
+    ({"load": 1, "cause": 2, "wait_cycle_ticks": 1}, styles.FAULT),
     ({"parked": 1, "cause": 12}, styles.PARKED),
     ({"load": 1, "charge": 199_999}, styles.LOW),
     ({"charge": 200_000}, styles.ROBOT),
     ({"charge": 1, "cause": 2}, styles.WAITS),
-    ({"action": 7, "goal": 4, "stand": CORNER, "charge": 1}, styles.CHARGING),
-    ({"action": 7, "goal": 2, "stand": CORNER}, styles.ROBOT),  # it has charged
+    ({"action": 7, "goal_type": 4, "goal_cell": CORNER, "charge": 1}, styles.CHARGING),
+    ({"action": 7, "goal_type": 2, "goal_cell": CORNER}, styles.ROBOT),  # it has charged
     ({"status": 3, "cause": 17, "charge": 1}, styles.FAULT),
     ({"status": 4, "cause": 18}, styles.FAULT),
 ]
@@ -253,31 +253,33 @@ def test_a_robot_has_the_colour_of_its_state(zoom: str, fields: dict[str, int], 
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_the_worst_robot_gives_a_shared_character_its_colour(first: int):
-    plan = open_floor(4, 4)
-    states = [{"ring": 1, "cause": 2}, {"load": 1}]
+    floor_plan = open_floor(4, 4)
+    states = [{"wait_cycle_ticks": 1, "cause": 2}, {"load": 1}]
     robots = [
-        {"cell": plan.cell(1, 3), **states[first]},
-        {"cell": plan.cell(0, 0), **states[1 - first]},
+        {"cell": floor_plan.cell(1, 3), **states[first]},
+        {"cell": floor_plan.cell(0, 0), **states[1 - first]},
     ]
-    assert ink(at(stage(plan, *robots), "braille 1", plan.cell(0, 0))) == styles.FAULT
+    assert ink(at(stage(floor_plan, *robots), "braille 1", floor_plan.cell(0, 0))) == styles.FAULT
 
 
 def test_from_afar_robots_are_not_drowned_by_shelves():
-    plan = drawn("ssss\ns..s\nssss\nssss")
-    codes, _ = composed(stage(plan, {"cell": plan.cell(1, 1)}), "braille 1")
+    floor_plan = drawn("ssss\ns..s\nssss\nssss")
+    codes, _ = composed(stage(floor_plan, {"cell": floor_plan.cell(1, 1)}), "braille 1")
     assert signs(codes).tolist() == [["⠐", "⣽"]]
 
 
 def test_several_robots_in_a_cell_are_counted():
-    plan = drawn("...\n.~.\n...")
-    cell = plan.cell(1, 1)
-    scene = stage(plan, {"cell": cell, "load": 1}, {"cell": cell}, {"cell": cell, "ring": 1})
+    floor_plan = drawn("...\n.~.\n...")
+    cell = floor_plan.cell(1, 1)
+    scene = stage(
+        floor_plan, {"cell": cell, "load": 1}, {"cell": cell}, {"cell": cell, "wait_cycle_ticks": 1}
+    )
     code = at(scene, "1x1", cell)
     assert chr(code & 0xFFFF) == "3" and paper(code) == styles.FAULT
     assert ink(at(scene, "half", cell)) == styles.FAULT
-    reversed_order = stage(plan, {"cell": cell, "ring": 1}, {"cell": cell})
+    reversed_order = stage(floor_plan, {"cell": cell, "wait_cycle_ticks": 1}, {"cell": cell})
     assert ink(at(reversed_order, "half", cell)) == styles.FAULT
-    many = stage(plan, *({"cell": cell} for _ in range(11)))
+    many = stage(floor_plan, *({"cell": cell} for _ in range(11)))
     assert chr(at(many, "1x1", cell) & 0xFFFF) == "+"
 
 
@@ -285,9 +287,9 @@ def test_several_robots_in_a_cell_are_counted():
 
 
 def test_beyond_the_floor_is_void_and_the_buffer_is_used_again():
-    plan = open_floor(3, 3)
-    scene = stage(plan, {"cell": plan.cell(1, 1)})
-    camera = camera_at(plan, "1x1", 5, 9)
+    floor_plan = open_floor(3, 3)
+    scene = stage(floor_plan, {"cell": floor_plan.cell(1, 1)})
+    camera = camera_at(floor_plan, "1x1", 5, 9)
     camera.one_to_one()
     out = compose(scene, camera, UNICODE)
     first = out.copy()
@@ -303,7 +305,7 @@ def test_a_window_shows_what_the_whole_picture_has_there(rows, columns, dx, dy):
     scene = crossing()
     for zoom in ALL:
         whole, everything = composed(scene, zoom)
-        camera = camera_at(scene.floor.plan, zoom, rows, columns)
+        camera = camera_at(scene.floor.floor_plan, zoom, rows, columns)
         camera.pan(dx, dy)
         codes = compose(scene, camera, UNICODE)
         for row in range(rows):

@@ -12,7 +12,7 @@ from automaton.commands import main
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import ROUTING
+from automaton.world.state import LAYER_ROUTING
 from strategies.catalogue import SharedPlans
 from strategies.routing.congestion import Congestion
 
@@ -49,7 +49,7 @@ def test_of_two_that_plan_at_once_the_second_sees_the_route_of_the_first(
     """Both ways from the upper left corner to the lower right one are as short."""
     ring = "~~~~~\n~###~\n~###~\n~###~\n~~~~~"
     traffic = Traffic(ring, robots=(8, 8), routing=routing(beta=beta))
-    assert traffic.plan.xy(8) == (0, 0)
+    assert traffic.floor_plan.xy(8) == (0, 0)
     traffic.want(A=(4, 4), B=(4, 4)).tick()
     assert len({traffic.route("A"), traffic.route("B")}) == ways
     assert len(traffic.route("A")) == len(traffic.route("B")) == 7
@@ -100,7 +100,7 @@ def test_more_plans_than_fit_into_memory_are_refused(capsys: pytest.CaptureFixtu
     errors = capsys.readouterr().err
     assert "with this fleet horizon at most 333" in errors and errors.count("\n") == 1
     fewer = (*settings, "strategy.routing={name: congestion, horizon: 333}")
-    assert resolve("warehouse-100", fewer).picks["routing"].name == "congestion"
+    assert resolve("warehouse-100", fewer).strategies["routing"].name == "congestion"
 
 
 SMALL = ("layout.rows=40", "layout.columns=40", "fleet.robots=30", "stop.at_most=500")
@@ -165,5 +165,5 @@ def finishes(scenario: str, *overrides: str) -> None:
     run = Simulation(resolve(scenario, ("strategy.routing=congestion", *overrides)))
     run.run()
     assert run.finished
-    assert run.world.tally.illegal[ROUTING] == 0
-    assert not run.memories[ROUTING].shared.any(), "nothing is left of a forecast"
+    assert run.world.tally.illegal[LAYER_ROUTING] == 0
+    assert not run.memories[LAYER_ROUTING].shared.any(), "nothing is left of a forecast"

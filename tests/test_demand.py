@@ -12,7 +12,7 @@ from automaton.picture import picture_of, world_from
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED, NIL, UNRELEASED, WAITING
+from automaton.world.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING
 
 LANE = "t...t"
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
@@ -25,10 +25,10 @@ def lane(*orders: dict[str, Any]) -> Any:
 def test_an_order_is_known_from_its_tick_on() -> None:
     run = Simulation(lane({"from": [0, 0], "to": [4, 0], "at": 5}))
     run.run(until=4)
-    assert run.world.orders.state[0] == UNRELEASED
+    assert run.world.orders.state[0] == ORDER_UNRELEASED
     assert run.world.robots.parked[0], "nobody knows of it"
     run.run(until=5)
-    assert run.world.orders.state[0] == WAITING and run.world.orders.by[0] == 0
+    assert run.world.orders.state[0] == ORDER_WAITING and run.world.orders.reserved_by[0] == 0
     run.run()
     assert run.finished and run.world.orders.dispatched[0] == 5
 
@@ -36,7 +36,7 @@ def test_an_order_is_known_from_its_tick_on() -> None:
 def test_orders_become_known_by_their_ticks_whatever_their_sequence_in_the_list() -> None:
     late, early = {"at": 30, "from": [0, 0], "to": [4, 0]}, {"at": 3, "from": [4, 0], "to": [0, 0]}
     run, recorder = recorded_run(lane(late, early))
-    assert run.world.orders.coming.tolist() == [1, 0]
+    assert run.world.orders.release_sequence.tolist() == [1, 0]
     assert run.world.orders.dispatched.tolist() == [30, 3]
     assert validate_stored(recorder.recording()).valid
 
@@ -52,7 +52,7 @@ def test_a_picture_before_an_order_is_known_restores_the_run() -> None:
 
 
 def released(*settings: str, seed: int = 3) -> Any:
-    return Simulation(resolve("depots", settings), seed).world.orders.released
+    return Simulation(resolve("depots", settings), seed).world.orders.release_tick
 
 
 def test_with_an_interval_one_order_comes_in_a_tick_at_most_and_the_first_at_once() -> None:
@@ -91,7 +91,9 @@ def test_a_visit_is_done_by_being_there() -> None:
     )
     run, recorder = recorded_run(resolved)
     orders = run.world.orders
-    assert run.finished and (orders.state == DELIVERED).all() and orders.legs.tolist() == [1, 1]
+    assert (
+        run.finished and (orders.state == ORDER_DELIVERED).all() and orders.legs.tolist() == [1, 1]
+    )
     # 2 moves, then it is there: done in the tick in which its 3 ticks of work begin; then 4 moves.
     assert orders.delivered.tolist() == [3, 10]
     assert run.world.robots.load[0] == NIL

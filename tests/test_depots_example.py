@@ -11,7 +11,7 @@ import pytest
 
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import CHARGE, DELIVERED
+from automaton.world.state import ACTION_CHARGE, ORDER_DELIVERED
 from layouts.depots import PLACES
 
 FIRST = (7, 8, 13, 5, 4, 9)
@@ -42,18 +42,19 @@ def example(*settings: str) -> Simulation:
     run.run(until=1)
     robots, orders = run.world.robots, run.world.orders
     lists = [
-        [int(robots.order[r]), *robots.plan[r, : robots.planned[r]].tolist()] for r in range(2)
+        [int(robots.order[r]), *robots.order_queue[r, : robots.order_queue_length[r]].tolist()]
+        for r in range(2)
     ]
     assert [[FIRST[order] for order in one] for one in lists] == [[7, 8, 13], [5, 4, 9]]
     run.run(until=2)
     run.run()
-    assert (orders.state[:LAST] == DELIVERED).all()
+    assert (orders.state[:LAST] == ORDER_DELIVERED).all()
     return run
 
 
 def winner(run: Simulation) -> int:
     """Who visited position 14, with which the run ends: it stands there."""
-    cell = run.resolved.plan.cell(*PLACES[14])
+    cell = run.resolved.floor_plan.cell(*PLACES[14])
     return int((run.world.robots.cell == cell).argmax())
 
 
@@ -63,7 +64,7 @@ def test_the_robot_that_need_not_charge_wins() -> None:
     assert run.finished and winner(run) == 0
     assert orders.delivered[LAST] == 180, "after 70 + 110 s"
     assert orders.delivered[:LAST].max() == 70
-    assert tally.times[:, CHARGE].sum() == 0
+    assert tally.operations[:, ACTION_CHARGE].sum() == 0
     assert run.world.robots.charge[0] == 100_000, "10 %, and 60 % of the way back to the charger"
 
 
@@ -85,5 +86,5 @@ def test_who_must_reach_a_charger_afterwards_does_not_bid(reserve: int) -> None:
     """From the charger to 14 and back are 240 m, and a full battery lasts for 200."""
     run = example("strategy.charging=insertion", f"battery.reserve={reserve}")
     assert not run.finished
-    assert run.world.orders.state[LAST] != DELIVERED
-    assert (run.world.tally.out == 0).all(), "and nobody is stranded, as the paper's winner is"
+    assert run.world.orders.state[LAST] != ORDER_DELIVERED
+    assert (run.world.tally.failures == 0).all(), "and nobody is stranded, as the paper's winner is"

@@ -7,17 +7,17 @@ from collections import deque
 import pytest
 
 from automaton.world.cells import CHARGER
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from layouts.depots import CELL, NEEDED, OPTIONAL, PLACES, STATIONS, Depots, metres
 
 
-def cells_from(plan: FloorPlan, start: int) -> dict[int, int]:
+def cells_from(floor_plan: FloorPlan, start: int) -> dict[int, int]:
     """Cells to drive from a flat cell to each other one, by the exits of the floor."""
-    exits = plan.exits.reshape(-1)
+    exits = floor_plan.exits.reshape(-1)
     found, queue = {start: 0}, deque([start])
     while queue:
         cell = queue.popleft()
-        for direction, neighbour in enumerate(plan.neighbours(cell)):
+        for direction, neighbour in enumerate(floor_plan.neighbours(cell)):
             if exits[cell] >> direction & 1 and neighbour not in found:
                 found[neighbour] = found[cell] + 1
                 queue.append(neighbour)
@@ -27,11 +27,11 @@ def cells_from(plan: FloorPlan, start: int) -> dict[int, int]:
 @pytest.mark.parametrize("lanes", ["full", "comb"])
 def test_driving_over_cells_is_as_far_as_the_graph_says(lanes: str) -> None:
     floor = Depots(lanes=lanes)  # type: ignore[arg-type]
-    plan, table = floor.build(), floor.metres()
+    floor_plan, table = floor.build(), floor.metres()
     for a, at in PLACES.items():
-        found = cells_from(plan, plan.cell(*at))
+        found = cells_from(floor_plan, floor_plan.cell(*at))
         for b, to in PLACES.items():
-            assert found[plan.cell(*to)] * CELL == table[a - 1, b - 1], (a, b)
+            assert found[floor_plan.cell(*to)] * CELL == table[a - 1, b - 1], (a, b)
 
 
 def test_lengths_that_the_paper_states() -> None:
@@ -53,10 +53,10 @@ def test_nine_lanes_are_needed_for_the_lengths_of_the_text() -> None:
 
 
 def test_the_drawing() -> None:
-    plan = Depots(chargers=(1, 2)).build()
+    floor_plan = Depots(chargers=(1, 2)).build()
     rows = [
         "".join("#.c"[0 if not kind else 2 if kind == CHARGER else 1] for kind in row[1:-1])
-        for row in plan.kind[1:-1]
+        for row in floor_plan.kind[1:-1]
     ]
     assert rows == [
         "##c#c#.##",
@@ -72,8 +72,8 @@ def test_the_drawing() -> None:
         "####.####",
     ]
     assert len(STATIONS) == 13
-    assert plan.capacity[1:-1, 1:-1][0, 2] == 1
-    assert plan.capacity[1:-1, 1:-1][2, 0] == 0
+    assert floor_plan.capacity[1:-1, 1:-1][0, 2] == 1
+    assert floor_plan.capacity[1:-1, 1:-1][2, 0] == 0
 
 
 def test_a_charger_where_no_position_is_is_refused() -> None:

@@ -25,7 +25,7 @@ from automaton.parallel import run_all
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import TICK
+from automaton.world.state import CLOCK_TICK
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive", "independent-python")
 SETTINGS = ("fleet.robots=4", "strategy.allocation=adaptive")
@@ -156,18 +156,18 @@ def test_whole_runs_end_as_they_always_did(name: str, grid_snapshot: GridSnapsho
 @pytest.mark.parametrize("name", DIGEST_NAMES)
 def test_the_digest_changes_with_every_field(name: str) -> None:
     part, _, field = name.partition(".")
-    if part in ("stations", "zoning"):
+    if part in ("stations", "service_zones"):
         run = simulation("factory")
     else:
         run = simulation("tabletop-mini", *SETTINGS)
     run.run(until=300)
     arrays, whole = run.digests(), run.digest
     if name == "tick":
-        values, element = run.world.clock, TICK
-    elif name == "zoning.design":
-        values, element = run.world.zoning.design.zone, 2
+        values, element = run.world.clock, CLOCK_TICK
+    elif name == "service_zones.design":
+        values, element = run.world.service_zones.design.zone, 2
     else:
-        told_by = {"route": "route_sum", "plan": "planned"}
+        told_by = {"route": "route_hash", "order_queue": "order_queue_length"}
         values = getattr(getattr(run.world, part), told_by.get(field, field)).reshape(-1)
         element = 2
     with np.errstate(over="ignore"):
@@ -194,28 +194,52 @@ def test_a_route_that_differs_in_one_step_has_another_digest() -> None:
         run.run(until=until)
         robots = run.world.robots
         for i in range(len(robots.cell)):
-            if robots.length[i]:
-                route = tuple(robots.route[i, : robots.length[i]].tolist())
-                sums.add((route, int(robots.route_sum[i])))
+            if robots.route_length[i]:
+                route = tuple(robots.route[i, : robots.route_length[i]].tolist())
+                sums.add((route, int(robots.route_hash[i])))
     assert len({route for route, _ in sums}) == len({total for _, total in sums}) == len(sums) > 10
 
 
 def test_no_field_of_the_state_is_left_out_by_oversight() -> None:
     run = simulation("tabletop-mini")
     left_out = {  # constant, storage, told by others, or kept for metrics
-        *("dispatched", "dispatched_from", "dispatched_heading", "dispatched_type", "coming"),
+        *(
+            "dispatched",
+            "dispatched_from",
+            "dispatched_heading",
+            "dispatched_type",
+            "release_sequence",
+        ),
         *("weight", "type"),
-        *("identity", "at_index", "home", "bay", "route_sum", "step", "did", "planned"),
-        *("cell", "endless", "access", "spare", "within", "serves"),
-        *("at", "slot", "entering", "station", "ticks", "part", "frees", "arrives"),
-        *("roads", "station_of", "serves", "first"),
+        *(
+            "identity",
+            "at_index",
+            "home",
+            "bay",
+            "route_hash",
+            "step",
+            "executed",
+            "order_queue_length",
+        ),
+        *("cell", "unbounded", "access", "first_spare", "reachable", "accessible"),
+        *(
+            "at",
+            "slot",
+            "part_arrivals",
+            "station",
+            "processing_time",
+            "part",
+            "releases_order",
+            "job_of_order",
+        ),
+        *("roads", "station_of", "accessible", "has_priority"),
     }
     parts = {
         "robots": ROBOT_FIELDS,
         "orders": ORDER_FIELDS,
         "slots": SLOT_FIELDS,
         "stations": (*STATION_FIELDS, *WORK_FIELDS),
-        "zoning": ZONING_FIELDS,
+        "service_zones": ZONING_FIELDS,
     }
     for part, fields in parts.items():
         missing = set(getattr(run.world, part)._fields) - set(fields)

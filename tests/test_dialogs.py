@@ -109,12 +109,12 @@ def test_robots_loads_cells_and_kinds_are_found() -> None:
     assert find("3", view).robots == find(" Robot 3 ", view).robots == (3,)
     assert find("order 10", view).robots == find("load 10", view).robots == (2,)  # it carries it
     orders = view.snapshot.orders
-    lying = int(np.flatnonzero((orders.state == 0) & (orders.by == -1))[0])
+    lying = int(np.flatnonzero((orders.state == 0) & (orders.reserved_by == -1))[0])
     assert find(f"load {lying}", view).cells == (
-        int(view.snapshot.slots.cell[orders.place[lying]]),
+        int(view.snapshot.slots.cell[orders.current_slot[lying]]),
     )
-    assert find("8,4", view).cells == find("(8, 4)", view).cells == (view.plan.cell(8, 4),)
-    kinds = view.plan.kind.reshape(-1)
+    assert find("8,4", view).cells == find("(8, 4)", view).cells == (view.floor_plan.cell(8, 4),)
+    kinds = view.floor_plan.kind.reshape(-1)
     assert [kinds[cell] for cell in find("turntables", view).cells] == [TURNTABLE] * 12
     assert find("shelves", view).cells == find("shelf", view).cells != ()
 

@@ -8,8 +8,8 @@ from powered import MOVES, Powered, recorded_run, scene
 
 from automaton.recording.validator import validate_stored
 from automaton.scenario.schema import Battery, Drain, Durations
-from automaton.world.condition import EMPTY, RUNNING
-from automaton.world.state import CHARGE, IN_LINE, NIL, OUT_OF_ORDER, WAIT
+from automaton.world.robot_status import STATUS_DEPLETED, STATUS_UP
+from automaton.world.state import ACTION_CHARGE, ACTION_DOWN, ACTION_QUEUE, ACTION_WAIT, NIL
 
 
 def test_a_move_is_paid_when_it_begins() -> None:
@@ -22,22 +22,22 @@ def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
     battery = Battery(drain=Drain(move=1.0), charge=10.0, start=8.0)
     run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), battery=battery)
     run.tick(6)
-    assert (run.at("A"), run.charge("A"), run.status("A")) == ((2, 0), 2, RUNNING)
+    assert (run.at("A"), run.charge("A"), run.status("A")) == ((2, 0), 2, STATUS_UP)
     run.tick(2)  # the third move would take 3 %
     robots = run.world.robots
-    assert run.status("A") == EMPTY
+    assert run.status("A") == STATUS_DEPLETED
     assert (run.at("A"), robots.claim[0], robots.busy[0]) == ((2, 0), NIL, 0)
     assert run.charge("A") == 2, "what it cannot use it keeps"
     run.tick(50)
     assert run.at("A") == (2, 0)
-    assert run.world.tally.ticks[0, OUT_OF_ORDER, 0] == 51
+    assert run.world.tally.ticks[0, ACTION_DOWN, 0] == 51
 
 
 def test_standing_takes_what_the_scenario_says_until_nothing_is_left() -> None:
     battery = Battery(drain=Drain(move=1.0, wait=0.5), charge=10.0, start=1.2)
     run = Powered("A..", battery=battery)
     assert [run.tick().charge("A") for _ in range(4)] == pytest.approx([0.7, 0.2, 0, 0])
-    assert run.status("A") == EMPTY
+    assert run.status("A") == STATUS_DEPLETED
 
 
 def test_a_load_makes_driving_dearer() -> None:
@@ -54,7 +54,7 @@ def test_a_load_makes_driving_dearer() -> None:
     run, _ = recorded_run(plain)
     # 1 move without the load, 3 ticks of picking, 2 moves with it, 2 ticks of setting down with it.
     spent = 1 * 1.0 + 3 * 0.5 + 2 * 2.0 + 2 * 0.25 * 2
-    assert run.world.tally.spent[0] == spent * 10_000
+    assert run.world.tally.energy_used[0] == spent * 10_000
     assert run.finished
 
 
@@ -70,7 +70,9 @@ def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
     assert charges == [45, 55, 59, 63, 67, 71, 75, 79, 83, 84, 85, 86, 86]
     assert not run.charges("A"), "it has nothing to do at the charger any more"
     tally = run.world.tally
-    assert (tally.times[0, CHARGE, 0], tally.ticks[0, CHARGE, 0]) == (1, 12), "one stay of 12 ticks"
+    assert (tally.operations[0, ACTION_CHARGE, 0], tally.ticks[0, ACTION_CHARGE, 0]) == (1, 12), (
+        "one stay of 12 ticks"
+    )
 
 
 def test_a_battery_is_never_more_than_full() -> None:
@@ -109,14 +111,14 @@ def test_first_come_first_served_in_cells_for_any_number(gap: int) -> None:
     assert served == ["C", "B", "A"]
     assert all(run.at(name) == (4, 0) for name in "ABC")
     # Each charges for three ticks and leaves in the fourth.
-    assert run.world.tally.ticks[:, IN_LINE, 0].tolist() == [8, 4, 0]
+    assert run.world.tally.ticks[:, ACTION_QUEUE, 0].tolist() == [8, 4, 0]
 
 
 def test_robots_in_a_line_draw_no_waits() -> None:
     """They begin when it is their turn, not when a wait is over."""
     run, _ = waiting_three(LINE, 1)
-    assert run.world.tally.times[:, WAIT].sum() == 0
-    assert run.world.tally.times[:, IN_LINE].sum() > 0
+    assert run.world.tally.operations[:, ACTION_WAIT].sum() == 0
+    assert run.world.tally.operations[:, ACTION_QUEUE].sum() > 0
 
 
 def test_the_first_in_a_narrow_lane_is_served_first() -> None:
@@ -151,7 +153,7 @@ def dead_end(seed: int, right_of_way: str) -> object:
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_robot_that_leaves_a_dead_end_charger_gets_past_the_line(seed: int) -> None:
     run = dead_end(seed, "withdraw")
-    assert run.finished and run.world.tally.out.sum() == 0  # type: ignore[attr-defined]
+    assert run.finished and run.world.tally.failures.sum() == 0  # type: ignore[attr-defined]
     assert run.world.tally.charged.all()  # type: ignore[attr-defined]
 
 

@@ -19,21 +19,21 @@ EMPTY_AT = 200_000 - 1  # just below what counts as low
 
 def every_condition() -> Scene:
     """Low, low with a load, charging, empty, broken, towed in its bay, and a load on the floor."""
-    plan = drawn("......\nbctt..")
+    floor_plan = drawn("......\nbctt..")
     robots = [
-        {"cell": plan.cell(0, 0), "charge": EMPTY_AT, "travel": 2, "heading": 2},
-        {"cell": plan.cell(1, 0), "charge": EMPTY_AT, "load": 1, "heading": 3},
-        {"cell": plan.cell(2, 0), "charge": 0, "status": 3, "cause": 17},
-        {"cell": plan.cell(3, 0), "status": 4, "cause": 18},
-        {"bay": plan.cell(0, 1), "status": 5, "parked": 1},
+        {"cell": floor_plan.cell(0, 0), "charge": EMPTY_AT, "travel": 2, "heading": 2},
+        {"cell": floor_plan.cell(1, 0), "charge": EMPTY_AT, "load": 1, "heading": 3},
+        {"cell": floor_plan.cell(2, 0), "charge": 0, "status": 3, "cause": 17},
+        {"cell": floor_plan.cell(3, 0), "status": 4, "cause": 18},
+        {"bay": floor_plan.cell(0, 1), "status": 5, "parked": 1},
         {
-            **{"cell": plan.cell(1, 1), "stand": plan.cell(1, 1), "charge": 5},
-            **{"goal": 4, "action": 7},
+            **{"cell": floor_plan.cell(1, 1), "goal_cell": floor_plan.cell(1, 1), "charge": 5},
+            **{"goal_type": 4, "action": 7},
         },
-        {"cell": plan.cell(5, 1), "charge": EMPTY_AT + 1},
+        {"cell": floor_plan.cell(5, 1), "charge": EMPTY_AT + 1},
     ]
-    left = {plan.cell(5, 0): 4, plan.cell(2, 1): 5}
-    return stage(plan, *robots, left=left, battery=True, faults=True)
+    left = {floor_plan.cell(5, 0): 4, floor_plan.cell(2, 1): 5}
+    return stage(floor_plan, *robots, left=left, battery=True, faults=True)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
     words = " ".join(told.values())
     for meaning in ("charges", "battery below 20 %, with a load", "broken down", "had to leave"):
         assert meaning in words
-    bare = stage(scene.floor.plan, {"cell": 12})
+    bare = stage(scene.floor.floor_plan, {"cell": 12})
     without = " ".join(entry.meaning for entry in legend(bare, camera.zoom, UNICODE))
     assert "battery" not in without and "broken" not in without and "leave" not in without
     assert "station" in without
@@ -72,19 +72,19 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
 
 @pytest.mark.parametrize("zoom", ["half", "braille 1"])
 def test_stations_are_seen_from_afar(zoom: str) -> None:
-    plan = shipped("depots")
-    assert (plan.kind == STATION).any()
-    codes, camera = composed(stage(plan), zoom)
-    for cell in np.flatnonzero(plan.kind.reshape(-1) == STATION):
+    floor_plan = shipped("depots")
+    assert (floor_plan.kind == STATION).any()
+    codes, camera = composed(stage(floor_plan), zoom)
+    for cell in np.flatnonzero(floor_plan.kind.reshape(-1) == STATION):
         place = camera.place_of(int(cell))
         assert place is not None and signs(codes)[place] not in " ⠀"
 
 
 def test_a_line_says_what_is_in_a_cell() -> None:
     scene = every_condition()
-    plan = scene.floor.plan
+    floor_plan = scene.floor.floor_plan
     assert scene.snapshot is not None
-    at = [describe(scene, plan.cell(*xy)) for xy in ((5, 0), (2, 1), (0, 1), (0, 0))]
+    at = [describe(scene, floor_plan.cell(*xy)) for xy in ((5, 0), (2, 1), (0, 1), (0, 0))]
     assert at == [
         "(5, 0) floor, load 4 was left there",
         "(2, 1) station with 0 loads to fetch, 0 brought, load 5 was left there",

@@ -12,7 +12,12 @@ from panel_stage import NARROW, WIDE, Stage, busy, click, of_robot, on_stage, sa
 from textual.pilot import Pilot
 
 from automaton.history.chronicle import Chronicle, Event, Growing
-from automaton.world.waiting import DELIVERED_AT, EVENT_NAMES, TOOK, WITHDREW
+from automaton.world.observation import (
+    EVENT_DELIVERED,
+    EVENT_NAMES,
+    EVENT_ORDER_TAKEN,
+    EVENT_RETREATED,
+)
 from tui.view import View
 from tui.widgets.event_rows import KINDS, Wanted, event_words
 from tui.widgets.events import Events, Filter
@@ -96,7 +101,7 @@ def test_kinds_are_a_checklist() -> None:
         events.show(busy())
         await pilot.pause()
         await click(pilot, events.boxes, "deliveries")
-        assert DELIVERED_AT not in found(events, busy())[:, 1]
+        assert EVENT_DELIVERED not in found(events, busy())[:, 1]
         assert "⋅deliveries" in text(events.boxes) and "✓picks" in text(events.boxes)
         await click(pilot, events.boxes, "deliveries")
         assert len(found(events, busy())) == len(busy().run.chronicle.events)
@@ -111,10 +116,10 @@ def test_keys_go_through_the_kinds_one_by_one() -> None:
         events.show(busy())
         events.list.focus()
         await pilot.press("c")
-        assert set(found(events, busy())[:, 1]) == {DELIVERED_AT}
+        assert set(found(events, busy())[:, 1]) == {EVENT_DELIVERED}
         assert "19 events of " in text(events.list)
         await pilot.press("c", "c")
-        assert set(found(events, busy())[:, 1]) == {WITHDREW}
+        assert set(found(events, busy())[:, 1]) == {EVENT_RETREATED}
         await pilot.press("C", "C", "C")
         assert len(found(events, busy())) == len(busy().run.chronicle.events)
 
@@ -145,7 +150,7 @@ def test_words_filter_while_they_are_typed() -> None:
         events.query_one(Filter).focus()
         await pilot.press(*"robot 0 deliv")
         rows = found(events, busy())
-        assert len(rows) and set(rows[:, 1]) == {DELIVERED_AT} and set(rows[:, 2]) == {0}
+        assert len(rows) and set(rows[:, 1]) == {EVENT_DELIVERED} and set(rows[:, 2]) == {0}
         await pilot.press("enter")
         assert stage.focused is events.list
         events.query_one(Filter).focus()
@@ -158,9 +163,9 @@ def test_words_filter_while_they_are_typed() -> None:
 def test_words_name_loads_and_numbers() -> None:
     rows = busy().run.chronicle.events
     of_load = rows[Wanted(words="load 6").mask(rows)]
-    assert len(of_load) and set(of_load[:, 3]) == {6} and not set(of_load[:, 1]) & {WITHDREW}
+    assert len(of_load) and set(of_load[:, 3]) == {6} and not set(of_load[:, 1]) & {EVENT_RETREATED}
     assert set(rows[Wanted(words="2").mask(rows)][:, 2]) == {2}
-    assert set(rows[Wanted(words="takes").mask(rows)][:, 1]) == {TOOK}
+    assert set(rows[Wanted(words="takes").mask(rows)][:, 1]) == {EVENT_ORDER_TAKEN}
     assert not Wanted(words="nonsense").mask(rows).any()
     assert set(rows[Wanted(kinds=frozenset({"picks"}), words="robot 4").mask(rows)][:, 1]) == {2, 3}
 
@@ -233,7 +238,7 @@ def test_tab_and_a_key_lead_from_the_list_to_the_filter_and_its_boxes() -> None:
         assert stage.focused is events.boxes
         await pilot.press("space", "right", "right", "enter")
         assert "⋅deliveries ✓deadlocks" in text(events.boxes)
-        assert not set(found(events, busy())[:, 1]) & {DELIVERED_AT, WITHDREW}
+        assert not set(found(events, busy())[:, 1]) & {EVENT_DELIVERED, EVENT_RETREATED}
         await pilot.press(*["right"] * 9, "space")
         assert events.list.only_selected
         events.list.focus()
@@ -259,10 +264,10 @@ def test_a_long_log_is_looked_at_once_and_written_in_sight_only() -> None:
     chronicle = Chronicle()
     many = 300_000
     rows = np.zeros((many, 5), np.int32)
-    rows[:, 0], rows[:, 1], rows[:, 2] = np.arange(many), TOOK, np.arange(many) % 1000
+    rows[:, 0], rows[:, 1], rows[:, 2] = np.arange(many), EVENT_ORDER_TAKEN, np.arange(many) % 1000
     chronicle._events.append(rows)
     view = busy()
-    run = SimpleNamespace(chronicle=chronicle, plan=view.plan)
+    run = SimpleNamespace(chronicle=chronicle, floor_plan=view.floor_plan)
     view = replace(view, runs=[run], shot=earlier(many).shot)  # type: ignore[list-item]
     events = Events()
     written: list[int] = []
@@ -284,9 +289,9 @@ def test_events_that_are_not_kept_are_counted_and_the_list_goes_on() -> None:
     chronicle = Chronicle()
     chronicle._events = Growing(5, 2000)
     rows = np.zeros((1000, 5), np.int32)
-    rows[:, 0], rows[:, 1] = np.arange(1000), TOOK
+    rows[:, 0], rows[:, 1] = np.arange(1000), EVENT_ORDER_TAKEN
     view = busy()
-    run = SimpleNamespace(chronicle=chronicle, plan=view.plan)
+    run = SimpleNamespace(chronicle=chronicle, floor_plan=view.floor_plan)
     view = replace(view, runs=[run], shot=earlier(9000).shot)  # type: ignore[list-item]
     events = Events()
 

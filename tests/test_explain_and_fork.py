@@ -18,7 +18,7 @@ from automaton.history.run import RecordedRun
 from automaton.history.snapshot import take_snapshot
 from automaton.recording.frames import CONDITIONS, Recording, read_recording
 from automaton.recording.verification import verify
-from automaton.world.waiting import waits
+from automaton.world.observation import is_waiting
 
 FLEET = ("--set", "fleet.robots=4", "--seed", "7")
 
@@ -42,7 +42,7 @@ def first_wait(recording: Recording) -> tuple[int, int]:
     for tick in range(60, 900):
         run.show(tick, 9)
         fleet = take_snapshot(run.shown).robots
-        found = np.flatnonzero(waits(fleet.cause) & (fleet.blocker >= 0))
+        found = np.flatnonzero(is_waiting(fleet.cause) & (fleet.blocker >= 0))
         if len(found):
             return tick, int(found[0])
     raise AssertionError("nobody waits")
@@ -56,7 +56,7 @@ def test_the_chain_is_the_one_that_the_viewer_tells(
     run = RecordedRun(read_recording(recorded))
     run.show(tick, 9)
     snapshot = take_snapshot(run.shown)
-    assert found["lines"] == explain(snapshot, run.plan, robot).lines and found["waits"]
+    assert found["lines"] == explain(snapshot, run.floor_plan, robot).lines and found["waits"]
     assert len(found["chain"]) > 1 and found["chain"][0]["rule"]
     assert sum(found["lost"].values()) == snapshot.robots.lost[robot].sum()
     assert main(["explain", str(recorded), "--robot", str(robot), "--at", str(tick)]) == 0
@@ -75,7 +75,7 @@ def test_a_circle_is_named() -> None:
     from staged_runs import Staged
 
     floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
-    lines = chain_lines(explain(floor.snapshot(), floor.plan, 2))
+    lines = chain_lines(explain(floor.snapshot(), floor.floor_plan, 2))
     assert lines[-1] == "a circle: robot 0 -> robot 1 -> robot 0; none of them can go first"
 
 

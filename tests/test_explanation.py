@@ -7,12 +7,12 @@ from staged_runs import Staged
 
 from automaton.history.explanation import doing, explain
 from automaton.scenario.schema import Durations, WorldRules
-from automaton.world.state import ACTION_NAMES, MOVE, NIL
-from automaton.world.waiting import CAUSES, HEAD_ON
+from automaton.world.observation import CAUSE_HEAD_ON, CAUSES
+from automaton.world.state import ACTION_MOVE, ACTION_NAMES, NIL
 
 
 def why(floor: Staged, name: str) -> list[str]:
-    return explain(floor.snapshot(), floor.plan, ord(name) - ord("A")).lines
+    return explain(floor.snapshot(), floor.floor_plan, ord(name) - ord("A")).lines
 
 
 def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
@@ -22,7 +22,7 @@ def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
         "robot 1 has waited 3 ticks: robot 2 holds (2, 0) and has nothing to do",
         "robot 2 has waited 3 ticks: robot 2 has no order",
     ]
-    chain = explain(floor.snapshot(), floor.plan, 0).chain
+    chain = explain(floor.snapshot(), floor.floor_plan, 0).chain
     assert [link.robot for link in chain] == [0, 1, 2]
     assert chain[0].cell == (1, 0) and chain[0].blocker == 1 and chain[0].cause == "queue"
     assert "capacity" in chain[0].rule and chain[2].rule == "allocation gave it nothing to do"
@@ -38,10 +38,10 @@ def test_a_chain_ends_with_a_robot_at_work() -> None:
 
 def test_a_circle_is_told_from_where_it_begins() -> None:
     floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
-    found = explain(floor.snapshot(), floor.plan, 2)
+    found = explain(floor.snapshot(), floor.floor_plan, 2)
     assert [link.robot for link in found.chain] == [2, 0, 1] and found.cycle == 1
     assert found.lines[-1] == "a circle: robot 0 -> robot 1 -> robot 0; none of them can go first"
-    assert explain(floor.snapshot(), floor.plan, 0).cycle == 0
+    assert explain(floor.snapshot(), floor.floor_plan, 0).cycle == 0
 
 
 def test_a_cell_that_nobody_holds_any_more() -> None:
@@ -53,7 +53,7 @@ def test_a_cell_that_nobody_holds_any_more() -> None:
 
 def test_who_does_not_wait_says_what_it_does() -> None:
     floor = Staged("A..", {"A": "EE"}).tick()
-    found = explain(floor.snapshot(), floor.plan, 0)
+    found = explain(floor.snapshot(), floor.floor_plan, 0)
     assert len(found.chain) == 1 and found.cycle == NIL and found.chain[0].cause == ""
     floor.world.robots.parked[0] = 1
     assert doing(floor.snapshot(), 0) == "is parked"
@@ -78,15 +78,15 @@ def test_every_action_has_words(action: int) -> None:
     floor.world.robots.action[0], floor.world.robots.busy[0] = action, 2
     text = doing(floor.snapshot(), 0)
     assert text and text != ACTION_NAMES[action]
-    assert action != MOVE or text == "drives for 2 more ticks"
+    assert action != ACTION_MOVE or text == "drives for 2 more ticks"
 
 
 @pytest.mark.parametrize("code", range(1, len(CAUSES)))
 def test_every_cause_makes_a_sentence(code: int) -> None:
     floor = Staged("AB", {"A": "E", "B": "W"}).tick()
-    assert floor.run.watch.cause[0] == HEAD_ON
-    floor.run.watch.cause[0] = code
-    text = explain(floor.snapshot(), floor.plan, 0).chain[0].text
+    assert floor.run.observation.cause[0] == CAUSE_HEAD_ON
+    floor.run.observation.cause[0] = code
+    text = explain(floor.snapshot(), floor.floor_plan, 0).chain[0].text
     assert text.startswith("robot 0 has waited 1 tick: ") and "{" not in text
     assert ("robot 1" in text) == ("{blocker}" in CAUSES[code].text)
     assert ("(1, 0)" in text) == ("{cell}" in CAUSES[code].text)

@@ -16,8 +16,22 @@ from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Durations, Fault, Faults
 from automaton.simulation import Simulation
-from automaton.world.condition import BROKEN, FULL, GONE, PERCENT, RUNNING, TOWED
-from automaton.world.state import CARRIED, DELIVERED, NIL, OUT_OF_ORDER, WAIT, WAITING
+from automaton.world.robot_status import (
+    BATTERY_FULL,
+    BATTERY_PERCENT,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+)
+from automaton.world.state import (
+    ACTION_DOWN,
+    ACTION_WAIT,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+)
 
 
 def failing(at: int, **rules: Any) -> Faults:
@@ -31,20 +45,26 @@ def statuses(run: Powered, ticks: int) -> list[int]:
 def test_a_robot_fails_when_what_it_does_is_over() -> None:
     run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), faults=failing(2))
     run.tick(2)
-    assert run.status("A") not in (RUNNING, BROKEN), "it is on its way, and will fail"
+    assert run.status("A") not in (STATUS_UP, STATUS_FAILED), "it is on its way, and will fail"
     run.tick(2)  # the move ends; in the next tick it is out of order
-    assert (run.status("A"), run.at("A")) == (BROKEN, (1, 0))
+    assert (run.status("A"), run.at("A")) == (STATUS_FAILED, (1, 0))
     run.tick(100)
     assert run.at("A") == (1, 0)
 
 
 def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
     run = Powered("A....", faults=failing(2, tow_after=3, repair=4), battery=MOVES)
-    run.world.robots.charge[0] = FULL // 2
-    assert statuses(run, 10) == [RUNNING, *[BROKEN] * 3, *[TOWED] * 4, RUNNING, RUNNING]
+    run.world.robots.charge[0] = BATTERY_FULL // 2
+    assert statuses(run, 10) == [
+        STATUS_UP,
+        *[STATUS_FAILED] * 3,
+        *[STATUS_TOWED] * 4,
+        STATUS_UP,
+        STATUS_UP,
+    ]
     assert run.world.robots.cell[0] == NIL, "off the floor, at home"
-    assert run.world.robots.charge[0] == FULL // 2, "a repair is no charger"
-    assert run.world.tally.out[0].tolist() == [0, 1, 1]
+    assert run.world.robots.charge[0] == BATTERY_FULL // 2, "a repair is no charger"
+    assert run.world.tally.failures[0].tolist() == [0, 1, 1]
 
 
 @pytest.mark.parametrize(
@@ -69,8 +89,8 @@ def test_with_what_charge_a_robot_comes_back_the_scenario_says(
                 stop={"when": "never", "at_most": 8},
             )
         )
-        assert run.world.robots.status[0] == TOWED
-        assert run.world.robots.charge[0] / PERCENT == expected
+        assert run.world.robots.status[0] == STATUS_TOWED
+        assert run.world.robots.charge[0] / BATTERY_PERCENT == expected
         assert metrics_of(run)["repair_energy"] == pytest.approx(max(0, expected - has) / 100)
         assert validate_stored(recorder.recording()).valid
 
@@ -87,9 +107,9 @@ def test_a_charge_after_repairs_needs_a_battery() -> None:
 
 def test_null_means_never() -> None:
     stays = Powered("A....", faults=failing(1, tow_after=None))
-    assert statuses(stays, 400)[-1] == BROKEN and stays.at("A") == (0, 0)
+    assert statuses(stays, 400)[-1] == STATUS_FAILED and stays.at("A") == (0, 0)
     gone = Powered("A....", faults=failing(1, tow_after=2, repair=None))
-    assert statuses(gone, 2000)[-1] == GONE
+    assert statuses(gone, 2000)[-1] == STATUS_REMOVED
 
 
 def test_a_broken_robot_is_in_the_way_until_it_is_towed() -> None:
@@ -116,10 +136,10 @@ def test_the_rate_is_a_probability_of_each_tick_on_the_floor() -> None:
     run = Simulation(resolved)
     run.run()
     # Towed and back, they are off the floor, and do not fail again: 1 - 0.99^400 = 98 % of 50.
-    assert run.world.tally.out[:, 1].max() == 1 and run.world.tally.out[:, 1].sum() >= 46
+    assert run.world.tally.failures[:, 1].max() == 1 and run.world.tally.failures[:, 1].sum() >= 46
     other = Simulation(resolved, seed=2)
     other.run(until=50)
-    assert 10 <= other.world.tally.out[:, 1].sum() <= 30, "1 - 0.99^50 = 39 % of 50"
+    assert 10 <= other.world.tally.failures[:, 1].sum() <= 30, "1 - 0.99^50 = 39 % of 50"
 
 
 LANE = """
@@ -141,9 +161,9 @@ def test_a_load_left_on_the_floor_is_delivered_by_another(tow_after: int | None)
     """Beside the broken robot, or where it was after the tow."""
     run, recorder = recorded_run(lane(4, tow_after=tow_after, repair=None))
     orders = run.world.orders
-    assert run.finished and orders.state[0] == DELIVERED
+    assert run.finished and orders.state[0] == ORDER_DELIVERED
     assert orders.legs[0] == 2, "picked up by A, and by B"
-    assert run.world.slots.cell[run.world.slots.spare :].tolist() == [NIL] * 2, (
+    assert run.world.slots.cell[run.world.slots.first_spare :].tolist() == [NIL] * 2, (
         "both are spare again"
     )
     assert validate_stored(recorder.recording()).valid
@@ -154,7 +174,7 @@ def test_a_load_on_the_floor_is_in_the_picture() -> None:
     run = Simulation(resolved)
     run.run(until=5)
     order = run.world.orders
-    assert order.state[0] == WAITING
+    assert order.state[0] == ORDER_WAITING
     picture = picture_of(run)
     assert "order 0 lies at (2, 0) as load 0 for (4, 0)" in picture
     assert "broken down" in picture
@@ -171,9 +191,9 @@ def test_an_order_not_yet_picked_up_is_given_back() -> None:
     resolved = scene(LANE, [(3, 0), (3, 1)], orders=ONE, strategy=strategy, faults=faults)
     run = Simulation(resolved)
     run.run(until=1)
-    assert run.world.orders.by[0] == 0
+    assert run.world.orders.reserved_by[0] == 0
     run.run(until=3)
-    assert run.world.orders.by[0] == 1, "B takes it at once"
+    assert run.world.orders.reserved_by[0] == 1, "B takes it at once"
     run.run()
     assert run.finished and run.world.orders.legs[0] == 1
 
@@ -189,20 +209,20 @@ def test_the_list_of_a_robot_that_fails_is_sold_again() -> None:
     )
     run = Simulation(resolved)
     run.run(until=1)
-    planned = run.world.robots.planned
-    assert planned[0] > 0
+    order_queue_length = run.world.robots.order_queue_length
+    assert order_queue_length[0] > 0
     run.run(until=4)
-    assert planned[0] == 0
+    assert order_queue_length[0] == 0
     run.run()
-    assert run.finished and (run.world.orders.state == DELIVERED).all()
+    assert run.finished and (run.world.orders.state == ORDER_DELIVERED).all()
 
 
 def test_a_robot_in_its_bay_fails_and_comes_back_there() -> None:
     run = Powered("b..\nb..", faults=failing(3, tow_after=5, repair=4))
     run.tick(3)
-    assert run.status("A") == TOWED, "it is in nobody's way: towed at once"
-    assert statuses(run, 4)[-1] == RUNNING
-    assert run.world.tally.out[0].tolist() == [0, 1, 0], "nobody had to tow it off the floor"
+    assert run.status("A") == STATUS_TOWED, "it is in nobody's way: towed at once"
+    assert statuses(run, 4)[-1] == STATUS_UP
+    assert run.world.tally.failures[0].tolist() == [0, 1, 0], "nobody had to tow it off the floor"
 
 
 def test_who_is_out_of_order_does_not_wait_when_zoning_halts_the_robots() -> None:
@@ -210,8 +230,8 @@ def test_who_is_out_of_order_does_not_wait_when_zoning_halts_the_robots() -> Non
     recorder = MemoryRecorder(resolved := resolve("tabletop-mini", settings))
     run = Simulation(resolved, on_record=recorder)
     run.run(until=45)
-    assert run.world.robots.status.tolist() == [RUNNING, BROKEN, RUNNING]
-    assert run.world.robots.action.tolist() == [WAIT, OUT_OF_ORDER, WAIT]
+    assert run.world.robots.status.tolist() == [STATUS_UP, STATUS_FAILED, STATUS_UP]
+    assert run.world.robots.action.tolist() == [ACTION_WAIT, ACTION_DOWN, ACTION_WAIT]
     assert [str(rule) for rule in validate_stored(recorder.recording()).violations] == []
 
 
@@ -226,8 +246,8 @@ def test_a_load_is_carried_on_if_its_robot_was_alone_in_a_corner() -> None:
     )
     run = Simulation(resolved)
     run.run()
-    assert run.finished and run.world.orders.state[0] == DELIVERED
-    assert CARRIED not in run.world.orders.state
+    assert run.finished and run.world.orders.state[0] == ORDER_DELIVERED
+    assert ORDER_CARRIED not in run.world.orders.state
 
 
 def test_who_is_out_of_order_does_not_wait_but_others_wait_for_it(tmp_path: Any) -> None:

@@ -21,7 +21,7 @@ from textual.pilot import Pilot
 
 from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING
+from automaton.world.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
 from tui.widgets import curve
 from tui.widgets.figures import Figures
 from tui.widgets.lost import LETTERS
@@ -50,7 +50,7 @@ def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:
     view = moment(20, "tabletop-mini")  # of its own: it is changed here
     lost = view.snapshot.robots.lost
     for code, cause in enumerate(CAUSES):
-        if code not in (NOT_WAITING, NO_ORDER):
+        if code not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER):
             lost[:] = 0
             lost[0, code] = 1
             assert f" {LETTERS[code]} {cause.name} " in shown(Figures(), view, WIDE, 80)

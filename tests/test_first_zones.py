@@ -37,7 +37,7 @@ def test_zones_are_looked_for_beforehand_as_robots_will(
     run = Simulation(factory(*settings))
     run.run(until=1)
     (design,) = tried
-    assert np.array_equal(design.zone, run.world.zoning.design.zone)
+    assert np.array_equal(design.zone, run.world.service_zones.design.zone)
     assert len(set(design.zone.tolist())) == 3
 
 
@@ -53,6 +53,6 @@ def test_where_there_are_none_a_run_does_not_begin(monkeypatch: pytest.MonkeyPat
 def test_zones_that_are_given_are_not_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(first, "first_zones", lambda *_: 0)
     run = Simulation(resolve("factory-ddz", []))
-    given = run.world.zoning.design.zone.copy()
+    given = run.world.service_zones.design.zone.copy()
     run.run(until=1)
-    assert np.array_equal(run.world.zoning.design.zone, given)
+    assert np.array_equal(run.world.service_zones.design.zone, given)

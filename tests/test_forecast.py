@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_traffic import ONE_WAY, Traffic
 
-from automaton.kernels.routes.expected import expect, expect_no_more
-from automaton.kernels.routes.forecast import foresee, foresee_one
-from automaton.kernels.routes.presence import (
+from automaton.kernels.routes.forecast import forecast_all, forecast_one
+from automaton.kernels.routes.task_forecast import add_task_forecasts, remove_task_forecast
+from automaton.kernels.routes.zone_forecast import (
     STEPS,
     ZONE,
     add,
@@ -30,7 +30,7 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.kernels import forecast_memory
 from automaton.world.state import NIL, Array, Memory
-from automaton.world.zones import MODES
+from automaton.world.traffic_zones import MODES
 
 HORIZON = 40
 
@@ -42,8 +42,8 @@ def table(memory: Memory, zones: int, horizon: int = HORIZON) -> Array:
 
 def foreseen(traffic: Traffic, horizon: int = HORIZON) -> Array:
     memory = traffic.memory(horizon)
-    foresee(traffic.run.view, traffic.run.space, memory)
-    counts = table(memory, traffic.world.grid.zones, horizon)
+    forecast_all(traffic.run.view, traffic.run.workspace, memory)
+    counts = table(memory, traffic.world.grid.traffic_zone_count, horizon)
     forget_all(memory)
     assert not memory.shared.any(), "a forecast leaves nothing behind"
     return counts
@@ -61,7 +61,7 @@ def happened(traffic: Traffic, horizon: int = HORIZON) -> Array:
 def test_a_queue_is_foreseen_as_it_will_be() -> None:
     """A and B slow each other down in the west arm; B alone goes on through the east arm."""
     traffic = Traffic("##~##\nAB~~~\n##~##").drive(A="EES", B="EEE")
-    west = traffic.world.grid.zone[traffic.world.robots.cell[0], 0]
+    west = traffic.world.grid.traffic_zone[traffic.world.robots.cell[0], 0]
     counts = foreseen(traffic)
     assert counts[:, west].tolist()[:8] == [2, 2, 1, 0, 0, 0, 0, 0]
     assert np.array_equal(counts, happened(traffic))
@@ -78,8 +78,8 @@ class Case(NamedTuple):
 def cases(draw: Any) -> Case:
     width, height = draw(st.integers(2, 7)), draw(st.integers(1, 5))
     picture = draw(pictures("~~~~~~~~~~~###eswn", width, height))
-    plan = draw_floor(picture, tuple(ONE_WAY.items()))
-    cells = np.flatnonzero(plan.drivable()).tolist()
+    floor_plan = draw_floor(picture, tuple(ONE_WAY.items()))
+    cells = np.flatnonzero(floor_plan.drivable()).tolist()
     if not cells:
         picture, cells = "~~~", [6, 7, 8]
     n = draw(st.integers(1, 8))
@@ -97,7 +97,7 @@ def cases(draw: Any) -> Case:
     for i in range(n):
         cell, route = int(traffic.world.robots.cell[i]), []
         for _ in range(min(draw(st.integers(0, 12)), traffic.world.robots.route.shape[1])):
-            ways = [d for d in range(4) if grid.rule[cell] >> d & 1]
+            ways = [d for d in range(4) if grid.cell_flags[cell] >> d & 1]
             if not ways:
                 break
             route.append(int(walk.choice(ways)))
@@ -122,20 +122,20 @@ def test_a_robot_taken_out_and_put_back_leaves_the_others_alone(
     case: Case, robot: int, horizon: int
 ) -> None:
     """The last robot that is put in sees the others as they will be, and is slowed down by them."""
-    traffic, view, space = case.traffic, case.traffic.run.view, case.traffic.run.space
+    traffic, view, workspace = case.traffic, case.traffic.run.view, case.traffic.run.workspace
     i = robot % len(traffic.world.robots.cell)
-    route = traffic.world.robots.route[i, : traffic.world.robots.length[i]].copy()
+    route = traffic.world.robots.route[i, : traffic.world.robots.route_length[i]].copy()
     everybody = foreseen(traffic, horizon)
     memory = traffic.memory(horizon)
-    foresee(view, space, memory)
+    forecast_all(view, workspace, memory)
     forget(memory, i)
-    others = table(memory, traffic.world.grid.zones, horizon)
+    others = table(memory, traffic.world.grid.traffic_zone_count, horizon)
     assert (others <= everybody).all()
-    foresee_one(view, space, memory, i, route, len(route))
-    together = table(memory, traffic.world.grid.zones, horizon)
+    forecast_one(view, workspace, memory, i, route, len(route))
+    together = table(memory, traffic.world.grid.traffic_zone_count, horizon)
     assert ((together - others).sum(axis=1) <= 1).all(), "it is in one zone at a time"
     assert (together >= others).all()
-    assert (memory.own[:, ZONE] == NIL).all()
+    assert (memory.per_robot[:, ZONE] == NIL).all()
     forget_all(memory)
     assert not memory.shared.any()
 
@@ -157,7 +157,7 @@ def test_four_counts_in_a_word_do_not_touch_each_other(spans: list[tuple[int, in
 def test_beyond_the_horizon_and_in_no_zone_nobody_is_foreseen() -> None:
     traffic = Traffic("AB~")
     memory = traffic.memory(5)
-    foresee(traffic.run.view, traffic.run.space, memory)
+    forecast_all(traffic.run.view, traffic.run.workspace, memory)
     assert [present(memory, 0, tick) for tick in (0, 4, 5, 500)] == [2, 2, 0, 0]
     assert present(memory, NIL, 0) == 0
 
@@ -169,8 +169,10 @@ def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
     run = Simulation(resolve("warehouse-100", (*floor, *work, "strategy.routing=congestion")))
     run.run(1)
     memory = forecast_memory(run.view, 200)
-    foresee(run.view, run.space, memory)
-    last = int(np.flatnonzero(table(memory, run.world.grid.zones, 200).sum(axis=1))[-1])
+    forecast_all(run.view, run.workspace, memory)
+    last = int(
+        np.flatnonzero(table(memory, run.world.grid.traffic_zone_count, 200).sum(axis=1))[-1]
+    )
     run.run(400)
     # Tick 0 of the forecast is tick 2 of the run; the load is down in the first tick of the drop.
     assert run.world.orders.delivered[0] == 2 + last - 2
@@ -187,8 +189,8 @@ def test_the_second_leg_leads_to_where_loads_are_set_down(tmp_path: Path) -> Non
     run = Simulation(resolve(scenario, ["strategy.routing=astar"]))
     run.run(1)
     memory = forecast_memory(run.view, 50)
-    foresee(run.view, run.space, memory)
-    last = int(np.flatnonzero(table(memory, run.world.grid.zones, 50).sum(axis=1))[-1])
+    forecast_all(run.view, run.workspace, memory)
+    last = int(np.flatnonzero(table(memory, run.world.grid.traffic_zone_count, 50).sum(axis=1))[-1])
     run.run()
     assert run.finished
     assert run.world.orders.delivered[0] == 2 + last - 1
@@ -225,15 +227,15 @@ def test_a_robot_with_a_new_route_is_counted_when_it_has_left_its_bay() -> None:
     traffic.send(0, route.tolist())
     everybody = foreseen(traffic)
     memory = traffic.memory(HORIZON)
-    foresee(traffic.run.view, traffic.run.space, memory)
+    forecast_all(traffic.run.view, traffic.run.workspace, memory)
     forget(memory, 0)
-    foresee_one(traffic.run.view, traffic.run.space, memory, 0, route, len(route))
-    assert np.array_equal(table(memory, traffic.world.grid.zones), everybody)
+    forecast_one(traffic.run.view, traffic.run.workspace, memory, 0, route, len(route))
+    assert np.array_equal(table(memory, traffic.world.grid.traffic_zone_count), everybody)
 
 
 def test_a_count_that_is_full_does_not_carry_into_the_next_tick() -> None:
     memory = Memory(
-        own=np.zeros((65_536, row_size(4)), np.int64),
+        per_robot=np.zeros((65_536, row_size(4)), np.int64),
         shared=np.zeros(shared_size(3, 4), np.int64),
         parameters=np.array([4, 3], np.int64),
     )
@@ -257,16 +259,18 @@ def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
     world, memory = run.world, forecast_memory(run.view, 200)
-    expect(run.view, run.space, memory)
-    expected = table(memory, world.grid.zones, 200)[1:]  # that tick is over
+    add_task_forecasts(run.view, run.workspace, memory)
+    expected = table(memory, world.grid.traffic_zone_count, 200)[1:]  # that tick is over
     for tick in range(199):
         if world.orders.delivered[0] != NIL:
             break
-        zone = world.grid.zone[world.robots.cell[0], world.robots.travel[0] >> 1]
-        assert expected[tick].sum() == (zone != NIL) and (zone == NIL or expected[tick, zone] == 1)
+        traffic_zone = world.grid.traffic_zone[world.robots.cell[0], world.robots.travel[0] >> 1]
+        assert expected[tick].sum() == (traffic_zone != NIL) and (
+            traffic_zone == NIL or expected[tick, traffic_zone] == 1
+        )
         run.run(run.tick + 1)
     assert tick > 15 and not expected[tick:].any()
-    expect_no_more(run.view, memory, 0)
+    remove_task_forecast(run.view, memory, 0)
     assert not memory.shared.any()
 
 
@@ -274,16 +278,16 @@ def test_shares_are_those_of_the_ticks_of_a_task() -> None:
     settings = (*ALONE, "stop.at_most=400", "strategy.routing=astar")
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
-    zones = run.world.grid.zones
+    traffic_zone_count = run.world.grid.traffic_zone_count
     memory, shares = forecast_memory(run.view, 200), forecast_memory(run.view, 200, shares=True)
     for one in (memory, shares):
-        expect(run.view, run.space, one)
-    ticks = table(memory, zones, 200).sum(axis=0)
-    task = shares.own[0, STEPS] - 2  # moves, without pick and drop
-    for zone in range(zones):
+        add_task_forecasts(run.view, run.workspace, one)
+    ticks = table(memory, traffic_zone_count, 200).sum(axis=0)
+    task = shares.per_robot[0, STEPS] - 2  # moves, without pick and drop
+    for zone in range(traffic_zone_count):
         expected = 1000 * ticks[zone] / task
         assert occupancy(shares, zone, 7) == pytest.approx(expected, abs=1)
-    assert sum(occupancy(shares, zone, 0) for zone in range(zones)) > 500
+    assert sum(occupancy(shares, zone, 0) for zone in range(traffic_zone_count)) > 500
     assert occupancy(memory, int(ticks.argmax()), 10_000) == 0
-    expect_no_more(run.view, shares, 0)
+    remove_task_forecast(run.view, shares, 0)
     assert not shares.shared.any()

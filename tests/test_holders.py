@@ -46,8 +46,8 @@ def standing(view: Any, i: int) -> bool:
 
 def naive_holders(view: Any) -> Any:
     """(C, 2): for each lane, who stands in it or enters it; all robots are asked."""
-    robots, rule = view.robots, view.grid.rule
-    found = np.full((len(rule), 2), NIL, np.int32)
+    robots, cell_flags = view.robots, view.grid.cell_flags
+    found = np.full((len(cell_flags), 2), NIL, np.int32)
     for i in range(len(robots.cell)):
         if not standing(view, i):
             continue
@@ -58,7 +58,7 @@ def naive_holders(view: Any) -> Any:
             step = robots.claim[i] - robots.cell[i]
             held.append((robots.claim[i], view.grid.offset.tolist().index(step)))
         for cell, direction in held:
-            capacity = int(rule[cell]) >> 5 & 3
+            capacity = int(cell_flags[cell]) >> 5 & 3
             if capacity:
                 lane = int(direction) >> 1 if capacity == 2 else 0
                 assert found[cell, lane] in (NIL, robots.identity[i]), "one robot holds it"
@@ -74,8 +74,8 @@ def naive_wants(view: Any, i: int) -> int:
     """Of all robots, the first whose route leads into the cell of robot i next."""
     robots = view.robots
     for j in by_identity(view):
-        if j != i and robots.at[j] < robots.length[j]:
-            step = view.grid.offset[robots.route[j, robots.at[j]]]
+        if j != i and robots.route_index[j] < robots.route_length[j]:
+            step = view.grid.offset[robots.route[j, robots.route_index[j]]]
             if robots.cell[j] + step == robots.cell[i]:
                 return j
     return NIL
@@ -89,7 +89,7 @@ def naive_beside(view: Any, i: int, *others: int) -> list[int]:
         for j in by_identity(view)
         if j not in (i, *others)
         for way in range(4)
-        if grid.ways[robots.type[j], robots.cell[j]] >> way & 1
+        if grid.type_cell_flags[robots.type[j], robots.cell[j]] >> way & 1
         and robots.cell[j] + grid.offset[way] == robots.cell[i]
     ]
 
@@ -100,7 +100,7 @@ def naive_presses(view: Any, i: int) -> int:
         for _ in range(len(view.robots.cell)):
             if not withdraw.is_hemmed_in(view, at):
                 break
-            if view.robots.withdrawing[at] or naive_wants(view, at) != NIL:
+            if view.robots.retreat_moves[at] or naive_wants(view, at) != NIL:
                 return first
             beside = naive_beside(view, at, behind)
             if not beside:
@@ -119,14 +119,14 @@ class Probe(RandomRightOfWay):
         self.memory = None
         self.found = 0
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         assert np.array_equal(view.traffic.holder, naive_holders(view))
         own = self.memory = self.memory or WITHDRAW.reset(view)
         files = own.shared[: own.parameters[withdraw.FILES]]
         crowds = own.shared[own.parameters[withdraw.FILES] :]
         files[0] += 1
         withdraw.list_crowds(view, crowds)
-        for i in asked.robot[: asked.count[0]]:
+        for i in batch.robot[: batch.count[0]]:
             if standing(view, i):
                 wants = naive_wants(view, i)
                 assert withdraw.who_wants_in(view, crowds, i) == wants
@@ -134,12 +134,12 @@ class Probe(RandomRightOfWay):
                 assert withdraw.who_presses(view, crowds, files, i) == pressing
                 self.found += wants != NIL or pressing != NIL
         withdraw.forget_crowds(view, crowds)
-        assert not crowds[: len(view.grid.rule)].any()
-        super().decide(view, asked, answers, memory, space)
+        assert not crowds[: len(view.grid.cell_flags)].any()
+        super().decide(view, batch, decisions, memory, workspace)
 
 
 GIVE_WAY = "strategy.right_of_way={name: withdraw, give_way: true}"
-WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).picks["right_of_way"].parameters)
+WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).strategies["right_of_way"].parameters)
 
 
 def compared(path: Path, storage: Any, seed: int, **crowd: Any) -> int:
@@ -186,9 +186,9 @@ class Blind(Strategy):
     """Says nothing of holders, and so sees none."""
 
     layer = "right_of_way"
-    every = 1
+    period = 1
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         assert np.all(view.traffic.holder == NIL)
 
 

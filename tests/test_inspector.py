@@ -73,10 +73,13 @@ def test_a_turntable_tells_exits_room_and_who_wants_it() -> None:
 def test_a_shelf_tells_its_load_its_goal_and_who_fetches_it() -> None:
     view = busy()
     orders, slots = view.snapshot.orders, view.snapshot.slots
-    held = np.flatnonzero((orders.by != NIL) & (orders.state == 0))[0]
-    x, y = view.plan.xy(slots.cell[orders.place[held]])
+    held = np.flatnonzero((orders.reserved_by != NIL) & (orders.state == 0))[0]
+    x, y = view.floor_plan.xy(slots.cell[orders.current_slot[held]])
     said_then = shown(Inspector(), of_cell(view, x, y))
-    assert f"holds load {held}" in said_then and f"fetched by robot {orders.by[held]}" in said_then
+    assert (
+        f"holds load {held}" in said_then
+        and f"fetched by robot {orders.reserved_by[held]}" in said_then
+    )
 
 
 def test_a_destination_counts_its_deliveries() -> None:
@@ -84,7 +87,7 @@ def test_a_destination_counts_its_deliveries() -> None:
     orders, slots = view.snapshot.orders, view.snapshot.slots
     slot = orders.target[np.flatnonzero(orders.state == 2)[0]]
     many = np.count_nonzero((orders.target == slot) & (orders.state == 2))
-    said_then = shown(Inspector(), of_cell(view, *view.plan.xy(slots.cell[slot])))
+    said_then = shown(Inspector(), of_cell(view, *view.floor_plan.xy(slots.cell[slot])))
     assert f"received {many} load" in said_then and "the last load" in said_then
 
 
@@ -92,7 +95,7 @@ def test_a_bay_and_the_counts_of_a_layer() -> None:
     view = moment(600, "tabletop-1", "fleet.robots=5", layer="visits")
     assert "opens on (0, 1)" in shown(Inspector(), of_cell(view, -1, 1))
     assert view.snapshot.heat is not None
-    visits = view.snapshot.heat[view.plan.cell(0, 0)]
+    visits = view.snapshot.heat[view.floor_plan.cell(0, 0)]
     assert f"visits {visits} visits" in shown(Inspector(), of_cell(view, 0, 0))
 
 
@@ -107,7 +110,7 @@ def test_links_lead_from_robot_to_order_and_on_to_its_cell() -> None:
         await click(pilot, inspector, "known")
         assert stage.wishes() == []  # a name leads nowhere
         await click(pilot, inspector, "(11, 8)")
-        assert stage.wishes() == [("cell", busy().plan.cell(11, 8))]
+        assert stage.wishes() == [("cell", busy().floor_plan.cell(11, 8))]
 
     on_stage(inspector, story)
 
@@ -119,7 +122,7 @@ def test_the_keyboard_follows_links() -> None:
         inspector.show(of_robot(deadlocked(), 1))
         inspector.focus()
         await pilot.press("enter", "down", "enter")
-        assert stage.wishes() == [("cell", deadlocked().plan.cell(8, 0)), ("robot", 2)]
+        assert stage.wishes() == [("cell", deadlocked().floor_plan.cell(8, 0)), ("robot", 2)]
 
     on_stage(inspector, story)
 

@@ -18,7 +18,14 @@ from automaton.commands import main
 from automaton.interruption import interruptible
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.frontier import FIFO
-from automaton.kernels.search import FAR, begin_search, descend, distance, find_path, nearest_mark
+from automaton.kernels.search import (
+    UNREACHABLE,
+    begin_search,
+    distance,
+    find_path,
+    follow_gradient,
+    nearest_mark,
+)
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import NIL
@@ -99,7 +106,7 @@ def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
     try:
         simulation = Simulation(resolve("tabletop-mini"))
         simulation.run(until=10)
-        with interruptible(simulation.space.stop):
+        with interruptible(simulation.workspace.stop):
             signal.raise_signal(signal.SIGTERM)
             deadline = time.monotonic() + 0.2  # for the watcher to hear of it
             wait_until(lambda: time.monotonic() > deadline)
@@ -110,17 +117,19 @@ def test_a_handler_of_somebody_else_lets_the_run_go_on() -> None:
 
 
 def test_searches_find_nothing_once_a_run_is_given_up(given_up: Simulation) -> None:
-    view, space = given_up.view, given_up.space
-    space.field_of[:] = space.field_owner[:] = NIL  # runs before may have left distances
+    view, workspace = given_up.view, given_up.workspace
+    workspace.field_of[:] = workspace.field_owner[:] = NIL  # runs before may have left distances
     here, there = int(view.robots.home[0]), int(view.robots.home[1])
     steps = np.zeros(100, np.uint8)
-    assert distance(view, space, 0, here, 0, there) == FAR
-    assert descend(view, space, 0, here, 0, there, steps) == NIL
-    assert find_path(view, space, 0, here, 0, there, False, steps) == NIL
-    assert nearest_mark(view, space, begin_search(space), 0, here, 0, False) == NIL
+    assert distance(view, workspace, 0, here, 0, there) == UNREACHABLE
+    assert follow_gradient(view, workspace, 0, here, 0, there, steps) == NIL
+    assert find_path(view, workspace, 0, here, 0, there, False, steps) == NIL
+    assert nearest_mark(view, workspace, begin_search(workspace), 0, here, 0, False) == NIL
     grid, duration = view.grid, view.rules.duration[0]
     pose = here * grid.headings
-    assert search(grid, 0, duration, space.routes, FIFO, np.uint64(1), pose, there, False) == NIL
+    assert (
+        search(grid, 0, duration, workspace.routes, FIFO, np.uint64(1), pose, there, False) == NIL
+    )
 
 
 def test_the_next_run_on_the_floor_finds_its_ways() -> None:

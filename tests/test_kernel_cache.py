@@ -128,17 +128,17 @@ def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
 PLUG_IN = """
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy
-from automaton.world.state import PAUSE
+from automaton.world.state import CMD_WAIT
 from mine.deep.ticks import TICKS
 from another import doubled
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.right_of_way
-    for k in range(asked.count[0]):
-        given.verb[k] = PAUSE
-        given.value[k] = doubled(TICKS)
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.right_of_way
+    for k in range(batch.count[0]):
+        out.command[k] = CMD_WAIT
+        out.value[k] = doubled(TICKS)
 
 
 class Patient(Strategy):

@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.metrics import illegal_by_layer, metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import CHARGE, NIL
+from automaton.world.state import ACTION_CHARGE, NIL
 
 
 def run(scenario: str = "tabletop-mini", *settings: str, until: int | None = None) -> Simulation:
@@ -40,9 +40,9 @@ def test_a_named_strategy_and_its_class_are_the_same_strategy() -> None:
 
 def test_zones_given_by_zoning_are_seen_by_everybody() -> None:
     simulation = run("tabletop-mini", "strategy.zoning=example_strategies:HalfAndHalf", until=0)
-    assert set(simulation.view.robots.zone) == {NIL}
+    assert set(simulation.view.robots.service_zone) == {NIL}
     simulation.run(1)  # zoning is asked when there are orders in no queue, and every 5 ticks
-    assert list(simulation.view.robots.zone) == [0, 1, 0]
+    assert list(simulation.view.robots.service_zone) == [0, 1, 0]
 
 
 def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
@@ -56,7 +56,7 @@ def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
         until=60,
     )
     robots, tally = simulation.world.robots, simulation.world.tally
-    assert tally.ticks[0, CHARGE].sum() == 6  # from 40 % to 100 % by 10 % in a tick
+    assert tally.ticks[0, ACTION_CHARGE].sum() == 6  # from 40 % to 100 % by 10 % in a tick
     assert robots.parked[0] == 1  # and afterwards it drives home
     assert illegal_by_layer(simulation)["charging"] == 0
 
@@ -75,7 +75,7 @@ def test_a_strategy_that_stays_silent_leaves_everything_as_it_is() -> None:
     assert not simulation.finished
     assert simulation.world.robots.parked.all()
     assert metrics_of(simulation)["T_Rtotal"] == 0
-    assert simulation.world.tally.asked.sum() == 1  # asked once; nothing changed since
+    assert simulation.world.tally.batches.sum() == 1  # asked once; nothing changed since
 
 
 def test_the_view_cannot_be_written_to() -> None:
@@ -172,7 +172,7 @@ def test_a_strategy_cannot_read_a_robot_beyond_its_sight(information: str, reach
 def test_with_everything_in_sight_the_layer_is_called_once_for_all() -> None:
     example_strategies.Watcher.sightings.clear()
     simulation = run("tabletop-1", "strategy.right_of_way=example_strategies:Watcher", until=1)
-    assert simulation.world.tally.asked[4] == 1
+    assert simulation.world.tally.batches[4] == 1
     assert [robot for robot, _ in example_strategies.Watcher.sightings] == [0, 1, 2, 3]
     everybody = frozenset(np.arange(4))
     assert all(seen <= everybody for _, seen in example_strategies.Watcher.sightings)

@@ -8,15 +8,23 @@ import pytest
 from automaton.errors import InputError
 from automaton.history.live import LiveRun
 from automaton.picture import picture_of, world_from
-from automaton.recording.codes import DID_ILLEGAL
+from automaton.recording.codes import EXECUTED_ILLEGAL
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.recording.verification import verify_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.strategy.kernels import drop_stand, pick_stand
+from automaton.strategy.kernels import dropoff_cell, pickup_cell
 from automaton.strategy.layer import Strategy
-from automaton.world.state import NIL, PARK, RETREAT, SET_DOWN, TAKE, TICK, WAITING
+from automaton.world.state import (
+    CLOCK_TICK,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_TAKE_ORDER,
+    NIL,
+    ORDER_WAITING,
+)
 
 FLOOR = """
 name: leaving
@@ -52,34 +60,34 @@ class Late(Strategy):
     """Robot 0 alone works, and takes order k in tick 20 k + 1 or later."""
 
     layer = "allocation"
-    every = 1
+    period = 1
 
-    def decide(self, view, asked, answers, memory, space):
-        given, robots = answers.allocation, view.robots
-        for k in range(asked.count[0]):
-            i = asked.robot[k]
-            load, order = robots.load[i], int((view.orders.state != WAITING).sum())
+    def decide(self, view, batch, decisions, memory, workspace):
+        out, robots = decisions.allocation, view.robots
+        for k in range(batch.count[0]):
+            i = batch.robot[k]
+            load, order = robots.load[i], int((view.orders.state != ORDER_WAITING).sum())
             if load != NIL and robots.slot[i] == NIL:
-                given.verb[k], given.slot[k] = SET_DOWN, view.orders.target[load]
-                given.stand[k] = drop_stand(view, 0, given.slot[k])
+                out.command[k], out.slot[k] = CMD_DROP_AT, view.orders.target[load]
+                out.goal_cell[k] = dropoff_cell(view, 0, out.slot[k])
             elif robots.order[i] != NIL or robots.busy[i]:
                 continue
-            elif i == 0 and order < 3 and view.clock[TICK] > 20 * order:
-                given.verb[k], given.order[k] = TAKE, order
-                given.stand[k] = pick_stand(view, 0, view.orders.place[order])
+            elif i == 0 and order < 3 and view.clock[CLOCK_TICK] > 20 * order:
+                out.command[k], out.order[k] = CMD_TAKE_ORDER, order
+                out.goal_cell[k] = pickup_cell(view, 0, view.orders.current_slot[order])
             else:
-                given.verb[k] = PARK
+                out.command[k] = CMD_PARK
 
 
 class Wrong(Strategy):
     """Answers what is not allowed, whenever there is a robot to be asked for."""
 
     layer = "right_of_way"
-    every = 1
+    period = 1
 
-    def decide(self, view, asked, answers, memory, space):
-        answers.right_of_way.verb[: asked.count[0]] = RETREAT
-        answers.right_of_way.value[: asked.count[0]] = 0
+    def decide(self, view, batch, decisions, memory, workspace):
+        decisions.right_of_way.command[: batch.count[0]] = CMD_RETREAT
+        decisions.right_of_way.value[: batch.count[0]] = 0
 
 
 def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
@@ -90,7 +98,7 @@ def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
     simulation = Simulation(resolved, on_record=recorder)
     simulation.run()
     robots = simulation.world.robots
-    assert robots.did.tolist() == [DID_ILLEGAL, DID_ILLEGAL]
+    assert robots.executed.tolist() == [EXECUTED_ILLEGAL, EXECUTED_ILLEGAL]
     assert robots.parked.tolist() == [1, 0]  # robot 0 was given an order, and is where it began
     # The actions are the same for both: the state tells who is about to leave.
     assert validate_stored(recorder.recording()).violations == []
@@ -99,7 +107,7 @@ def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
 def test_who_is_done_is_off_the_floor_where_it_stood(scenario):
     resolved = scenario()
     simulation = ran(resolved)
-    robots, cell = simulation.world.robots, resolved.plan.cell
+    robots, cell = simulation.world.robots, resolved.floor_plan.cell
     assert simulation.finished and simulation.tick == simulation.world.orders.delivered.max() + 1
     assert robots.cell.tolist() == [NIL, NIL] and robots.parked.tolist() == [1, 1]
     assert robots.home.tolist() == [cell(2, 0), cell(4, 0)]
@@ -142,7 +150,7 @@ def test_who_gets_an_order_later_comes_back_where_it_left(scenario, kinematics, 
     assert (comings + 1).tolist() == [21, 41]
     assert simulation.world.orders.dispatched.tolist() == [1, 21, 41]
     # It came back where the order before had ended.
-    ended = [resolved.plan.cell(x, 0) for x in (3, 4)]
+    ended = [resolved.floor_plan.cell(x, 0) for x in (3, 4)]
     assert simulation.world.orders.dispatched_from[1:].tolist() == ended
     verification = verify_recording(recorder.recording())
     assert verification.passed, verification.report.violations or verification.difference

@@ -17,7 +17,7 @@ from staged_scenes import (
     stage,
 )
 
-from automaton.world.zones import zones_of
+from automaton.world.traffic_zones import traffic_zones_of
 from tui.render.describe import describe
 from tui.render.glyphs import UNICODE
 from tui.render.legend import legend, worst_cells
@@ -42,43 +42,46 @@ def test_the_legend_explains_every_sign_of_the_picture(zoom: str):
 
 def test_the_legend_has_only_what_can_occur():
     words = [
-        entry.meaning for entry in legend(mini(), camera_at(mini().floor.plan, "1x1").zoom, UNICODE)
+        entry.meaning
+        for entry in legend(mini(), camera_at(mini().floor.floor_plan, "1x1").zoom, UNICODE)
     ]
     assert "turntable: robots turn here" in words and "bay" in words
     assert not {"charger", "charges", "one-way floor", "two robots pass here"} & set(words)
 
 
 def test_the_legend_gives_the_numbers_of_a_layer():
-    plan = open_floor(3, 3)
-    heat = np.zeros(plan.kind.size, np.int32)
-    heat[plan.cell(1, 1)] = 90
-    zoom = camera_at(plan, "1x1").zoom
-    hot = legend(stage(plan, heat=heat, layer="visits"), zoom, UNICODE)
+    floor_plan = open_floor(3, 3)
+    heat = np.zeros(floor_plan.kind.size, np.int32)
+    heat[floor_plan.cell(1, 1)] = 90
+    zoom = camera_at(floor_plan, "1x1").zoom
+    hot = legend(stage(floor_plan, heat=heat, layer="visits"), zoom, UNICODE)
     assert [entry.meaning for entry in hot if "visits" in entry.meaning][:2] == [
         "visits: 1",
         "visits: 2 to 5",
     ]
-    flow = np.zeros((plan.kind.size, 4), np.int32)
-    flow[plan.cell(1, 1), 2] = 90
-    flowing = legend(stage(plan, flow=flow, layer="flow"), zoom, UNICODE)
+    flow = np.zeros((floor_plan.kind.size, 4), np.int32)
+    flow[floor_plan.cell(1, 1), 2] = 90
+    flowing = legend(stage(floor_plan, flow=flow, layer="flow"), zoom, UNICODE)
     assert "moves: 77 to 100" in [entry.meaning for entry in flowing]
-    plan = shipped("tabletop-mini")
-    shown = stage(plan, zones=zones_of(plan), layer="zones")
+    floor_plan = shipped("tabletop-mini")
+    shown = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
     meanings = [entry.meaning for entry in legend(shown, zoom, UNICODE)]
     assert "16 zones, undirected; those that touch differ" in meanings
     assert "intersection, in no zone" in meanings
 
 
 def test_a_cell_is_described_in_one_line():
-    plan = drawn("$.>.d\ns====")
+    floor_plan = drawn("$.>.d\ns====")
     robots = [
-        {"cell": plan.cell(1, 0), "load": 7, "cause": 2},
-        {"cell": plan.cell(1, 1), "claim": plan.cell(2, 1), "action": 1},
+        {"cell": floor_plan.cell(1, 0), "load": 7, "cause": 2},
+        {"cell": floor_plan.cell(1, 1), "claim": floor_plan.cell(2, 1), "action": 1},
     ]
-    scene = stage(plan, *robots)
-    scene.snapshot.orders.by[0] = 1
-    scene.snapshot.slots.by[1] = 0
-    described = [describe(scene, plan.cell(*xy)) for xy in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1))]
+    scene = stage(floor_plan, *robots)
+    scene.snapshot.orders.reserved_by[0] = 1
+    scene.snapshot.slots.reserved_by[1] = 0
+    described = [
+        describe(scene, floor_plan.cell(*xy)) for xy in ((0, 0), (0, 1), (1, 0), (2, 0), (2, 1))
+    ]
     assert described == [
         "(0, 0) shelf with load 0 for (4, 0), to be fetched by robot 1",
         "(0, 1) shelf, empty, reserved by robot 0",
@@ -86,14 +89,14 @@ def test_a_cell_is_described_in_one_line():
         "(2, 0) one-way floor east",
         "(2, 1) passing aisle, robot 1 comes",
     ]
-    assert describe(scene, plan.cell(1, 1)) == "(1, 1) passing aisle, robot 1 (move)"
-    assert describe(scene, plan.cell(4, 0)) == "(4, 0) destination with 0 loads"
+    assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) passing aisle, robot 1 (move)"
+    assert describe(scene, floor_plan.cell(4, 0)) == "(4, 0) destination with 0 loads"
 
 
 def test_the_worst_cells_of_a_layer_are_known():
-    plan = open_floor(4, 4)
-    heat = np.zeros(plan.kind.size, np.int32)
-    heat[plan.cell(2, 1)], heat[plan.cell(0, 3)] = 51, 7
-    scene = stage(plan, heat=heat, layer="waiting")
-    assert worst_cells(scene) == [(plan.cell(2, 1), 51), (plan.cell(0, 3), 7)]
+    floor_plan = open_floor(4, 4)
+    heat = np.zeros(floor_plan.kind.size, np.int32)
+    heat[floor_plan.cell(2, 1)], heat[floor_plan.cell(0, 3)] = 51, 7
+    scene = stage(floor_plan, heat=heat, layer="waiting")
+    assert worst_cells(scene) == [(floor_plan.cell(2, 1), 51), (floor_plan.cell(0, 3), 7)]
     assert worst_cells(scene.with_(layer="")) == []

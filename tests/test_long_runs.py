@@ -25,8 +25,8 @@ from automaton.recording.frames import (
     TICKS,
     read_recording,
 )
-from automaton.world.state import DIGEST_EVERY
-from automaton.world.waiting import DEADLOCK, DELIVERED_ORDERS, TOOK
+from automaton.world.observation import DELIVERED_ORDERS, EVENT_DEADLOCK, EVENT_ORDER_TAKEN
+from automaton.world.state import CLOCK_DIGEST_EVERY
 
 __all__ = ["clock"]
 
@@ -92,13 +92,13 @@ def observed(first: int, ticks: int) -> Any:
     """As much of a simulation as a chronicle reads: an event every 10 ticks, some deadlocks."""
     at = np.arange(first, first + ticks)
     events = np.zeros((ticks, 5), np.int64)
-    events[:, 0], events[:, 1] = at, np.where(at % 100 == 1, DEADLOCK, TOOK)
+    events[:, 0], events[:, 1] = at, np.where(at % 100 == 1, EVENT_DEADLOCK, EVENT_ORDER_TAKEN)
     events = events[at % 10 == 1]
     curve = np.stack((at, at, at // 100), axis=1)
     counts = np.array([len(events), ticks])
     watch = SimpleNamespace(events=events, curve=curve, count=counts)
     world = SimpleNamespace(clock=np.array([first + ticks - 1]))
-    return SimpleNamespace(watch=watch, world=world, empty_observation=lambda: None)
+    return SimpleNamespace(observation=watch, world=world, empty_observation=lambda: None)
 
 
 # Frames
@@ -202,5 +202,5 @@ def test_what_memory_need_not_hold_is_not_held() -> None:
     run.journal.flush()
     kinds = {run.journal._store.kinds[index] for index in run.journal._store._memory}
     assert kinds == {TICKS, CONDITIONS}
-    assert run.front.world.clock[DIGEST_EVERY] > 1
+    assert run.front.world.clock[CLOCK_DIGEST_EVERY] > 1
     assert isinstance(run.journal, Journal) and isinstance(run.journal._store, FrameStore)

@@ -32,14 +32,14 @@ def written(folder, text=SCENARIO, floor=FLOOR):
 
 
 def test_a_matrix_is_a_floor(tmp_path):
-    plan = resolve(written(tmp_path)).plan
-    assert floor_picture(plan).split("\n") == ["######", "#=====", "#=i=r#", "#====="]
+    floor_plan = resolve(written(tmp_path)).floor_plan
+    assert floor_picture(floor_plan).split("\n") == ["######", "#=====", "#=i=r#", "#====="]
 
 
 def test_the_default_warehouse_survives_the_round_trip():
-    plan = Racks(preset="E1").build()
-    text = write_matrix(plan)
-    assert read_matrix(text) == plan
+    floor_plan = Racks(preset="E1").build()
+    text = write_matrix(floor_plan)
+    assert read_matrix(text) == floor_plan
     assert write_matrix(read_matrix(text)) == text
     codes, numbers = np.unique(text.replace("\n", ",").split(",")[:-1], return_counts=True)
     found = dict(zip(codes.tolist(), numbers.tolist(), strict=True))

@@ -16,7 +16,13 @@ from automaton.metrics import (
 )
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import BAY_BLOCKED, PICK, TRY_DROP, TURN, WAIT
+from automaton.world.state import (
+    ACTION_BAY_BLOCKED,
+    ACTION_PICK,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
+    ACTION_WAIT,
+)
 
 RUNS = [
     ("tabletop-1", 1, "independent"),
@@ -74,7 +80,7 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
             break
         simulation.run(tick)
         after = simulation.world.robots.parked == 1
-        idle += parked & after & (simulation.world.robots.action != BAY_BLOCKED)
+        idle += parked & after & (simulation.world.robots.action != ACTION_BAY_BLOCKED)
         parked = after
     active = executed_ticks(simulation.world).sum((1, 2))
     assert (active + idle).tolist() == [simulation.tick] * which[1]
@@ -82,15 +88,15 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
 
 
 def test_operations_take_the_ticks_that_the_scenario_says(run: Simulation) -> None:
-    times, ticks = run.world.tally.times.sum((0, 2)), run.world.tally.ticks.sum((0, 2))
+    times, ticks = run.world.tally.operations.sum((0, 2)), run.world.tally.ticks.sum((0, 2))
     for action in OPERATIONS:
-        if action != WAIT:
+        if action != ACTION_WAIT:
             assert ticks[action] == times[action] * run.world.rules.duration[0, action]
-    assert times[WAIT] <= ticks[WAIT] <= 10 * times[WAIT]
+    assert times[ACTION_WAIT] <= ticks[ACTION_WAIT] <= 10 * times[ACTION_WAIT]
 
 
 def test_every_pick_up_is_a_leg_of_an_order(run: Simulation) -> None:
-    figures, picks = metrics_of(run), int(run.world.tally.times[:, PICK].sum())
+    figures, picks = metrics_of(run), int(run.world.tally.operations[:, ACTION_PICK].sum())
     assert figures["delivered"] == len(run.world.orders.state)
     assert figures["legs_per_order"] * figures["delivered"] == pytest.approx(picks)
     assert sum(row["drops"] for row in metrics_by_robot(run)) == picks
@@ -113,17 +119,17 @@ def test_a_robot_alone_never_waits() -> None:
 def test_only_cooperative_robots_try_to_drop_and_pass_on() -> None:
     independent = ran("tabletop-2", 3, "independent")
     cooperative = ran("tabletop-2", 3, "cooperative")
-    assert independent.world.tally.times[:, TRY_DROP].sum() == 0
+    assert independent.world.tally.operations[:, ACTION_TRY_DROP].sum() == 0
     assert metrics_of(independent)["legs_per_order"] == 1
-    picks = cooperative.world.tally.times[:, PICK].sum()
-    assert cooperative.world.tally.times[:, TRY_DROP].sum() == picks
+    picks = cooperative.world.tally.operations[:, ACTION_PICK].sum()
+    assert cooperative.world.tally.operations[:, ACTION_TRY_DROP].sum() == picks
     assert metrics_of(cooperative)["legs_per_order"] > 1
 
 
 def test_empty_runs_by_cycles_counted_by_hand() -> None:
     simulation = ran("tabletop-mini", 1, "independent")
     tally = simulation.world.tally
-    driving = [1, TURN, WAIT]  # MOVE is 1
+    driving = [1, ACTION_TURN, ACTION_WAIT]  # MOVE is 1
     empty = tally.ticks[0, driving, 0].sum()
     assert metrics_of(simulation)["E_U_cycles"] == pytest.approx(empty / tally.ticks[0, 1:].sum())
 

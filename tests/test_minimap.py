@@ -18,14 +18,14 @@ from tui.render.minimap import Minimap
 
 def framed(minimap: Minimap, camera: Camera) -> list[str]:
     """The overview of an empty floor."""
-    codes = minimap.picture(stage(camera.plan), camera, UNICODE)
+    codes = minimap.picture(stage(camera.floor_plan), camera, UNICODE)
     inks = (codes >> 16) // len(styles.COLOURS)
     return ["".join(row) for row in np.where(inks == styles.CURSOR, signs(codes), ".")]
 
 
 def test_a_frame_goes_round_what_the_camera_shows():
-    plan = open_floor(24, 16)
-    camera = Camera(plan, 8, 12)
+    floor_plan = open_floor(24, 16)
+    camera = Camera(floor_plan, 8, 12)
     camera.one_to_one()
     minimap = Minimap(camera, 4, 12)
     camera.pan(-99, -99)
@@ -51,10 +51,12 @@ def test_the_frame_is_whole_where_the_floor_ends_within_the_screen():
 
 
 def test_robots_are_seen_in_the_overview_and_layers_are_not():
-    plan = open_floor(40, 40)
-    camera = Camera(plan, 10, 10)
+    floor_plan = open_floor(40, 40)
+    camera = Camera(floor_plan, 10, 10)
     camera.one_to_one()
-    scene = stage(plan, {"cell": plan.cell(1, 1)}, heat=np.ones(plan.kind.size, np.int32))
+    scene = stage(
+        floor_plan, {"cell": floor_plan.cell(1, 1)}, heat=np.ones(floor_plan.kind.size, np.int32)
+    )
     minimap = Minimap(camera, 10, 20)
     codes = minimap.picture(scene, camera, UNICODE)
     assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.ROBOT
@@ -80,7 +82,7 @@ def test_an_overview_is_made_once_for_a_size_of_the_map():
 def test_the_frame_goes_with_the_camera_and_takes_the_characters_that_are_asked_for():
     camera = Camera(open_floor(24, 16), 8, 12)
     camera.one_to_one()
-    minimap, scene = Minimap(camera, 4, 12), stage(camera.plan)
+    minimap, scene = Minimap(camera, 4, 12), stage(camera.floor_plan)
     seen = []
     for columns in (-99, 12, -12):
         camera.pan(columns, 0)
@@ -99,5 +101,5 @@ def test_the_whole_floor_fits_and_a_click_leads_to_its_cell(width, height, rows,
         for column in range(columns):
             cell = minimap.cell_at(row, column)
             assert cell is None or minimap.camera.place_of(cell) == (row, column)
-    corners = [camera.plan.cell(0, 0), camera.plan.cell(width - 1, height - 1)]
+    corners = [camera.floor_plan.cell(0, 0), camera.floor_plan.cell(width - 1, height - 1)]
     assert all(minimap.camera.place_of(cell) is not None for cell in corners)

@@ -19,14 +19,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from naive_motion import Floor, Robot, luck, mix
 
-from automaton.kernels import draws, motion
+from automaton.kernels import motion, random_numbers
 from automaton.kernels.motion import (
     CLAIMS,
     ENTERED,
+    INTENT_STATE,
     LIVE,
     MOVED,
     REFUSED,
-    STATE,
     move_all,
     occupy,
     vacate,
@@ -36,7 +36,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Fleet, Scenario, WorldRules
 from automaton.world import build
 from automaton.world.cells import EAST, WEST
-from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.floor_plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL, World
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
@@ -51,7 +51,7 @@ SYMBOLS = ".......===~~><v^#"
 class Case:
     """A floor, a fleet on it, and what robots want in every tick."""
 
-    plan: FloorPlan
+    floor_plan: FloorPlan
     cells: tuple[int, ...]  # of robots, by identity
     following: bool
     storage: tuple[int, ...]
@@ -74,17 +74,17 @@ def cases(draw: Any) -> Case:
     picture = draw(pictures(SYMBOLS, width, height))
     if not set(picture) - set("#\n"):
         picture = picture.replace("#", ".")
-    plan = draw_floor(picture)
-    drivable = np.flatnonzero(plan.drivable()).tolist()
+    floor_plan = draw_floor(picture)
+    drivable = np.flatnonzero(floor_plan.drivable()).tolist()
     shuffled = draw(st.permutations(drivable))
     cells = shuffled[: draw(st.sampled_from(range(len(drivable), 0, -1)))]
     # Cells without limit may hold several robots from the start.
-    crowd = [cell for cell in cells if plan.capacity.flat[cell] == 0]
+    crowd = [cell for cell in cells if floor_plan.capacity.flat[cell] == 0]
     cells += crowd[: draw(st.integers(0, 2))]
     n = len(cells)
     seed, ticks = draw(st.integers(0, 2**40)), draw(st.sampled_from([6, 3, 2, 1]))
     return Case(
-        plan=plan,
+        floor_plan=floor_plan,
         cells=tuple(cells),
         following=draw(st.booleans()),
         storage=tuple(draw(st.permutations(range(n)))),
@@ -103,7 +103,7 @@ def built(case: Case, storage: tuple[int, ...] | None) -> World:
         fleet=Fleet(robots=len(case.cells), kinematics="omni"),
         world=WorldRules(following=case.following),
     )
-    resolved = Resolved(scenario, case.plan, picks={}, start=case.cells, source="")
+    resolved = Resolved(scenario, case.floor_plan, strategies={}, start=case.cells, source="")
     order = None if storage is None else np.array(storage, np.int32)
     return build.build_world(resolved, 1, order)[0]
 
@@ -111,26 +111,26 @@ def built(case: Case, storage: tuple[int, ...] | None) -> World:
 def tick(world: World, number: int, wishes: tuple[int, ...]) -> tuple[set[int], set[int]]:
     """One tick of the kernel; returns the identities of those who moved, and who were refused."""
     robots, traffic = world.robots, world.traffic
-    traffic.want[:] = 0
+    traffic.intent[:] = 0
     for identity, byte in enumerate(wishes):
         i, wanted = robots.at_index[identity], wish(byte)
         if wanted is not None and robots.busy[i] == 0:
-            direction, traffic.span[i], robots.priority[i], entered = wanted
-            traffic.want[i] = LIVE | direction | (ENTERED if entered else 0)
+            direction, traffic.move_ticks[i], robots.priority[i], entered = wanted
+            traffic.intent[i] = LIVE | direction | (ENTERED if entered else 0)
     with np.errstate(over="ignore"):
         move_all(world.grid, world.rules, robots, traffic, number)
     who = robots.identity
-    done = traffic.want & LIVE != 0
-    moved, refused = (done & (traffic.want & bit != 0) for bit in (MOVED, REFUSED))
+    done = traffic.intent & LIVE != 0
+    moved, refused = (done & (traffic.intent & bit != 0) for bit in (MOVED, REFUSED))
     return set(who[moved].tolist()), set(who[refused].tolist())
 
 
 def naive(case: Case) -> Floor:
-    plan = case.plan
+    floor_plan = case.floor_plan
     floor = Floor(
-        exits=plan.exits.ravel().tolist(),
-        capacity=plan.capacity.ravel().tolist(),
-        offset=(1, plan.stride, -1, -plan.stride),
+        exits=floor_plan.exits.ravel().tolist(),
+        capacity=floor_plan.capacity.ravel().tolist(),
+        offset=(1, floor_plan.stride, -1, -floor_plan.stride),
         following=case.following,
     )
     floor.robots = {i: Robot(i, cell) for i, cell in enumerate(case.cells)}
@@ -191,7 +191,7 @@ def test_the_kernel_finds_the_greatest_set_of_moves(
             reached["moved"] += len(expected[0])
             reached["refused"] += len(expected[1])
             # Rows of the contest are written only for intents that the two passes left open.
-            reached["contested"] += np.count_nonzero(world.traffic.pending[:, STATE])
+            reached["contested"] += np.count_nonzero(world.traffic.pending[:, INTENT_STATE])
             world.traffic.pending[:] = 0
         reached["met on an edge"] += floor.met
 
@@ -207,11 +207,11 @@ def test_no_two_robots_are_on_an_edge_in_opposite_directions(floor: str, followi
 
     On which edge a robot is in a tick follows from where it was before and after.
     """
-    plan = draw_floor(floor)
-    first, last = np.flatnonzero(plan.drivable())[[0, -1]].tolist()
+    floor_plan = draw_floor(floor)
+    first, last = np.flatnonzero(floor_plan.drivable())[[0, -1]].tolist()
     passings = 0
     for span_a, span_b, late in product((1, 2, 3), (1, 2, 3), range(4)):
-        world = built(Case(plan, (first, last), following, (), 0, ()), None)
+        world = built(Case(floor_plan, (first, last), following, (), 0, ()), None)
         robots, traffic = world.robots, world.traffic
         vacate(traffic.occupancy, last, 0)
         occupy(traffic.occupancy, last, WEST)
@@ -220,8 +220,8 @@ def test_no_two_robots_are_on_an_edge_in_opposite_directions(floor: str, followi
             before = list(zip(robots.cell.tolist(), robots.claim.tolist(), strict=True))
             for i, (way, end) in enumerate(((EAST, last), (WEST, first))):
                 goes = robots.busy[i] == 0 and robots.cell[i] != end and number >= late * i
-                traffic.want[i] = LIVE | way if goes else 0
-            traffic.span[:] = span_a, span_b
+                traffic.intent[i] = LIVE | way if goes else 0
+            traffic.move_ticks[:] = span_a, span_b
             with np.errstate(over="ignore"):
                 move_all(world.grid, world.rules, robots, traffic, number)
             a, b = (driven(*before[i], int(robots.cell[i]), int(robots.claim[i])) for i in (0, 1))
@@ -253,7 +253,7 @@ def test_which_contest_a_floor_gets_depends_on_its_crowding() -> None:
 def test_the_hash_of_tick_and_identity_ranks_claimants_without_ties() -> None:
     for number in (1, 7, 2**31):
         with np.errstate(over="ignore"):
-            ranks = [int(motion.luck(number, i)) for i in range(200)]
+            ranks = [int(motion.tie_break_hash(number, i)) for i in range(200)]
         assert ranks == [luck(number, i) for i in range(200)]
         assert len(set(ranks)) == 200
 
@@ -261,7 +261,7 @@ def test_the_hash_of_tick_and_identity_ranks_claimants_without_ties() -> None:
 def test_the_mixer_is_the_published_one() -> None:
     with np.errstate(over="ignore"):
         for value in (0, 1, 2**32 + 5, 2**64 - 1):
-            assert int(draws.mix(np.uint64(value))) == mix(value)
+            assert int(random_numbers.splitmix64(np.uint64(value))) == mix(value)
 
 
 def test_the_naive_rules_share_no_code_with_the_kernels() -> None:

@@ -24,7 +24,7 @@ from automaton.strategy.network import (
 )
 from automaton.world.build import build_world
 from automaton.world.route_space import words
-from automaton.world.state import LAYERS, NIL
+from automaton.world.state import LAYER_NAMES, NIL
 from strategies.routing.traffic_avoidance import NEXT, SETS, STAND
 
 FLEET = ["fleet.robots=6", "stop.at_most=400", "measure.warm_up=0"]
@@ -36,7 +36,7 @@ def avoiding(scenario, predictor, *overrides):
 
 
 def routing_memory(simulation):
-    return simulation.memories[LAYERS.index("routing")]
+    return simulation.memories[LAYER_NAMES.index("routing")]
 
 
 def test_a_fleet_foresees_what_the_network_says_of_both_legs():
@@ -44,14 +44,14 @@ def test_a_fleet_foresees_what_the_network_says_of_both_legs():
     world, network = simulation.world, load_network(shipped("warehouse-100"))
     started = world.robots.cell.copy()
     simulation.run(1)
-    own, sets = routing_memory(simulation).own, words(world.grid.zones)
-    foreseen = members(own[:, SETS : SETS + sets].copy(), world.grid.zones)
+    per_robot, sets = routing_memory(simulation).per_robot, words(world.grid.traffic_zone_count)
+    foreseen = members(per_robot[:, SETS : SETS + sets].copy(), world.grid.traffic_zone_count)
     start, pick, drop = (
-        world.grid.zone[cells, 0].astype(np.int64)
-        for cells in (started, own[:, STAND], own[:, NEXT])
+        world.grid.traffic_zone[cells, 0].astype(np.int64)
+        for cells in (started, per_robot[:, STAND], per_robot[:, NEXT])
     )
     expected = predicted_zones(network, start, pick) | predicted_zones(network, pick, drop)
-    assert (own[:, NEXT] != NIL).all() and expected.any()
+    assert (per_robot[:, NEXT] != NIL).all() and expected.any()
     assert np.array_equal(foreseen, expected)
 
 
@@ -85,7 +85,7 @@ def own_file(tmp_path):
     world = build_world(resolve("tabletop-mini"), 1)[0]
     floor = floor_fingerprint(world.grid, world.rules.duration[0])
     path = tmp_path / "own.npz"
-    save_network(path, drawn_network(1, zones=world.grid.zones, floor=floor))
+    save_network(path, drawn_network(1, zones=world.grid.traffic_zone_count, floor=floor))
     return path
 
 
@@ -109,18 +109,18 @@ def own_scenario(own_file):
 def test_a_network_is_found_from_the_folder_of_the_scenario(own_scenario, own_file, monkeypatch):
     monkeypatch.chdir(SHIPPED_FOLDER)  # it is not there
     resolved = resolve(own_scenario)
-    assert resolved.picks["routing"].parameters.files == (own_file,)
+    assert resolved.strategies["routing"].parameters.files == (own_file,)
     simulation = Simulation(resolved)
     simulation.run(20)
     branch = branched(resolved, ("world.extra_tick=0.5",))
-    assert branch.picks == resolved.picks  # so the strategy keeps its memory
+    assert branch.strategies == resolved.strategies  # so the strategy keeps its memory
     assert main(["check", str(own_scenario)]) == 0
 
 
 def test_set_on_a_shipped_scenario_finds_a_network_from_where_one_is(own_file, monkeypatch):
     monkeypatch.chdir(own_file.parent)
     resolved = avoiding("tabletop-mini", "{network: own.npz}")
-    assert resolved.picks["routing"].parameters.files == (own_file,)
+    assert resolved.strategies["routing"].parameters.files == (own_file,)
 
 
 def test_check_names_a_network_that_is_not_there(own_scenario, own_file, capsys):

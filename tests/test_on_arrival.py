@@ -13,15 +13,15 @@ from automaton.history.chronicle import Chronicle
 from automaton.history.playback import Playback
 from automaton.metrics import metrics_of
 from automaton.recording.codes import (
-    DID_DROP,
-    DID_PICK,
-    DROPPED_AT_ONCE,
-    DURATION,
-    INTO_BAY,
-    ORDER_BY,
-    PICKED_AT_ONCE,
-    PICKED_UP,
-    SET_AT,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.recording.frames import TICKS
 from automaton.recording.recorder import MemoryRecorder
@@ -29,9 +29,16 @@ from automaton.recording.verification import action_text, verify_recording
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
-from automaton.world.state import CARRIED, DROP, MOVE, PICK, TICK, TURN
-from automaton.world.waiting import DELIVERED_AT
-from automaton.world.waiting import PICKED_UP as PICKED
+from automaton.world.observation import EVENT_DELIVERED
+from automaton.world.observation import EVENT_PICKED as PICKED
+from automaton.world.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TURN,
+    CLOCK_TICK,
+    ORDER_CARRIED,
+)
 
 # The shelf is served from (1, 0), the destination from (4, 0).
 FLOOR = """\
@@ -59,7 +66,7 @@ def run(resolved: Resolved) -> tuple[Simulation, MemoryRecorder]:
 
 def actions(recorder: MemoryRecorder) -> list[int]:
     frames = [
-        frame.content["did"][:, 0].tolist() for frame in recorder.frames if frame.kind == TICKS
+        frame.content["executed"][:, 0].tolist() for frame in recorder.frames if frame.kind == TICKS
     ]
     return [did for frame in frames for did in frame]
 
@@ -72,30 +79,43 @@ def test_a_task_takes_as_long_as_its_moves(pick: int, drop: int, ticks: int) -> 
     simulation, recorder = run(scenario(0, durations={"pick": pick, "drop": drop}))
     begins = ticks - max(0, drop - 1)
     assert int(simulation.world.orders.delivered[0]) == begins
-    expected = [E | PICKED_AT_ONCE] if not pick else [E, DID_PICK] + [0] * (pick - 1)
-    expected += [E, E, E | DROPPED_AT_ONCE] if not drop else [E, E, E, DID_DROP]
+    expected = [E | PICKED_ON_ARRIVAL] if not pick else [E, EXECUTED_PICK] + [0] * (pick - 1)
+    expected += [E, E, E | DROPPED_ON_ARRIVAL] if not drop else [E, E, E, EXECUTED_DROP]
     assert actions(recorder) == expected
 
 
 def test_where_no_move_precedes_it_costs_a_tick() -> None:
     simulation, recorder = run(scenario(1, durations=AT_ONCE))
-    assert actions(recorder) == [DID_PICK, E, E, E | DROPPED_AT_ONCE]
+    assert actions(recorder) == [EXECUTED_PICK, E, E, E | DROPPED_ON_ARRIVAL]
     assert simulation.tick == 4
     close = FLOOR.replace("#s##d", "#sd##")
     near = {"list": [{"from": [1, 1], "to": [2, 1]}]}
     _, recorder = run(scenario(1, close, durations=AT_ONCE, orders=near))
-    assert actions(recorder) == [DID_PICK, E | DROPPED_AT_ONCE]
+    assert actions(recorder) == [EXECUTED_PICK, E | DROPPED_ON_ARRIVAL]
 
 
 def test_at_the_end_of_a_long_move() -> None:
     _, recorder = run(scenario(0, durations={"move": 3, **AT_ONCE}))
-    assert actions(recorder) == [E, 0, PICKED_AT_ONCE, E, 0, 0, E, 0, 0, E, 0, DROPPED_AT_ONCE]
+    assert actions(recorder) == [
+        E,
+        0,
+        PICKED_ON_ARRIVAL,
+        E,
+        0,
+        0,
+        E,
+        0,
+        0,
+        E,
+        0,
+        DROPPED_ON_ARRIVAL,
+    ]
 
 
 def test_a_robot_need_not_face_the_slot() -> None:
     fleet = {"robots": 1, "kinematics": "differential", "start": [[0, 0]]}
     simulation, _ = run(scenario(0, durations={"turn": 5, **AT_ONCE}, fleet=fleet))
-    assert simulation.tick == 4 and simulation.world.tally.times[0, TURN].sum() == 0
+    assert simulation.tick == 4 and simulation.world.tally.operations[0, ACTION_TURN].sum() == 0
 
 
 def test_metrics_and_events_agree() -> None:
@@ -103,19 +123,19 @@ def test_metrics_and_events_agree() -> None:
     chronicle = Chronicle()
     simulation = Simulation(resolved, on_observe=chronicle)
     simulation.run()
-    times, ticks = simulation.world.tally.times[0], simulation.world.tally.ticks[0]
-    assert (times[PICK].tolist(), times[DROP].tolist()) == ([1, 0], [0, 1])
-    assert ticks[PICK].sum() == ticks[DROP].sum() == 0
-    assert ticks[MOVE].tolist() == [1, 3]
+    operations, ticks = simulation.world.tally.operations[0], simulation.world.tally.ticks[0]
+    assert (operations[ACTION_PICK].tolist(), operations[ACTION_DROP].tolist()) == ([1, 0], [0, 1])
+    assert ticks[ACTION_PICK].sum() == ticks[ACTION_DROP].sum() == 0
+    assert ticks[ACTION_MOVE].tolist() == [1, 3]
     figures = metrics_of(simulation)
     assert figures["T_Rtotal"] == 6 and figures["utilization"] == 1
     told = [
         (tick, code)
         for tick, code, *_ in chronicle.events.tolist()
-        if code in (PICKED, DELIVERED_AT)
+        if code in (PICKED, EVENT_DELIVERED)
     ]
-    assert told == [(1, PICKED), (4, DELIVERED_AT)]
-    assert not simulation.watch.lost.any()
+    assert told == [(1, PICKED), (4, EVENT_DELIVERED)]
+    assert not simulation.observation.lost.any()
 
 
 @pytest.mark.parametrize(
@@ -146,10 +166,10 @@ def test_whole_fleets(name: str) -> None:
     while not simulation.finished and simulation.tick < 1500:
         simulation.run(simulation.tick + 1)
         robots = simulation.world.robots
-        picked = (robots.did & PICKED_AT_ONCE) != 0
-        assert (simulation.world.orders.state[robots.load[picked]] == CARRIED).all()
+        picked = (robots.executed & PICKED_ON_ARRIVAL) != 0
+        assert (simulation.world.orders.state[robots.load[picked]] == ORDER_CARRIED).all()
         arrived.append(int(picked.sum()))
-    assert sum(arrived) > 5 and simulation.world.clock[TICK] > 50
+    assert sum(arrived) > 5 and simulation.world.clock[CLOCK_TICK] > 50
     assert validated(recorder) == []
 
 
@@ -165,10 +185,10 @@ def by_hand(durations: dict[str, int] | None = None) -> dict[str, Any]:
     return drawn(FLOOR, [(0, 0)], orders=ORDERS, durations=durations or AT_ONCE)
 
 
-TAKEN = (1, ORDER_BY, 0, 0)
-PICK_0 = [TAKEN, (1, PICKED_UP, 0, 0)]
-WAY = ({0: E | PICKED_AT_ONCE}, {0: E}, {0: E}, {0: E | DROPPED_AT_ONCE})
-SET = [(4, SET_AT, 0, 1), (4, ORDER_BY, 0, -1)]
+TAKEN = (1, CHANGE_ORDER_RESERVED, 0, 0)
+PICK_0 = [TAKEN, (1, CHANGE_PICKED, 0, 0)]
+WAY = ({0: E | PICKED_ON_ARRIVAL}, {0: E}, {0: E}, {0: E | DROPPED_ON_ARRIVAL})
+SET = [(4, CHANGE_DROPPED, 0, 1), (4, CHANGE_ORDER_RESERVED, 0, -1)]
 
 
 def test_the_validator_accepts_it() -> None:
@@ -185,41 +205,43 @@ def test_not_where_a_pick_takes_time() -> None:
 
 
 def test_not_without_arriving() -> None:
-    late = [TAKEN, (2, PICKED_UP, 0, 0)]
-    assert rules(played(by_hand(), {0: E}, {0: PICKED_AT_ONCE}, changes=late)) == ["arrival"]
+    late = [TAKEN, (2, CHANGE_PICKED, 0, 0)]
+    assert rules(played(by_hand(), {0: E}, {0: PICKED_ON_ARRIVAL}, changes=late)) == ["arrival"]
     head = by_hand({"move": 2, **AT_ONCE})
-    early = played(head, {0: E | PICKED_AT_ONCE}, changes=PICK_0)
+    early = played(head, {0: E | PICKED_ON_ARRIVAL}, changes=PICK_0)
     assert set(rules(early)) == {"arrival", "load"}, "it is still in the west, beside no shelf"
-    assert played(head, {0: E}, {0: PICKED_AT_ONCE}, changes=late).valid
+    assert played(head, {0: E}, {0: PICKED_ON_ARRIVAL}, changes=late).valid
 
 
 def test_not_beside_another_cell() -> None:
-    passing = [{0: E}, {0: E | PICKED_AT_ONCE}]
-    report = played(by_hand(), *passing, changes=[TAKEN, (2, PICKED_UP, 0, 0)])
+    passing = [{0: E}, {0: E | PICKED_ON_ARRIVAL}]
+    report = played(by_hand(), *passing, changes=[TAKEN, (2, CHANGE_PICKED, 0, 0)])
     assert rules(report) == ["load"]
 
 
 @pytest.mark.parametrize(
-    "changes", [[TAKEN], [(1, PICKED_UP, 0, 0)], [*PICK_0, (1, PICKED_UP, 0, 0)]]
+    "changes", [[TAKEN], [(1, CHANGE_PICKED, 0, 0)], [*PICK_0, (1, CHANGE_PICKED, 0, 0)]]
 )
 def test_not_without_a_load_that_is_its_own(changes: list[tuple[int, int, int, int]]) -> None:
     assert rules(played(by_hand(), WAY[0], changes=changes))[0] in ("load", "order")
 
 
 def test_not_both_at_once() -> None:
-    both = {0: E | PICKED_AT_ONCE | DROPPED_AT_ONCE}
+    both = {0: E | PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL}
     assert "load" in rules(played(by_hand(), both, changes=PICK_0))
 
 
 def test_a_recorded_action_in_words() -> None:
-    assert action_text(E | PICKED_AT_ONCE) == "move east, picked up on arrival"
-    assert action_text(DROPPED_AT_ONCE) == "nothing, set down on arrival"
-    assert action_text(E | INTO_BAY) == "move east, parked"
+    assert action_text(E | PICKED_ON_ARRIVAL) == "move east, picked up on arrival"
+    assert action_text(DROPPED_ON_ARRIVAL) == "nothing, set down on arrival"
+    assert action_text(E | ENTERED_PARKING_BAY) == "move east, parked"
 
 
 def test_lengths_of_other_robots_may_stand_between_its_changes() -> None:
     """B waits in the tick in which A arrives; its length is noted after A's pick."""
     head = drawn(FLOOR, [(0, 0), (3, 0)], orders=ORDERS, durations=AT_ONCE)
-    changes = [*PICK_0, (1, DURATION, 1, 3)]
-    assert played(head, {0: E | PICKED_AT_ONCE, 1: 10}, {}, {}, {1: E}, changes=changes).valid
-    assert rules(played(head, {0: E | PICKED_AT_ONCE, 1: 10}, {1: E}, changes=changes)) == ["busy"]
+    changes = [*PICK_0, (1, CHANGE_DURATION, 1, 3)]
+    assert played(head, {0: E | PICKED_ON_ARRIVAL, 1: 10}, {}, {}, {1: E}, changes=changes).valid
+    assert rules(played(head, {0: E | PICKED_ON_ARRIVAL, 1: 10}, {1: E}, changes=changes)) == [
+        "busy"
+    ]

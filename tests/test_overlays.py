@@ -18,7 +18,7 @@ from staged_scenes import (
     text,
 )
 
-from automaton.world.zones import Zones
+from automaton.world.traffic_zones import TrafficZones
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.glyphs import ASCII, SHADED, UNICODE, GlyphSet
@@ -35,7 +35,7 @@ def changed_cells(before: Scene, after: Scene, zoom: str) -> set[tuple[int, int]
 
 def characters(scene: Scene, zoom: str, cells: list[int], whole: bool = True) -> set:
     """The characters of cells, all or the first of each."""
-    camera = camera_at(scene.floor.plan, zoom)
+    camera = camera_at(scene.floor.floor_plan, zoom)
     places = [camera.place_of(cell) for cell in cells]
     width = camera.zoom.width if whole else 1
     return {(place[0], place[1] + column) for place in places if place for column in range(width)}
@@ -43,14 +43,14 @@ def characters(scene: Scene, zoom: str, cells: list[int], whole: bool = True) ->
 
 @pytest.mark.parametrize("zoom", ALL)
 def test_the_selected_the_marked_and_the_cursor(zoom: str):
-    plan = open_floor(9, 9)
-    robots = [{"cell": plan.cell(x, x)} for x in (1, 4, 7)]
-    scene = stage(plan, *robots)
+    floor_plan = open_floor(9, 9)
+    robots = [{"cell": floor_plan.cell(x, x)} for x in (1, 4, 7)]
+    scene = stage(floor_plan, *robots)
     for overlay, cell in (
-        ({"selected": 0}, plan.cell(1, 1)),
-        ({"marked": np.array([1], np.int32)}, plan.cell(4, 4)),
-        ({"cursor": plan.cell(7, 7)}, plan.cell(7, 7)),
-        ({"cursor": plan.cell(0, 5)}, plan.cell(0, 5)),
+        ({"selected": 0}, floor_plan.cell(1, 1)),
+        ({"marked": np.array([1], np.int32)}, floor_plan.cell(4, 4)),
+        ({"cursor": floor_plan.cell(7, 7)}, floor_plan.cell(7, 7)),
+        ({"cursor": floor_plan.cell(0, 5)}, floor_plan.cell(0, 5)),
     ):
         after = scene.with_(**overlay)
         assert changed_cells(scene, after, zoom) == characters(scene, zoom, [cell])
@@ -58,9 +58,9 @@ def test_the_selected_the_marked_and_the_cursor(zoom: str):
 
 @pytest.mark.parametrize("zoom", ALL)
 def test_the_route_of_the_selected_robot(zoom: str):
-    plan = open_floor(9, 9)
-    scene = stage(plan, {"cell": plan.cell(0, 0)})
-    route = np.array([plan.cell(x, 8) for x in range(2, 7)], np.int32)
+    floor_plan = open_floor(9, 9)
+    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)})
+    route = np.array([floor_plan.cell(x, 8) for x in range(2, 7)], np.int32)
     after = scene.with_(route=route)
     assert changed_cells(scene, after, zoom) == characters(scene, zoom, route.tolist(), False)
     assert ink(at(after, zoom, int(route[0]))) == styles.ROUTE
@@ -69,36 +69,36 @@ def test_the_route_of_the_selected_robot(zoom: str):
 
 
 def test_the_shelf_for_which_the_selected_robot_works():
-    plan = drawn("...\n.$.\n...")
-    scene = stage(plan, {"cell": plan.cell(0, 0), "order": 0})
-    after = scene.with_(selected=0, route=np.array([plan.cell(1, 0)], np.int32))
-    assert ink(at(after, "1x1", plan.cell(1, 1))) == styles.ROUTE
+    floor_plan = drawn("...\n.$.\n...")
+    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0), "order": 0})
+    after = scene.with_(selected=0, route=np.array([floor_plan.cell(1, 0)], np.int32))
+    assert ink(at(after, "1x1", floor_plan.cell(1, 1))) == styles.ROUTE
 
 
 @pytest.mark.parametrize(
     ("step", "sign"), [((1, 0), "⇢"), ((0, 1), "⇣"), ((-1, 0), "⇠"), ((0, -1), "⇡")]
 )
 def test_a_long_move_shows_the_cell_that_it_holds(step: tuple[int, int], sign: str):
-    plan = open_floor(3, 3)
-    claim = plan.cell(1 + step[0], 1 + step[1])
-    scene = stage(plan, {"cell": plan.cell(1, 1), "claim": claim})
+    floor_plan = open_floor(3, 3)
+    claim = floor_plan.cell(1 + step[0], 1 + step[1])
+    scene = stage(floor_plan, {"cell": floor_plan.cell(1, 1), "claim": claim})
     code = at(scene, "1x1", claim)
     assert UNICODE.characters[code & 0xFFFF] == sign and ink(code) == styles.DIM
 
 
 @pytest.mark.parametrize("zoom", [*NEAR, "half"])
 def test_a_load_is_on_its_shelf_and_gone_when_it_is_taken(zoom: str):
-    plan = drawn("....\n.$$.\n....")
-    scene = stage(plan, {"cell": plan.cell(0, 0)})
-    full = at(scene, zoom, plan.cell(1, 1))
+    floor_plan = drawn("....\n.$$.\n....")
+    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)})
+    full = at(scene, zoom, floor_plan.cell(1, 1))
     scene.snapshot.slots.content[0] = -1
-    assert at(scene, zoom, plan.cell(1, 1)) != full
-    assert at(scene, zoom, plan.cell(2, 1)) == full
+    assert at(scene, zoom, floor_plan.cell(1, 1)) != full
+    assert at(scene, zoom, floor_plan.cell(2, 1)) == full
 
 
 def test_a_floor_alone_shows_the_loads_that_it_was_drawn_with():
-    plan = drawn("$s.")
-    scene = stage(plan).with_(snapshot=None)
+    floor_plan = drawn("$s.")
+    scene = stage(floor_plan).with_(snapshot=None)
     codes, _ = composed(scene, "1x1")
     assert text(codes, ASCII) == "$#."
 
@@ -106,56 +106,56 @@ def test_a_floor_alone_shows_the_loads_that_it_was_drawn_with():
 @pytest.mark.parametrize("zoom", ALL)
 @pytest.mark.parametrize("layer", ["visits", "waiting", "congestion"])
 def test_heat_colours_the_cells_that_have_some(zoom: str, layer: str):
-    plan = open_floor(8, 8)
-    heat = np.zeros(plan.kind.size, np.int32)
-    heat[plan.cell(6, 6)], heat[plan.cell(2, 2)] = 500, 1
-    plain = stage(plan, {"cell": plan.cell(0, 0)}, heat=heat)
-    hot = at(plain.with_(layer=layer), zoom, plan.cell(6, 6))
+    floor_plan = open_floor(8, 8)
+    heat = np.zeros(floor_plan.kind.size, np.int32)
+    heat[floor_plan.cell(6, 6)], heat[floor_plan.cell(2, 2)] = 500, 1
+    plain = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, heat=heat)
+    hot = at(plain.with_(layer=layer), zoom, floor_plan.cell(6, 6))
     assert styles.HEAT_8 in (ink(hot), paper(hot))
-    mild = at(plain.with_(layer=layer), zoom, plan.cell(2, 2))
+    mild = at(plain.with_(layer=layer), zoom, floor_plan.cell(2, 2))
     assert styles.HEAT_1 in (ink(mild), paper(mild))
-    corner = at(plain.with_(layer=layer), zoom, plan.cell(0, 6))
+    corner = at(plain.with_(layer=layer), zoom, floor_plan.cell(0, 6))
     assert not {ink(corner), paper(corner)} & set(range(styles.HEAT_1, styles.HEAT_8 + 1))
-    assert at(plain, zoom, plan.cell(6, 6)) != hot
+    assert at(plain, zoom, floor_plan.cell(6, 6)) != hot
 
 
 @pytest.mark.parametrize("zoom", [*NEAR, "braille 1"])
 def test_flow_points_where_most_robots_went(zoom: str):
-    plan = open_floor(8, 8)
-    flow = np.zeros((plan.kind.size, 4), np.int32)
-    flow[plan.cell(6, 6)] = [1, 2, 30, 4]
-    scene = stage(plan, {"cell": plan.cell(0, 0)}, flow=flow, layer="flow")
-    assert UNICODE.characters[at(scene, zoom, plan.cell(6, 6)) & 0xFFFF] == "⇠"
-    assert UNICODE.characters[at(scene, zoom, plan.cell(2, 6)) & 0xFFFF] not in "⇢⇣⇠⇡"
+    floor_plan = open_floor(8, 8)
+    flow = np.zeros((floor_plan.kind.size, 4), np.int32)
+    flow[floor_plan.cell(6, 6)] = [1, 2, 30, 4]
+    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, flow=flow, layer="flow")
+    assert UNICODE.characters[at(scene, zoom, floor_plan.cell(6, 6)) & 0xFFFF] == "⇠"
+    assert UNICODE.characters[at(scene, zoom, floor_plan.cell(2, 6)) & 0xFFFF] not in "⇢⇣⇠⇡"
 
 
 @pytest.mark.parametrize("zoom", ALL)
 def test_zones_tint_their_cells(zoom: str):
-    plan = open_floor(8, 8)
-    of = np.full((plan.kind.size, 2), -1, np.int32)
-    of[[plan.cell(6, y) for y in range(8)]] = 0
-    zones = Zones("undirected", of, 1, of[:, 0] == 1)
-    scene = stage(plan, {"cell": plan.cell(0, 0)}, zones=zones, layer="zones")
-    tinted = at(scene, zoom, plan.cell(6, 5))
+    floor_plan = open_floor(8, 8)
+    of = np.full((floor_plan.kind.size, 2), -1, np.int32)
+    of[[floor_plan.cell(6, y) for y in range(8)]] = 0
+    traffic_zones = TrafficZones("undirected", of, 1, of[:, 0] == 1)
+    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, zones=traffic_zones, layer="zones")
+    tinted = at(scene, zoom, floor_plan.cell(6, 5))
     assert styles.ZONE_0 in (ink(tinted), paper(tinted))
-    assert styles.ZONE_0 not in (ink(at(scene, zoom, plan.cell(0, 5))),)
+    assert styles.ZONE_0 not in (ink(at(scene, zoom, floor_plan.cell(0, 5))),)
 
 
 @pytest.mark.parametrize("zoom", ALL)
 def test_robots_stay_visible_on_a_layer(zoom: str):
-    plan = open_floor(8, 8)
-    heat = np.full(plan.kind.size, 500, np.int32)
-    cell = plan.cell(6, 6)
-    code = at(stage(plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
+    floor_plan = open_floor(8, 8)
+    heat = np.full(floor_plan.kind.size, 500, np.int32)
+    cell = floor_plan.cell(6, 6)
+    code = at(stage(floor_plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
     assert styles.ROBOT in (ink(code), paper(code))
 
 
 @pytest.mark.parametrize("zoom", ALL)
 def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
-    plan = open_floor(6, 6)
-    heat = np.full(plan.kind.size, 500, np.int32)
-    here, ahead = plan.cell(2, 2), plan.cell(4, 2)
-    scene = stage(plan, {"cell": here}, heat=heat, layer="waiting")
+    floor_plan = open_floor(6, 6)
+    heat = np.full(floor_plan.kind.size, 500, np.int32)
+    here, ahead = floor_plan.cell(2, 2), floor_plan.cell(4, 2)
+    scene = stage(floor_plan, {"cell": here}, heat=heat, layer="waiting")
     scene = scene.with_(route=np.array([ahead], np.int32))
     for cell, colour in ((here, styles.ROBOT), (ahead, styles.ROUTE)):
         code = at(scene, zoom, cell)
@@ -169,28 +169,30 @@ def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
 
 @pytest.mark.parametrize("zoom", FAR)
 def test_a_robot_on_a_layer_takes_its_own_part_of_a_character(zoom: str):
-    plan = open_floor(8, 8)
-    heat = np.full(plan.kind.size, 500, np.int32)
-    scene = stage(plan, {"cell": plan.cell(4, 4)}, heat=heat, layer="visits")
-    upper = at(scene, zoom, plan.cell(4, 4))
-    scene.snapshot.robots.cell[0] = plan.cell(4, 5)
-    lower = at(scene, zoom, plan.cell(4, 5))
+    floor_plan = open_floor(8, 8)
+    heat = np.full(floor_plan.kind.size, 500, np.int32)
+    scene = stage(floor_plan, {"cell": floor_plan.cell(4, 4)}, heat=heat, layer="visits")
+    upper = at(scene, zoom, floor_plan.cell(4, 4))
+    scene.snapshot.robots.cell[0] = floor_plan.cell(4, 5)
+    lower = at(scene, zoom, floor_plan.cell(4, 5))
     assert upper >> 16 == lower >> 16 and upper != lower
 
 
 @pytest.mark.parametrize("zoom", FAR)
 @pytest.mark.parametrize("glyphs", [SHADED, ASCII], ids=["no colours", "ascii"])
 def test_without_colours_the_level_of_heat_is_a_shade_also_from_afar(zoom: str, glyphs: GlyphSet):
-    plan = open_floor(8, 8)
-    scene = stage(plan, {"cell": plan.cell(0, 0)}, heat=np.zeros(plan.kind.size, np.int32))
+    floor_plan = open_floor(8, 8)
+    scene = stage(
+        floor_plan, {"cell": floor_plan.cell(0, 0)}, heat=np.zeros(floor_plan.kind.size, np.int32)
+    )
     scene = scene.with_(layer="waiting")
-    camera = camera_at(plan, zoom)
+    camera = camera_at(floor_plan, zoom)
     shades = []
     for waited in (1, 100, 1000):
-        heat = np.zeros(plan.kind.size, np.int32)
-        heat[plan.cell(6, 6)], heat[plan.cell(0, 6)] = waited, 1000
+        heat = np.zeros(floor_plan.kind.size, np.int32)
+        heat[floor_plan.cell(6, 6)], heat[floor_plan.cell(0, 6)] = waited, 1000
         scene.snapshot.heat[:] = heat
         codes = compose(scene.with_(), camera, glyphs)
-        shades.append(int(codes[camera.place_of(plan.cell(6, 6))]))
+        shades.append(int(codes[camera.place_of(floor_plan.cell(6, 6))]))
     assert len({shade & 0xFFFF for shade in shades}) == 3
     assert all(ink(shade) == paper(shade) for shade in shades)  # with colours those alone are seen

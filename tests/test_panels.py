@@ -37,8 +37,8 @@ LOOK = Look(Depth.TRUE)
 
 def _scene(view: View) -> tuple[Scene, Camera]:
     slots = view.snapshot.slots
-    scene = Scene(Floor(view.plan, slots.cell, slots.endless), view.snapshot)
-    return scene, Camera(view.plan, 40, 120)
+    scene = Scene(Floor(view.floor_plan, slots.cell, slots.unbounded), view.snapshot)
+    return scene, Camera(view.floor_plan, 40, 120)
 
 
 @pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=["unicode", "ascii"])
@@ -70,7 +70,7 @@ def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
         await pilot.pause()
         assert view.snapshot.heat is not None
         cell = int(view.snapshot.heat.argmax())
-        x, y = view.plan.xy(cell)
+        x, y = view.floor_plan.xy(cell)
         await click(pilot, legend, f"({x}, {y})")
         assert stage.wishes() == [("cell", cell)]
 
@@ -187,11 +187,11 @@ def test_lines_break_between_words_and_never_within_a_link() -> None:
 
 
 def test_robots_and_cells_of_a_sentence_become_links() -> None:
-    plan = busy().plan
-    spans = linked("robot 3 holds (8, 0), robot 4 waits", plan)
+    floor_plan = busy().floor_plan
+    spans = linked("robot 3 holds (8, 0), robot 4 waits", floor_plan)
     assert [span.link for span in spans if span.link] == [
         ("robot", 3),
-        ("cell", plan.cell(8, 0)),
+        ("cell", floor_plan.cell(8, 0)),
         ("robot", 4),
     ]
     assert "".join(span.text for span in spans) == "robot 3 holds (8, 0), robot 4 waits"

@@ -10,7 +10,7 @@ from zoning_scenes import drawn
 
 from automaton.picture.ways import ways_of
 from automaton.scenario.pictures import draw_floor
-from automaton.world.partitions import partition_of
+from automaton.world.build_service_zones import service_zones_of
 from automaton.world.state import NIL
 from automaton.zoning.designs import read_design
 from automaton.zoning.roads import roads_of
@@ -39,18 +39,18 @@ ZONES = {
 
 
 def two_zones(layer: str = "served") -> Scene:
-    plan, roads = drawn(FLOOR)
-    design = read_design(plan, roads, ZONES)
-    slots = plan.slots()
+    floor_plan, roads = drawn(FLOOR)
+    design = read_design(floor_plan, roads, ZONES)
+    slots = floor_plan.slots()
     station_of = np.full(len(slots), NIL, np.int32)
     for station, cell in enumerate(roads.cell[roads.point].tolist()):
         station_of[slots.tolist().index(cell)] = station
-    zoning = partition_of(roads, 2, station_of, 0, 2).replaced(design=design)
-    return stage(plan, zoning=zoning, layer=layer)
+    service_zones = service_zones_of(roads, 2, station_of, 0, 2).replaced(design=design)
+    return stage(floor_plan, zoning=service_zones, layer=layer)
 
 
 def rows(scene: Scene, zoom: str) -> list[str]:
-    return text(compose(scene, camera_at(scene.floor.plan, zoom), ASCII), ASCII).split("\n")
+    return text(compose(scene, camera_at(scene.floor.floor_plan, zoom), ASCII), ASCII).split("\n")
 
 
 def test_ways_of_zones_bear_letters_where_there_are_no_colours() -> None:
@@ -62,19 +62,21 @@ def test_where_there_is_room_stations_bear_their_numbers() -> None:
 
 
 def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() -> None:
-    plan = draw_floor("t" * 11)
-    roads = roads_of(plan, plan.stations())
-    design = read_design(plan, roads, {"zones": [{"stations": list(range(1, 12))}]})
+    floor_plan = draw_floor("t" * 11)
+    roads = roads_of(floor_plan, floor_plan.stations())
+    design = read_design(floor_plan, roads, {"zones": [{"stations": list(range(1, 12))}]})
     station_of = np.arange(11, dtype=np.int32)
-    zoning = partition_of(roads, 1, station_of, 0, 1).replaced(design=design)
-    robot = {"cell": plan.cell(10, 0), "heading": 1}
-    assert rows(stage(plan, robot, zoning=zoning, layer="served"), "3x1")[0].endswith("t10v0")
+    service_zones = service_zones_of(roads, 1, station_of, 0, 1).replaced(design=design)
+    robot = {"cell": floor_plan.cell(10, 0), "heading": 1}
+    assert rows(stage(floor_plan, robot, zoning=service_zones, layer="served"), "3x1")[0].endswith(
+        "t10v0"
+    )
 
 
 def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> None:
     scene = two_zones()
     codes, camera = composed(scene, "1x1")
-    code_at = {(x, y): int(codes[camera.place_of(scene.floor.plan.cell(x, y))])
+    code_at = {(x, y): int(codes[camera.place_of(scene.floor.floor_plan.cell(x, y))])
                for x in range(9) for y in (0, 2)}  # fmt: skip
     assert paper(code_at[1, 0]) == ink(code_at[1, 0]) == TINTS[0]
     assert paper(code_at[8, 0]) == TINTS[1] and paper(code_at[6, 0]) == styles.FLOOR
@@ -84,7 +86,7 @@ def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> 
 def test_from_afar_ways_and_stations_are_seen() -> None:
     scene = two_zones()
     codes, camera = composed(scene, "half")
-    way, station = (camera.place_of(scene.floor.plan.cell(x, 0)) for x in (1, 4))
+    way, station = (camera.place_of(scene.floor.floor_plan.cell(x, 0)) for x in (1, 4))
     assert TINTS[0] in (ink(int(codes[way])), paper(int(codes[way])))
     assert TRANSFER_INK in (ink(int(codes[station])), paper(int(codes[station])))
 
@@ -100,7 +102,8 @@ def test_without_the_layer_zones_are_not_drawn() -> None:
 def test_the_legend_says_who_serves_which_zone() -> None:
     scene = two_zones()
     said = [
-        entry.meaning for entry in legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)
+        entry.meaning
+        for entry in legend(scene, camera_at(scene.floor.floor_plan, "1x1").zoom, ASCII)
     ]
     assert said[:3] == [
         "zone 1: robot 0, 3 stations",
@@ -112,14 +115,16 @@ def test_the_legend_says_who_serves_which_zone() -> None:
 def lattice_zones(columns: int, lines: int) -> Scene:
     """A lattice with a station at every crossing, and a zone for each, numbered line by line."""
     line, between = ".".join("t" * columns), "#".join("." * columns)
-    plan = draw_floor(f"\n{between}\n".join([line] * lines))
-    cells = [plan.cell(2 * x, 2 * y) for y in range(lines) for x in range(columns)]
-    roads = roads_of(plan, cells)
+    floor_plan = draw_floor(f"\n{between}\n".join([line] * lines))
+    cells = [floor_plan.cell(2 * x, 2 * y) for y in range(lines) for x in range(columns)]
+    roads = roads_of(floor_plan, cells)
     data = {"zones": [{"stations": [k + 1]} for k in range(len(cells))]}
     station_of = np.arange(len(cells), dtype=np.int32)
-    zoning = partition_of(roads, len(cells), station_of, 0, len(cells))
+    service_zones = service_zones_of(roads, len(cells), station_of, 0, len(cells))
     return stage(
-        plan, zoning=zoning.replaced(design=read_design(plan, roads, data)), layer="served"
+        floor_plan,
+        zoning=service_zones.replaced(design=read_design(floor_plan, roads, data)),
+        layer="served",
     )
 
 
@@ -127,11 +132,11 @@ def test_of_more_zones_than_tints_those_that_touch_differ() -> None:
     """By its number each would have the tint of the one below it."""
     columns, lines = len(TINTS), 4
     scene = lattice_zones(columns, lines)
-    assert scene.partition is not None
-    tint = served_tints(scene.partition).reshape(lines, columns)
+    assert scene.service_zones is not None
+    tint = served_tints(scene.service_zones).reshape(lines, columns)
     assert (tint[:-1] != tint[1:]).all() and (tint[:, :-1] != tint[:, 1:]).all()
     assert set(tint.reshape(-1).tolist()) == set(range(len(TINTS)))
-    entries = legend(scene, camera_at(scene.floor.plan, "1x1").zoom, ASCII)
+    entries = legend(scene, camera_at(scene.floor.floor_plan, "1x1").zoom, ASCII)
     assert [entry.meaning for entry in entries[:2]] == [SHARED, "zone 1: robot 0, 1 station"]
     assert (
         entries[7].signs
@@ -142,8 +147,8 @@ def test_of_more_zones_than_tints_those_that_touch_differ() -> None:
 
 def test_as_many_zones_as_tints_have_one_each() -> None:
     scene = lattice_zones(len(TINTS), 1)
-    assert scene.partition is not None
-    assert served_tints(scene.partition).tolist() == list(range(len(TINTS)))
+    assert scene.service_zones is not None
+    assert served_tints(scene.service_zones).tolist() == list(range(len(TINTS)))
     assert SHARED not in " ".join(design_key(len(TINTS), ASCII))
 
 
@@ -162,7 +167,7 @@ def test_six_tints_are_enough_wherever_ways_do_not_cross() -> None:
 
 def test_a_station_and_a_way_are_described() -> None:
     scene = two_zones()
-    cell = scene.floor.plan.cell
+    cell = scene.floor.floor_plan.cell
     told = "station 2, zone 1, transfers between zones 1 and 2"
     assert told in describe(scene, cell(4, 0))
     assert describe(scene, cell(1, 0)).endswith("zone 1")
@@ -171,17 +176,17 @@ def test_a_station_and_a_way_are_described() -> None:
 
 def test_a_marked_zone_is_its_ways_and_stations() -> None:
     scene = two_zones("").with_(zone=1)
-    plan = scene.floor.plan
-    assert scene.zone_cells.tolist() == [plan.cell(8, y) for y in range(3)]
+    floor_plan = scene.floor.floor_plan
+    assert scene.zone_cells.tolist() == [floor_plan.cell(8, y) for y in range(3)]
     assert scene.zone_name == "zone 2"
 
 
 @pytest.mark.parametrize("back", [False, True])
 def test_the_cells_of_a_way_with_a_corner(back: bool) -> None:
-    plan, roads = drawn("1..\n.#.\n..2")
+    floor_plan, roads = drawn("1..\n.#.\n..2")
     path = [[0, 0], [2, 0], [2, 2]]
     data = {"zones": [{"stations": [1, 2], "segments": [path[::-1] if back else path]}]}
-    cells, zones = ways_of(roads, read_design(plan, roads, data), plan.stride)
+    cells, zones = ways_of(roads, read_design(floor_plan, roads, data), floor_plan.stride)
     expected = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2)]
-    assert sorted(set(cells.tolist())) == [plan.cell(x, y) for x, y in expected]
+    assert sorted(set(cells.tolist())) == [floor_plan.cell(x, y) for x, y in expected]
     assert set(zones.tolist()) == {0}

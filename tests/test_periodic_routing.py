@@ -19,7 +19,15 @@ from automaton.scenario.schema import Durations
 from automaton.simulation import Simulation
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
-from automaton.world.state import MOVE, NIL, PERIODIC, ROUTING, TICK, TURN, WAIT
+from automaton.world.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    ACTION_WAIT,
+    CLOCK_TICK,
+    LAYER_ROUTING,
+    NIL,
+    REASON_PERIODIC,
+)
 
 
 class Question(NamedTuple):
@@ -38,40 +46,40 @@ class Told(Strategy):
 
     def __init__(self, every: int, **answers: str) -> None:
         super().__init__()
-        self.every = every
+        self.period = every
         self.answers = answers  # by robot and tick, such as A4="SEEN"
         self.asked: list[Question] = []
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         width = view.grid.width
-        for k in range(asked.count[0]):
-            i, tick = int(asked.robot[k]), int(view.clock[TICK])
+        for k in range(batch.count[0]):
+            i, tick = int(batch.robot[k]), int(view.clock[CLOCK_TICK])
             name = chr(ord("A") + int(view.robots.identity[i]))
             y, x = divmod(paths.position(view, i), width)
-            self.asked.append(Question(tick, name, int(asked.reason[k]), (x - 1, y - 1)))
+            self.asked.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
             route = self.answers.get(f"{name}{tick}")
             if route is not None:
-                answers.routing.length[k] = len(route)
-                answers.routing.steps[k, : len(route)] = [STEPS.index(step) for step in route]
+                decisions.routing.route_length[k] = len(route)
+                decisions.routing.steps[k, : len(route)] = [STEPS.index(step) for step in route]
 
 
 def place(floor: Staged, name: str) -> tuple[int, int]:
-    return floor.plan.xy(int(floor.world.robots.cell[floor.index(name)]))
+    return floor.floor_plan.xy(int(floor.world.robots.cell[floor.index(name)]))
 
 
 def illegal(floor: Staged) -> int:
-    return int(floor.world.tally.illegal[ROUTING])
+    return int(floor.world.tally.illegal[LAYER_ROUTING])
 
 
 def test_robots_on_their_way_are_asked_and_keep_going() -> None:
     strategy = Told(2)
     floor = Staged("A......\nB......", {"A": "EEEEE"}, strategies={"routing": strategy}).tick(7)
     assert strategy.asked == [
-        Question(2, "A", PERIODIC, (1, 0)),
-        Question(4, "A", PERIODIC, (3, 0)),
+        Question(2, "A", REASON_PERIODIC, (1, 0)),
+        Question(4, "A", REASON_PERIODIC, (3, 0)),
     ], "B has nowhere to go, and at tick 6 A has arrived"
     assert place(floor, "A") == (5, 0)
-    assert floor.world.tally.times[floor.index("A"), MOVE].sum() == 5
+    assert floor.world.tally.operations[floor.index("A"), ACTION_MOVE].sum() == 5
 
 
 def test_a_new_route_replaces_the_rest_of_the_old_one() -> None:
@@ -92,7 +100,7 @@ def test_in_a_long_move_the_route_begins_in_the_cell_that_is_entered() -> None:
         strategies={"routing": strategy},
     )
     ways = [place(floor.tick(), "A") for _ in range(12)]
-    assert strategy.asked[0] == Question(2, "A", PERIODIC, (1, 0)), "tick 2 of 3"
+    assert strategy.asked[0] == Question(2, "A", REASON_PERIODIC, (1, 0)), "tick 2 of 3"
     assert ways[2::3] == [(1, 0), (1, 1), (2, 1), (2, 0)]
     assert ways[1] == (0, 0) and ways[4] == (1, 0)
 
@@ -108,7 +116,7 @@ def test_a_route_from_the_cell_that_it_leaves_is_illegal_and_costs_nothing() -> 
     )
     assert place(floor.tick(6), "A") == (2, 0), "as planned"
     assert illegal(floor) == 1
-    assert floor.world.tally.times[floor.index("A")].sum() == 2
+    assert floor.world.tally.operations[floor.index("A")].sum() == 2
 
 
 def test_robots_that_turn_or_wait_are_asked_too() -> None:
@@ -131,7 +139,7 @@ def test_robots_that_turn_or_wait_are_asked_too() -> None:
                 )
     asked = {(name, tick) for tick, name, *_ in strategy.asked}
     assert set(actions) <= asked
-    assert {TURN, WAIT} <= set(actions.values())
+    assert {ACTION_TURN, ACTION_WAIT} <= set(actions.values())
 
 
 def test_nobody_else_is_asked() -> None:
@@ -143,18 +151,22 @@ def test_nobody_else_is_asked() -> None:
         strategies={"routing": strategy},
     )
     robots = floor.world.robots
-    robots.withdrawing[floor.index("B")] = 2
+    robots.retreat_moves[floor.index("B")] = 2
     robots.try_drop[floor.index("C")] = 1
-    robots.length[floor.index("D")] = 0
-    robots.stand[floor.index("E")] = robots.cell[floor.index("E")]
+    robots.route_length[floor.index("D")] = 0
+    robots.goal_cell[floor.index("E")] = robots.cell[floor.index("E")]
     floor.tick(2)
-    asked = {(name, reason == PERIODIC) for tick, name, reason, _ in strategy.asked if tick == 2}
+    asked = {
+        (name, reason == REASON_PERIODIC) for tick, name, reason, _ in strategy.asked if tick == 2
+    }
     assert asked == {("A", True), ("D", False)}
 
 
 def test_the_route_that_is_shown_begins_where_a_long_move_ends() -> None:
     floor = Staged("A...", {"A": "EEE"}, durations=Durations(move=3)).tick(2)
-    shown = [floor.plan.xy(cell) for cell in take_snapshot(floor.run, selected=0).route.tolist()]
+    shown = [
+        floor.floor_plan.xy(cell) for cell in take_snapshot(floor.run, selected=0).route.tolist()
+    ]
     assert place(floor, "A") == (0, 0) and shown == [(2, 0), (3, 0)]
 
 
@@ -167,15 +179,15 @@ class Shortest(Strategy):
     layer = "routing"
     again = True
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-        for k in range(asked.count[0]):
-            i = int(asked.robot[k])
-            if asked.reason[k] == PERIODIC and not self.again:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        for k in range(batch.count[0]):
+            i = int(batch.robot[k])
+            if batch.reason[k] == REASON_PERIODIC and not self.again:
                 continue
-            route = paths.route(view, space, i, int(view.robots.stand[i]))
-            assert route is not None and view.robots.stand[i] != NIL
-            answers.routing.length[k] = len(route)
-            answers.routing.steps[k, : len(route)] = route
+            route = paths.route(view, workspace, i, int(view.robots.goal_cell[i]))
+            assert route is not None and view.robots.goal_cell[i] != NIL
+            decisions.routing.route_length[k] = len(route)
+            decisions.routing.steps[k, : len(route)] = route
 
 
 def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -> MemoryRecorder:
@@ -184,9 +196,9 @@ def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)
     strategy = Shortest()
-    strategy.every, strategy.again = every, again
+    strategy.period, strategy.again = every, again
     strategies = [*simulation._strategies]
-    strategies[ROUTING] = strategy
+    strategies[LAYER_ROUTING] = strategy
     simulation = Simulation(resolved, on_record=recorder, strategies=strategies)
     simulation.run()
     assert not simulation.world.tally.illegal.any()
@@ -194,7 +206,7 @@ def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -
 
 
 def actions(recorder: MemoryRecorder) -> Any:
-    return np.concatenate([f.content["did"] for f in recorder.frames if f.kind == TICKS])
+    return np.concatenate([f.content["executed"] for f in recorder.frames if f.kind == TICKS])
 
 
 @settings(max_examples=20)

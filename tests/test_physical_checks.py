@@ -10,8 +10,8 @@ from physical_checks import PhysicalChecks
 from automaton.picture import Story
 from automaton.scenario.resolve import resolve
 from automaton.world.build import build_world
-from automaton.world.condition import BROKEN, FULL
-from automaton.world.state import CARRIED, DELIVERED, NIL, World
+from automaton.world.robot_status import BATTERY_FULL, STATUS_FAILED
+from automaton.world.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, World
 
 BATTERY = ("battery={drain: {move: 1.0}, charge: 1}",)
 
@@ -20,7 +20,7 @@ def floor() -> tuple[World, int]:
     """Robots 0 and 1 side by side on the table-top floor, full of energy, the first cell's index."""
     world, _ = build_world(resolve("tabletop-mini", BATTERY), 1)
     start = int(world.robots.home[0])
-    step = next(s for s in (1, -1) if world.grid.rule[start + s] & 15)
+    step = next(s for s in (1, -1) if world.grid.cell_flags[start + s] & 15)
     world.robots.cell[:2] = start, start + step
     world.robots.bay[:2] = NIL
     return world, step
@@ -39,32 +39,32 @@ def found(change: Callable[[World, int], None]) -> set[str]:
 
 def swap(world: World, step: int) -> None:
     world.robots.cell[:2] = world.robots.cell[:2][::-1].copy()
-    world.robots.charge[:2] -= FULL // 100
+    world.robots.charge[:2] -= BATTERY_FULL // 100
 
 
 def run_over(world: World, step: int) -> None:
     world.robots.cell[0] += step
-    world.robots.charge[0] -= FULL // 100
+    world.robots.charge[0] -= BATTERY_FULL // 100
 
 
 def leap(world: World, step: int) -> None:
     world.robots.cell[0] += 2 * step + int(world.grid.offset[1])
-    world.robots.charge[0] -= FULL // 100
+    world.robots.charge[0] -= BATTERY_FULL // 100
 
 
 def carry_twice(world: World, step: int) -> None:
     world.robots.load[:2] = 0
-    world.orders.state[0], world.orders.place[0] = CARRIED, NIL
+    world.orders.state[0], world.orders.current_slot[0] = ORDER_CARRIED, NIL
 
 
 def lose(world: World, step: int) -> None:
-    world.orders.place[0] = NIL
+    world.orders.current_slot[0] = NIL
 
 
 def reach_far(world: World, step: int) -> None:
-    order = int(world.orders.place.argmax())
+    order = int(world.orders.current_slot.argmax())
     world.robots.load[0] = order
-    world.orders.state[order], world.orders.place[order] = CARRIED, NIL
+    world.orders.state[order], world.orders.current_slot[order] = ORDER_CARRIED, NIL
 
 
 def drive_for_nothing(world: World, step: int) -> None:
@@ -94,18 +94,18 @@ def test_what_is_wrong_is_found(change: Callable[[World, int], None], kind: str)
 
 def test_a_delivered_order_stays_delivered_and_gains_are_for_chargers() -> None:
     world, _ = floor()
-    world.orders.state[0], world.orders.place[0] = DELIVERED, world.orders.target[0]
-    world.robots.charge[0] = FULL // 2
+    world.orders.state[0], world.orders.current_slot[0] = ORDER_DELIVERED, world.orders.target[0]
+    world.robots.charge[0] = BATTERY_FULL // 2
     checks = PhysicalChecks(world)
     world.orders.state[0] = 0
-    world.robots.charge[0] = FULL
+    world.robots.charge[0] = BATTERY_FULL
     checks.tick()
     assert set(checks.found) == {"load", "battery"}
 
 
 def test_who_is_out_of_order_stands_still() -> None:
     world, step = floor()
-    world.robots.status[1] = BROKEN
+    world.robots.status[1] = STATUS_FAILED
     checks = PhysicalChecks(world)
     world.robots.cell[1] += step
     checks.tick()

@@ -28,9 +28,9 @@ from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.pictures import draw_floor, symbol_of
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
-from automaton.world.carry import OF_THE_BUFFERS
-from automaton.world.plan import floor_plan
-from automaton.world.state import CLOCK_SIZE, DELIVERED, GOAL_CHARGE
+from automaton.world.floor_plan import make_floor_plan
+from automaton.world.state import CLOCK_SIZE, GOAL_CHARGE, ORDER_DELIVERED
+from automaton.world.state_copy import OF_THE_BUFFERS
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
@@ -55,7 +55,7 @@ def assert_same_state(one: Simulation, other: Simulation) -> None:
     assert one.digests().tolist() == other.digests().tolist()
     assert one.world.clock[DERIVED].tolist() == other.world.clock[DERIVED].tolist()
     assert np.array_equal(one.world.traffic.occupancy, other.world.traffic.occupancy)
-    assert np.array_equal(one.world.orders.by, other.world.orders.by)
+    assert np.array_equal(one.world.orders.reserved_by, other.world.orders.reserved_by)
     assert np.array_equal(one.world.slots.content, other.world.slots.content)
 
 
@@ -128,7 +128,7 @@ def test_how_robots_are_stored_does_not_show() -> None:
 
 def test_a_world_and_its_view_have_pictures_too() -> None:
     running = simulation("crossing", tick=9)
-    assert picture_of(running.view, running.resolved.plan) == picture_of(running)
+    assert picture_of(running.view, running.resolved.floor_plan) == picture_of(running)
     with pytest.raises(TypeError, match="needs its plan"):
         picture_of(running.world)
 
@@ -174,16 +174,16 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
     told = {
         *NUMBERS,
-        "zone",
+        "service_zone",
         "cell",
         "claim",
-        "stand",
+        "goal_cell",
         "slot",
         "need",
-        "length",
-        "at",
+        "route_length",
+        "route_index",
         "route",
-        "plan",
+        "order_queue",
     }
     assert set(ROBOT_FIELDS) <= told
 
@@ -191,19 +191,28 @@ def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
 @pytest.mark.parametrize(
     ("state", "words"),
     [
-        ({"priority": -3, "zone": 2}, "priority -3, zone 3"),
-        ({"withdrawing": 1, "need": 4, "length": 0, "at": 0}, "withdraws 1 more step, asks for"),
-        ({"blocked": 2, "hold": 2, "need": 4}, "failed 2 times, is stuck, asks for the right"),
+        ({"priority": -3, "service_zone": 2}, "priority -3, zone 3"),
+        (
+            {"retreat_moves": 1, "need": 4, "route_length": 0, "route_index": 0},
+            "withdraws 1 more step, asks for",
+        ),
+        (
+            {"failed_retries": 2, "retry_state": 2, "need": 4},
+            "failed 2 times, is stuck, asks for the right",
+        ),
         ({"action": 10, "busy": 0}, "was kept in its bay"),
         ({"action": 7, "charge": 250_000}, "charged, charge 25 %"),
         ({"charge": 836_701}, "charge 83.6701 %"),
-        ({"yields": 1, "charging_reason": 10}, "may have an order while it charges, charging"),
-        ({"status": 3, "until": 40}, "empty battery, until tick 40"),
-        ({"status": 6, "until": -1}, "gone, for good"),
+        (
+            {"charging_interruptible": 1, "charging_reason": 10},
+            "may have an order while it charges, charging",
+        ),
+        ({"status": 3, "status_until": 40}, "empty battery, until tick 40"),
+        ({"status": 6, "status_until": -1}, "gone, for good"),
         ({"ticket": 5}, "has ticket 5"),
         ({"try_drop": 1}, "will try to set down first"),
         ({"reason": 3, "route_reason": 0}, "last asked for a new plan, never routed"),
-        ({"need": 3, "asked_at": 7}, "found no work at change 7, asks for a route"),
+        ({"need": 3, "seen_revision": 7}, "found no work at change 7, asks for a route"),
         ({"step": 2}, "is told to step west"),
     ],
 )
@@ -212,8 +221,8 @@ def test_whatever_a_robot_is_doing_is_told_and_restored(state: dict[str, int], w
     robots = running.world.robots
     for field, value in state.items():
         getattr(robots, field)[2] = value
-    if state.get("length") == 0:
-        robots.route_sum[2] = 0
+    if state.get("route_length") == 0:
+        robots.route_hash[2] = 0
     picture = picture_of(running)
     assert words in picture
     assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
@@ -221,8 +230,12 @@ def test_whatever_a_robot_is_doing_is_told_and_restored(state: dict[str, int], w
 
 def test_a_robot_on_its_way_to_a_charger_is_told_and_restored() -> None:
     running = simulation("crossing", tick=200)
-    robots, plan = running.world.robots, running.resolved.plan
-    robots.goal[3], robots.level[3], robots.stand[3] = GOAL_CHARGE, 800_000, plan.cell(9, 5)
+    robots, floor_plan = running.world.robots, running.resolved.floor_plan
+    robots.goal_type[3], robots.charge_target[3], robots.goal_cell[3] = (
+        GOAL_CHARGE,
+        800_000,
+        floor_plan.cell(9, 5),
+    )
     picture = picture_of(running)
     assert "D (2, 4) facing west, goes to (9, 5) to charge up to 80 %" in picture
     assert world_from(picture, running.resolved).digests().tolist() == running.digests().tolist()
@@ -240,7 +253,7 @@ def test_a_brief_picture_leaves_out_what_tells_a_person_nothing() -> None:
     running = Simulation(resolve("depots", settings))
     running.run(until=900)
     whole, brief = picture_of(running), picture_of(running, brief=True)
-    delivered = int((running.world.orders.state == DELIVERED).sum())
+    delivered = int((running.world.orders.state == ORDER_DELIVERED).sum())
     assert delivered > 1 and whole.count(" delivered to ") == delivered
     assert " delivered to " not in brief and brief.endswith(f"{delivered} orders delivered")
     assert "asks for charging" in whole and "asks for charging" not in brief
@@ -285,9 +298,9 @@ def test_a_world_may_be_changed_by_editing_its_picture() -> None:
 
 @pytest.mark.parametrize("name", [*SHIPPED, "tabletop-2"])
 def test_shipped_floors_need_no_legend_and_come_back(name: str) -> None:
-    plan = resolve(name).plan
-    assert draw_floor(floor_picture(plan)) == plan
-    assert floor_legend(plan) == {}
+    floor_plan = resolve(name).floor_plan
+    assert draw_floor(floor_picture(floor_plan)) == floor_plan
+    assert floor_legend(floor_plan) == {}
 
 
 def test_a_floor_is_drawn_as_a_person_would() -> None:
@@ -299,43 +312,46 @@ def test_a_floor_is_drawn_as_a_person_would() -> None:
 def test_what_has_no_symbol_gets_one_and_a_legend() -> None:
     table = symbol_of("turntable", capacity=2)
     one_way = symbol_of("charger", exits=("east",))
-    plan = draw_floor("..x.\n.k..", (("x", table), ("k", one_way)))
-    drawing = floor_drawing(plan)
+    floor_plan = draw_floor("..x.\n.k..", (("x", table), ("k", one_way)))
+    drawing = floor_drawing(floor_plan)
     assert drawing.picture == "..o.\n.x.."
-    assert floor_legend(plan) == {
+    assert floor_legend(floor_plan) == {
         "o": {"kind": "turntable", "capacity": 2},
         "x": {"kind": "charger", "exits": ["east"]},
     }
-    assert draw_floor(*drawing) == plan
+    assert draw_floor(*drawing) == floor_plan
 
 
 def test_bays_at_x_0_are_not_taken_for_the_column_before_it() -> None:
-    plan = draw_floor("o.\n#.\no.", (("o", symbol_of("bay")),))
-    drawing = floor_drawing(plan)
-    assert draw_floor(*drawing) == plan
+    floor_plan = draw_floor("o.\n#.\no.", (("o", symbol_of("bay")),))
+    drawing = floor_drawing(floor_plan)
+    assert draw_floor(*drawing) == floor_plan
 
 
 def test_a_floor_that_no_picture_expresses_is_refused() -> None:
-    plan = draw_floor("...\n...")
-    exits = plan.exits.copy()
+    floor_plan = draw_floor("...\n...")
+    exits = floor_plan.exits.copy()
     exits[1, 1] = 4  # out through the border
     with pytest.raises(InputError, match="no picture can express"):
-        floor_picture(replace(plan, exits=exits))
+        floor_picture(replace(floor_plan, exits=exits))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.text(SYMBOLS + "oxyz", min_size=6, max_size=6), min_size=1, max_size=6))
 def test_every_floor_comes_back(rows: list[str]) -> None:
     picture = "\n".join(["." * 6, *rows]).replace("b", ".")
-    plan = draw_floor(picture, LEGEND)
-    assert draw_floor(*floor_drawing(plan)) == plan
+    floor_plan = draw_floor(picture, LEGEND)
+    assert draw_floor(*floor_drawing(floor_plan)) == floor_plan
 
 
 def test_generated_floors_come_back() -> None:
     for tables, positions in ((1, 1), (3, 2), (40, 60)):
-        plan = Tabletop(tables=tables, positions=positions).build()
-        assert draw_floor(*floor_drawing(plan)) == plan
-    assert floor_plan(plan.kind, plan.exits, plan.capacity, plan.loads) == plan
+        floor_plan = Tabletop(tables=tables, positions=positions).build()
+        assert draw_floor(*floor_drawing(floor_plan)) == floor_plan
+    assert (
+        make_floor_plan(floor_plan.kind, floor_plan.exits, floor_plan.capacity, floor_plan.loads)
+        == floor_plan
+    )
 
 
 # Routes, imports
@@ -366,4 +382,4 @@ def test_a_floor_is_drawn_without_numba() -> None:
 def test_drawn_takes_whatever_has_a_picture() -> None:
     running = simulation("crossing")
     assert drawn(running) == picture_of(running)
-    assert drawn(running.resolved.plan) == floor_picture(running.resolved.plan)
+    assert drawn(running.resolved.floor_plan) == floor_picture(running.resolved.floor_plan)

@@ -13,7 +13,7 @@ from automaton.recording.verification import verify_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.world.state import ALLOCATION, NIL, PARK, WAITING
+from automaton.world.state import CMD_PARK, LAYER_ALLOCATION, NIL, ORDER_WAITING
 
 LANE = "t....t"
 
@@ -24,11 +24,14 @@ def test_an_auction_announces_its_lists() -> None:
     run = Simulation(resolved)
     run.run(until=1)
     robots = run.world.robots
-    assert robots.planned[0] == 3 and robots.order[0] not in robots.plan[0, :3].tolist()
-    assert sorted([int(robots.order[0]), *robots.plan[0, :3].tolist()]) == [0, 1, 2, 3]
+    assert (
+        robots.order_queue_length[0] == 3
+        and robots.order[0] not in robots.order_queue[0, :3].tolist()
+    )
+    assert sorted([int(robots.order[0]), *robots.order_queue[0, :3].tolist()]) == [0, 1, 2, 3]
     assert re.search(r"^A .*; plan \d \d \d$", picture_of(run), re.MULTILINE)
     run.run()
-    assert run.finished and robots.planned[0] == 0
+    assert run.finished and robots.order_queue_length[0] == 0
 
 
 def test_nobody_s_list_holds_what_another_does() -> None:
@@ -36,10 +39,13 @@ def test_nobody_s_list_holds_what_another_does() -> None:
     while not run.finished:
         run.run(until=run.tick + 37)
         robots, orders = run.world.robots, run.world.orders
-        lists = [robots.plan[i, : robots.planned[i]].tolist() for i in range(4)]
+        lists = [robots.order_queue[i, : robots.order_queue_length[i]].tolist() for i in range(4)]
         listed = [order for plan in lists for order in plan]
         assert len(set(listed)) == len(listed)
-        assert all(orders.state[order] == WAITING and orders.by[order] == NIL for order in listed)
+        assert all(
+            orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
+            for order in listed
+        )
 
 
 class Announcing(Strategy):
@@ -49,13 +55,13 @@ class Announcing(Strategy):
     plan: tuple[int, ...] = ()
     length = 0
 
-    def decide(self, view, asked, answers, memory, space):
-        given = answers.allocation
-        for k in range(asked.count[0]):
-            given.verb[k] = PARK
+    def decide(self, view, batch, decisions, memory, workspace):
+        out = decisions.allocation
+        for k in range(batch.count[0]):
+            out.command[k] = CMD_PARK
         if memory is not None and view.clock[0] == 1:
-            given.plan[0, : len(self.plan)] = self.plan
-            given.planned[0] = self.length
+            out.order_queue[0, : len(self.plan)] = self.plan
+            out.order_queue_length[0] = self.length
 
 
 @pytest.mark.parametrize(
@@ -81,10 +87,10 @@ def test_a_list_with_an_order_that_nobody_may_take_is_illegal(plan, length, ille
     strategy.plan, strategy.length = plan, length
     run = Simulation(resolved, strategies=[None, None, strategy, None, None])
     run.run()
-    assert run.world.tally.illegal[ALLOCATION] == illegal
-    assert run.world.robots.planned[0] == (0 if illegal else length)
+    assert run.world.tally.illegal[LAYER_ALLOCATION] == illegal
+    assert run.world.robots.order_queue_length[0] == (0 if illegal else length)
     if not illegal:
-        assert run.world.robots.plan[0, : len(plan)].tolist() == list(plan)
+        assert run.world.robots.order_queue[0, : len(plan)].tolist() == list(plan)
 
 
 def test_lists_are_replayed_and_verified_from_a_recording() -> None:
@@ -102,6 +108,6 @@ def test_another_list_is_another_digest() -> None:
     run.run(until=50)
     before = run.digest
     robots = run.world.robots
-    assert robots.planned[0] >= 2
-    robots.plan[0, [0, 1]] = robots.plan[0, [1, 0]]
+    assert robots.order_queue_length[0] >= 2
+    robots.order_queue[0, [0, 1]] = robots.order_queue[0, [1, 0]]
     assert run.digest != before

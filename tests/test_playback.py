@@ -26,8 +26,8 @@ from automaton.recording.recorder import Recorder
 from automaton.recording.verification import verify
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.condition import PERCENT
-from automaton.world.waiting import CHARGED
+from automaton.world.observation import EVENT_CHARGING
+from automaton.world.robot_status import BATTERY_PERCENT
 
 ALLOCATION = ("independent", "cooperative", "adaptive", "independent-python")
 SIGHT = ("everything", "orders", "{radius: 3}")
@@ -88,11 +88,13 @@ def test_zoning_and_charging_are_repeated(tmp_path: Path) -> None:
     check_everywhere(recording)
     playback = playback_of(recording)
     playback.go_to(60)
-    assert sorted(playback.simulation.world.robots.zone.tolist()) == [0, 1]
+    assert sorted(playback.simulation.world.robots.service_zone.tolist()) == [0, 1]
     run = RecordedRun(recording)
     run.show(120, 99)
-    charged = [row for row in run.chronicle.events.tolist() if row[1] == CHARGED]
-    assert 50 * PERCENT in [row[4] for row in charged if row[2] == 0], "after its first tick"
+    charged = [row for row in run.chronicle.events.tolist() if row[1] == EVENT_CHARGING]
+    assert 50 * BATTERY_PERCENT in [row[4] for row in charged if row[2] == 0], (
+        "after its first tick"
+    )
 
 
 # Keyframes and order
@@ -111,11 +113,11 @@ def long() -> Recording:
 )
 def test_ticks_in_any_order(wanted: list[int], spacing: int, budget: int, long: Recording) -> None:
     digests, playback = digests_of(long), playback_of(long)
-    world, watch = playback.simulation.world, playback.simulation.watch
-    playback.keyframes = Keyframes(world, watch, budget)
+    world, observation = playback.simulation.world, playback.simulation.observation
+    playback.keyframes = Keyframes(world, observation, budget)
     for tick in range(spacing, 1501, max(spacing, 100)):
         playback.go_to(tick)
-        playback.keyframes.keep(playback.simulation.world, playback.simulation.watch)
+        playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
     for tick in wanted:
         check_at(playback, digests, tick)
 
@@ -125,7 +127,7 @@ def test_keyframes_at_every_tick_restore_every_tick() -> None:
     digests, playback = digests_of(recording), playback_of(recording)
     for tick in range(1, 301):
         playback.go_to(tick)
-        playback.keyframes.keep(playback.simulation.world, playback.simulation.watch)
+        playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
     assert playback.keyframes.ticks == list(range(301))
     for tick in (300, 1, 150, 0, 299):
         check_at(playback, digests, tick)
@@ -135,14 +137,14 @@ def test_keyframes_keep_within_their_budget() -> None:
     recording = recorded(resolve("tabletop-mini", ["stop.at_most=400"]))
     playback = playback_of(recording)
     playback.go_to(400)
-    playback.keyframes.keep(playback.simulation.world, playback.simulation.watch)
+    playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
     playback.keyframes.budget = 40 * playback.keyframes._frames[-1].nbytes
     playback.go_to(0)
     while len(playback.keyframes.ticks) > 1:
         playback.keyframes._drop(1)
     for tick in range(1, 401):
         playback.go_to(tick)
-        playback.keyframes.keep(playback.simulation.world, playback.simulation.watch)
+        playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
         assert playback.keyframes._bytes <= playback.keyframes.budget
     ticks = playback.keyframes.ticks
     assert ticks[0] == 0 and ticks == sorted(ticks) and len(ticks) > 4
@@ -151,14 +153,23 @@ def test_keyframes_keep_within_their_budget() -> None:
 
 def test_what_was_observed_is_the_same_after_going_back(long: Recording) -> None:
     def seen(playback: Playback) -> list[Any]:
-        watch = playback.simulation.watch
-        names = ("cause", "blocker", "wanted", "since", "ring", "lost", "delay", "flow")
-        return [getattr(watch, name).copy() for name in names]
+        observation = playback.simulation.observation
+        names = (
+            "cause",
+            "blocker",
+            "wanted",
+            "since",
+            "wait_cycle_ticks",
+            "lost",
+            "lost_ticks_by_cell",
+            "flow",
+        )
+        return [getattr(observation, name).copy() for name in names]
 
     straight, jumping = playback_of(long), playback_of(long)
     for tick in (700, 200, 1400, 900, 1):
         jumping.go_to(tick)
-        jumping.keyframes.keep(jumping.simulation.world, jumping.simulation.watch)
+        jumping.keyframes.keep(jumping.simulation.world, jumping.simulation.observation)
     for tick in (5, 250, 900, 1350):
         straight.go_to(tick)
         jumping.go_to(tick)
@@ -282,4 +293,4 @@ def test_where_two_streams_differ() -> None:
 
 def test_frames_follow_each_other(long: Recording) -> None:
     ticks = [frame.content for frame in long.stored() if frame.kind == stored.TICKS]
-    assert all(a["first"] + len(a["did"]) == b["first"] for a, b in pairwise(ticks))
+    assert all(a["first"] + len(a["executed"]) == b["first"] for a, b in pairwise(ticks))

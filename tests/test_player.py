@@ -120,7 +120,7 @@ def test_a_branch_takes_the_place_of_the_run(player: Player) -> None:
     shot = when(player, lambda shot: shot.tick == 310)
     assert "seed cannot change" in told[0] and told[1:] == [""] and shot.head == 310
     run = player.runs[0]
-    assert isinstance(run, LiveRun) and run.resolved.picks["right_of_way"].name == "wait"
+    assert isinstance(run, LiveRun) and run.resolved.strategies["right_of_way"].name == "wait"
 
 
 # By hand

@@ -72,7 +72,7 @@ def begins(run: Run, text: str) -> dict[int, list[int]]:
     point, found, before = breakpoint_of(text), {}, set[int]()
     while run.tick != run.end:
         run.show(run.tick + 1, 99)
-        now = set(point.test(run.shown, run.plan).tolist())
+        now = set(point.test(run.shown, run.floor_plan).tolist())
         if now - before:
             found[run.tick] = sorted(now - before)
         before = now

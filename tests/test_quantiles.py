@@ -12,7 +12,7 @@ from automaton.commands import main
 from automaton.metrics import metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 
 STREAM = ["orders.count=60", "orders.interval=8", "stop.at_most=700", "measure.warm_up=100"]
 STUDY = """name: streams
@@ -31,8 +31,8 @@ def test_95_percent_of_a_runs_orders_have_this_lead_time_or_less() -> None:
     run = Simulation(resolve("warehouse-100", STREAM))
     run.run()
     orders = run.world.orders
-    done = orders.state == DELIVERED
-    times = (orders.delivered - orders.released)[done]
+    done = orders.state == ORDER_DELIVERED
+    times = (orders.delivered - orders.release_tick)[done]
     figures = metrics_of(run)
     assert 40 < len(times) <= 60
     assert figures["lead_time"] == pytest.approx(times.mean())

@@ -10,9 +10,9 @@ from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Fleet, Orders, Scenario
 from automaton.world.build import build_world
 from automaton.world.cells import DOCK, FLOOR, RACK
-from automaton.world.reach import reached
+from automaton.world.reachability import reached
 from automaton.world.state import NIL
-from automaton.world.zones import zones_of
+from automaton.world.traffic_zones import traffic_zones_of
 from layouts.racks import Racks
 
 # Figure 2 of the paper: the upper left corner; -1 wall, 0 free, 50 intersection, 100 rack, 200 dock.
@@ -42,36 +42,36 @@ def test_the_corner_is_the_one_printed_in_the_paper(e1):
 def test_presets_have_the_numbers_of_the_paper(
     preset, size, docks, racks, segments, intersections, free
 ):
-    plan = Racks(preset=preset).build()
-    assert (plan.width, plan.height) == size
-    assert np.count_nonzero(plan.kind == DOCK) == docks
-    assert np.count_nonzero(plan.kind == RACK) == racks
-    assert zones_of(plan).count == segments
-    assert zones_of(plan, "directed").count == 2 * segments
-    assert zones_of(plan, "with-intersections").count == segments + intersections
-    connected = reached(plan, [plan.cell(1, 1)], rail=False)
-    assert np.count_nonzero(connected) == np.count_nonzero(plan.kind == FLOOR) == free
+    floor_plan = Racks(preset=preset).build()
+    assert (floor_plan.width, floor_plan.height) == size
+    assert np.count_nonzero(floor_plan.kind == DOCK) == docks
+    assert np.count_nonzero(floor_plan.kind == RACK) == racks
+    assert traffic_zones_of(floor_plan).count == segments
+    assert traffic_zones_of(floor_plan, "directed").count == 2 * segments
+    assert traffic_zones_of(floor_plan, "with-intersections").count == segments + intersections
+    connected = reached(floor_plan, [floor_plan.cell(1, 1)], rail=False)
+    assert np.count_nonzero(connected) == np.count_nonzero(floor_plan.kind == FLOOR) == free
 
 
 def test_e2_has_1044_zones_but_for_its_dead_ends():
-    zones = zones_of(Racks(preset="E2").build(), "with-intersections")
+    traffic_zones = traffic_zones_of(Racks(preset="E2").build(), "with-intersections")
     dead_ends = 33  # right of the last cross highway, one in each aisle
-    assert zones.count - dead_ends == 1044
+    assert traffic_zones.count - dead_ends == 1044
 
 
 def test_every_slot_but_27_of_e2_has_one_cell_to_stand_on(e1):
-    for plan, without in ((e1, 0), (Racks(preset="E2").build(), 27)):
-        access = world_on(plan).slots.access
-        rack = plan.kind.reshape(-1)[plan.slots()] == RACK
+    for floor_plan, without in ((e1, 0), (Racks(preset="E2").build(), 27)):
+        access = world_on(floor_plan).slots.access
+        rack = floor_plan.kind.reshape(-1)[floor_plan.slots()] == RACK
         stands = (access != NIL).sum(axis=1)
         assert np.count_nonzero(stands[rack] == 1) == 5769 - without
         assert np.count_nonzero(stands[rack] == 0) == without
         # A dock opens on the right, beside the racks, first of all.
-        docks = plan.slots()[~rack]
+        docks = floor_plan.slots()[~rack]
         assert (access[~rack, 0] == docks + 1).all()
 
 
-def world_on(plan):
+def world_on(floor_plan):
     """A world with one robot and one order on this floor."""
     from automaton.scenario.resolve import Resolved
 
@@ -81,7 +81,9 @@ def world_on(plan):
         fleet=Fleet(robots=1, kinematics="omni"),
         orders=Orders(generator="full-shelves"),
     )
-    resolved = Resolved(scenario, plan, picks={}, start=(plan.cell(1, 1),), source="")
+    resolved = Resolved(
+        scenario, floor_plan, strategies={}, start=(floor_plan.cell(1, 1),), source=""
+    )
     return build_world(resolved, 1)[0]
 
 

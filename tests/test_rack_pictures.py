@@ -8,7 +8,7 @@ from panel_stage import moment, of_cell, shown
 from staged_scenes import camera_at, composed, drawn, ink, signs, stage, text
 
 from automaton.world.cells import DOCK, RACK
-from automaton.world.state import DELIVERED, NIL, WAITING
+from automaton.world.state import NIL, ORDER_DELIVERED, ORDER_WAITING
 from layouts.racks import Racks
 from tui.render import styles
 from tui.render.compose import compose
@@ -63,7 +63,7 @@ def test_from_afar_docks_are_stations_and_racks_are_faint(zoom):
 @pytest.mark.parametrize("zoom", ["1x1", "half", "braille 1"])
 def test_the_legend_names_racks_and_docks(zoom):
     scene = small()
-    entries = legend(scene, camera_at(scene.floor.plan, zoom).zoom, UNICODE)
+    entries = legend(scene, camera_at(scene.floor.floor_plan, zoom).zoom, UNICODE)
     words = [entry.meaning for entry in entries]
     assert {"rack", "dock"} < set(words) and not {"shelf", "empty shelf"} & set(words)
     assert len({entry.signs for entry in entries if entry.meaning in ("rack", "dock")}) == 2
@@ -83,9 +83,9 @@ def test_stations_are_seen_near_and_far_and_named():
 def places(view):
     """A dock at which loads wait, a rack that holds loads, as (x, y) with their numbers."""
     orders, slots = view.snapshot.orders, view.snapshot.slots
-    kind = view.plan.kind.reshape(-1)[slots.cell]
-    waiting = np.bincount(orders.place[orders.state == WAITING], minlength=len(kind))
-    arrived = np.bincount(orders.target[orders.state == DELIVERED], minlength=len(kind))
+    kind = view.floor_plan.kind.reshape(-1)[slots.cell]
+    waiting = np.bincount(orders.current_slot[orders.state == ORDER_WAITING], minlength=len(kind))
+    arrived = np.bincount(orders.target[orders.state == ORDER_DELIVERED], minlength=len(kind))
     dock = int(np.flatnonzero((kind == DOCK) & (waiting > 0))[0])
     rack = int(np.flatnonzero((kind == RACK) & (arrived > 0))[0])
     return (dock, waiting[dock]), (rack, arrived[rack])
@@ -94,15 +94,15 @@ def places(view):
 def test_a_line_and_the_inspector_say_what_docks_and_racks_hold():
     view = running(120)
     (dock, waiting), (rack, arrived) = places(view)
-    plan = view.plan
+    floor_plan = view.floor_plan
     cells = [int(view.snapshot.slots.cell[slot]) for slot in (dock, rack)]
-    scene = small().with_(snapshot=view.snapshot, floor=stage(plan).floor)
-    at_dock, at_rack = (f"{plan.xy(cell)}" for cell in cells)
+    scene = small().with_(snapshot=view.snapshot, floor=stage(floor_plan).floor)
+    at_dock, at_rack = (f"{floor_plan.xy(cell)}" for cell in cells)
     assert describe(scene, cells[0]) == f"{at_dock} dock with {waiting} loads"
     assert describe(scene, cells[1]) == f"{at_rack} rack with {arrived} loads"
-    told = shown(Inspector(), of_cell(view, *plan.xy(cells[0])))
+    told = shown(Inspector(), of_cell(view, *floor_plan.xy(cells[0])))
     assert f"waiting {waiting} load" in told and "the next load" in told and "fetched" in told
-    told = shown(Inspector(), of_cell(view, *plan.xy(cells[1])))
+    told = shown(Inspector(), of_cell(view, *floor_plan.xy(cells[1])))
     assert f"received {arrived} load" in told and "the last load" in told
 
 
@@ -117,7 +117,7 @@ def test_who_is_off_the_floor_is_told_so_and_not_drawn():
     view = moment(100, "warehouse-100-trial", *SMALL[:4], *settings)
     fleet = view.snapshot.robots
     assert fleet.parked.all() and (fleet.cell == NIL).all() and (fleet.bay == NIL).all()
-    scene = small().with_(snapshot=view.snapshot, floor=stage(view.plan).floor)
+    scene = small().with_(snapshot=view.snapshot, floor=stage(view.floor_plan).floor)
     for zoom in ("3x1", "1x1", "half", "braille 1"):
         codes, camera = composed(scene, zoom)
         empty = compose(scene.with_(snapshot=None), camera, UNICODE)

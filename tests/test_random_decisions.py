@@ -18,7 +18,7 @@ from situations import WANTED, count_illegal, count_situations
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.simulation import Simulation
-from automaton.world.state import MOVE
+from automaton.world.state import ACTION_MOVE
 
 EXAMPLES = 2000
 
@@ -46,7 +46,7 @@ def test_no_decision_breaks_a_rule_of_types() -> None:
         world = judged(case).world
         reached["area"] += bool(case.resolved.scenario.areas)
         reached["slow"] += (
-            int(world.rules.duration[0, MOVE]) > case.resolved.scenario.durations.move
+            int(world.rules.duration[0, ACTION_MOVE]) > case.resolved.scenario.durations.move
         )
         reached["heavy"] += bool((world.orders.weight > world.rules.payload[0]).any())
 

@@ -57,7 +57,7 @@ def test_zones_of_ones_own_floor_from_start_to_end(
     told = capsys.readouterr().out
     assert "zone 1 (d): 1 2* 4; robot 0, " in told and "60 of 60 orders delivered" in told
     assert main(["run", "my-plant.yaml", "--set", "strategy.zoning=annealing"]) == 0
-    assert resolve("my-plant.yaml").picks["zoning"].parameters.design is not None
+    assert resolve("my-plant.yaml").strategies["zoning"].parameters.design is not None
 
 
 def test_every_parameter_of_zoning_has_its_row() -> None:

@@ -18,7 +18,7 @@ from recording_trials import put_together, taken_apart
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.recording import frames as stored
-from automaton.recording.codes import DURATION
+from automaton.recording.codes import CHANGE_DURATION
 from automaton.recording.contents import (
     HEADER,
     KEYFRAME_TICKS,
@@ -106,13 +106,13 @@ def test_ticks_follow_each_other_whatever_the_pauses(tmp_path: Path) -> None:
     simulation = Simulation(resolved, on_record=in_steps)
     while not simulation.finished:
         simulation.run(until=simulation.tick + 7)
-    for name in ("did", "changes", "digests"):
+    for name in ("executed", "changes", "digests"):
         one, other = (
             np.concatenate([f.content[name] for f in memory.recording().frames if f.kind == TICKS])
             for memory in (at_once, in_steps)
         )
         assert np.array_equal(one, other), name
-    assert max(len(f.content["did"]) for f in in_steps.frames if f.kind == TICKS) <= 256
+    assert max(len(f.content["executed"]) for f in in_steps.frames if f.kind == TICKS) <= 256
 
 
 def test_keyframes_come_at_the_start_now_and_then_and_at_the_end() -> None:
@@ -299,7 +299,7 @@ def test_recordings_are_small(tmp_path: Path) -> None:
     data = (tmp_path / "run.rec").read_bytes()
     recording = read_recording(tmp_path / "run.rec")
     per_tick = len(data) / recording.ticks
-    actions = [frame.content["did"] for frame in recording.frames if frame.kind == TICKS]
+    actions = [frame.content["executed"] for frame in recording.frames if frame.kind == TICKS]
     packed = sum(len(zlib.compress(np.ascontiguousarray(did.T).tobytes())) for did in actions)
     print(
         f"{per_tick / 5:.2f} bytes per robot and tick, digests included; "
@@ -312,7 +312,7 @@ def test_recordings_are_small(tmp_path: Path) -> None:
 def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
     content = {
         "first": 9,
-        "did": np.zeros((2, 3), np.uint8),
+        "executed": np.zeros((2, 3), np.uint8),
         "changes": np.zeros((0, 4), np.int64),
         "decisions": np.zeros(0, np.int64),
         "digests": np.array([[1, 2**64 - 1], [1, 0]], np.uint64),
@@ -358,7 +358,7 @@ def test_an_array_without_values_takes_no_memory(
 
 
 @pytest.mark.parametrize("levels", [MOST_LEVELS + 1, 450, 900])
-@pytest.mark.parametrize("part", ["scenario", "picks"])
+@pytest.mark.parametrize("part", ["scenario", "strategies"])
 def test_lists_within_lists_have_a_bound(
     part: str, levels: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -409,16 +409,16 @@ def test_changes_of_a_frame_have_a_bound(
     for rows, told in ((MOST_CHANGES + 1, "changes"), (5000, "changes in a tick")):
         parts = apart()
         ticks = first(parts, TICKS)
-        ticks["changes"] = np.full((4, rows), [[0], [DURATION], [0], [0]], np.int32)
+        ticks["changes"] = np.full((4, rows), [[0], [CHANGE_DURATION], [0], [0]], np.int32)
         if rows > MOST_CHANGES:
-            ticks["did"] = np.zeros((1000, 256), np.uint8)
+            ticks["executed"] = np.zeros((1000, 256), np.uint8)
         assert f"{told}\n" in refused(tmp_path, capsys, parts[:4])
 
 
 @pytest.mark.parametrize("count", [0, 5_000_000])
 def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Path) -> None:
     parts = copy.deepcopy(list(taken_apart("factory")))
-    first(parts, KEYFRAME)["stations"]["done"] = np.zeros(count, np.uint8)
+    first(parts, KEYFRAME)["stations"]["completion_tick"] = np.zeros(count, np.uint8)
     report = validate_stored(reread(tmp_path, put_together(parts)))
-    text = f"stations.done has {count:,} values in the recorded state, not "
+    text = f"stations.completion_tick has {count:,} values in the recorded state, not "
     assert text in report.violations[0].text

@@ -26,7 +26,7 @@ from automaton.reporting.writing import as_text
 from automaton.scenario.reading import find
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 
 
 def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
@@ -115,13 +115,13 @@ def test_a_warm_up_in_ticks_is_left_out_of_all_figures_by_the_runs_themselves(st
     run = Simulation(resolve(steady / "own.yaml", ["fleet.robots=10"]), row["seed"])
     run.run()
     orders = run.world.orders
-    late = (orders.state == DELIVERED) & (orders.delivered > 400)
+    late = (orders.state == ORDER_DELIVERED) & (orders.delivered > 400)
     assert (
         row["throughput"]
         == 1000 * late.sum() / 800
-        != 1000 * (orders.state == DELIVERED).sum() / 1200
+        != 1000 * (orders.state == ORDER_DELIVERED).sum() / 1200
     )
-    assert row["delivered"] == late.sum() < (orders.state == DELIVERED).sum()
+    assert row["delivered"] == late.sum() < (orders.state == ORDER_DELIVERED).sum()
 
 
 def test_runs_of_a_given_length_are_measured_after_their_warm_up_by_default_too(

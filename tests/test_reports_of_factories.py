@@ -51,7 +51,7 @@ def test_a_part_s_time_is_from_its_coming_to_the_last_work(ran: Simulation) -> N
     stations, figures = ran.world.stations, metrics_of(ran)
     last = {}
     for work, part in enumerate(stations.part.tolist()):
-        last[part] = int(stations.done[work])
+        last[part] = int(stations.completion_tick[work])
     assert figures["parts"] == 5 == len(last)
     assert figures["part_time"] == np.mean(list(last.values())) - 1  # all come in the first tick
 
@@ -72,7 +72,7 @@ def test_work_under_way_counts_as_far_as_it_has_come() -> None:
     assert np.abs(busy[[3, 4]] - 100).max() <= 1
     figures = metrics_of(run)
     assert figures["parts"] == 0 and "part_time" not in figures
-    assert (run.world.stations.done == NIL).all()
+    assert (run.world.stations.completion_tick == NIL).all()
 
 
 def test_travel_is_what_robots_drove(ran: Simulation) -> None:

@@ -86,7 +86,7 @@ def test_every_policy_faces_the_same_orders() -> None:
 def test_any_routing_strategy_may_be_compared() -> None:
     cases = fleets(["shortest"])
     assert [case.labels["robots"] for case in cases] == list(ROBOTS)
-    assert resolve(cases[0].scenario, cases[0].overrides).picks["routing"].name == "shortest"
+    assert resolve(cases[0].scenario, cases[0].overrides).strategies["routing"].name == "shortest"
 
 
 def test_there_are_no_printed_figures() -> None:

@@ -362,7 +362,7 @@ def test_a_strategy_that_fails_in_a_worker_is_named(
         "from automaton.strategy.layer import Strategy\n"
         "class Fails(Strategy):\n"
         "    layer = 'allocation'\n"
-        "    def decide(self, view, asked, answers, memory, space):\n"
+        "    def decide(self, view, batch, decisions, memory, workspace):\n"
         "        raise RuntimeError('no idea')\n"
     )
     monkeypatch.syspath_prepend(tmp_path)

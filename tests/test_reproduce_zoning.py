@@ -103,7 +103,7 @@ def test_the_way_to_the_first_station_does_not_count() -> None:
     run = Simulation(resolve("factory"), 3)
     legs = first_legs(run)
     world = run.world
-    between = world.zoning.roads.between
+    between = world.service_zones.roads.between
     # Robots begin at WS11, WS1 and WS18; each first picks up at some station: an exact distance.
     starts = [10, 0, 17]
     for robot, start in enumerate(starts):
@@ -111,7 +111,7 @@ def test_the_way_to_the_first_station_does_not_count() -> None:
         assert cells in between[start].tolist(), (robot, cells)
     whole = Simulation(resolve("factory"), 3)
     figures = completed(whole)
-    moves = whole.world.tally.times[:, 1].sum(1)
+    moves = whole.world.tally.operations[:, 1].sum(1)
     assert figures["mean_ft"] == pytest.approx(2.5 * float((moves - legs).mean()))
     plain = Simulation(resolve("factory"), 3)
     plain.run()

@@ -10,7 +10,7 @@ from panel_stage import NARROW, Stage, click, deadlocked, of_robot, on_stage, sa
 from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
-from automaton.world.waiting import DRIVING_SLOWLY
+from automaton.world.observation import CAUSE_REDUCED_SPEED
 from tui.shot import Figures
 from tui.view import View
 from tui.widgets.robot_columns import COLUMNS, Column, ordered
@@ -45,13 +45,13 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
 
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
         view = crowd(5)  # of its own: it is changed here
-        view.snapshot.robots.lost[2, DRIVING_SLOWLY] = 7
+        view.snapshot.robots.lost[2, CAUSE_REDUCED_SPEED] = 7
         robots.show(view)
         await pilot.pause()
         assert [title.strip("▴▾") for title in said(robots)[0].split()] == TITLES
         fleet, figures = view.snapshot.robots, view.shot.figures[0]
         waited = 300 - int(fleet.since[2])
-        x, y = view.plan.xy(int(fleet.cell[2]))
+        x, y = view.floor_plan.xy(int(fleet.cell[2]))
         assert rows_of(robots)[2] == [
             *("2", "waits", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
             *(f"{x},{y}", "7", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),

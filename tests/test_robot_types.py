@@ -21,7 +21,7 @@ from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.strategy import lookup, paths
 from automaton.strategy.layer import Strategy
-from automaton.world.state import DELIVERED, MOVE, NIL, TAKE
+from automaton.world.state import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVERED
 from tui.widgets.inspector import Inspector
 from tui.widgets.robot_columns import COLUMNS
 
@@ -74,7 +74,7 @@ def visited(simulation: Simulation, robot: int) -> set[tuple[int, int]]:
     cells = set()
     while not simulation.finished and simulation.tick < 2000:
         simulation.run(simulation.tick + 1)
-        cells.add(simulation.resolved.plan.xy(int(simulation.world.robots.cell[robot])))
+        cells.add(simulation.resolved.floor_plan.xy(int(simulation.world.robots.cell[robot])))
     return cells
 
 
@@ -95,8 +95,8 @@ def two(heavy: int = 1, **more: Any) -> Resolved:
 def test_a_slow_robot_takes_its_own_ticks_for_a_move_and_is_not_slowed_by_that() -> None:
     alike = ran(scene(MIDDLE, [(1, 0)]))
     slow = ran(scene(MIDDLE, [(1, 0)], types=({"name": "tug", "pace": 3},)))
-    moves = int(alike.world.tally.times[0, MOVE].sum())
-    assert int(slow.world.tally.times[0, MOVE].sum()) == moves
+    moves = int(alike.world.tally.operations[0, ACTION_MOVE].sum())
+    assert int(slow.world.tally.operations[0, ACTION_MOVE].sum()) == moves
     assert slow.tick == alike.tick + 2 * moves
     assert not slow.world.tally.slowed.any()
 
@@ -104,12 +104,13 @@ def test_a_slow_robot_takes_its_own_ticks_for_a_move_and_is_not_slowed_by_that()
 def test_distances_are_in_the_ticks_of_the_robot_that_drives() -> None:
     run = Simulation(two())
     for robot, pace in ((0, 3), (1, 1)):
-        target = run.resolved.plan.cell(3, int(2 - 2 * robot + 2))
+        target = run.resolved.floor_plan.cell(3, int(2 - 2 * robot + 2))
         start = paths.position(run.view, robot)
         steps = sum(
-            abs(a - b) for a, b in zip(*map(run.resolved.plan.xy, (start, target)), strict=True)
+            abs(a - b)
+            for a, b in zip(*map(run.resolved.floor_plan.xy, (start, target)), strict=True)
         )
-        assert paths.distance(run.view, run.space, robot, target) == pace * steps
+        assert paths.distance(run.view, run.workspace, robot, target) == pace * steps
 
 
 def test_slow_zones_multiply_the_pace() -> None:
@@ -119,7 +120,9 @@ def test_slow_zones_multiply_the_pace() -> None:
     types = ({"name": "tug", "pace": 2},)
     simulation = ran(scene(lane, [(1, 0), (5, 0)], types=types, orders=orders, world=world), 3)
     tally = simulation.world.tally
-    assert (tally.times[0, MOVE].sum(), tally.ticks[0, MOVE].sum()) == (1, 4), "2 robots, 2 ticks"
+    assert (tally.operations[0, ACTION_MOVE].sum(), tally.ticks[0, ACTION_MOVE].sum()) == (1, 4), (
+        "2 robots, 2 ticks"
+    )
     assert tally.slowed[0] == 2
 
 
@@ -193,7 +196,9 @@ def test_robots_begin_in_open_cells() -> None:
             "seed": seed,
         }
         simulation = Simulation(resolve(msgspec.convert(scenario, Scenario)))
-        rows = [simulation.resolved.plan.xy(int(cell))[1] for cell in simulation.world.robots.cell]
+        rows = [
+            simulation.resolved.floor_plan.xy(int(cell))[1] for cell in simulation.world.robots.cell
+        ]
         assert min(rows[:2]) > 2
 
 
@@ -212,7 +217,7 @@ def test_a_bay_that_opens_on_a_closed_cell_is_for_others() -> None:
         "orders": {"list": [{"from": (0, 2), "to": (3, 1)}]},
     }
     simulation = Simulation(resolve(msgspec.convert(scenario, Scenario)))
-    xy = simulation.resolved.plan.xy
+    xy = simulation.resolved.floor_plan.xy
     assert [xy(int(cell)) for cell in simulation.world.robots.bay] == [(-1, 1), (-1, 0)]
 
 
@@ -242,10 +247,12 @@ def test_what_a_robot_cannot_do_is_an_illegal_answer(what: str) -> None:
 
         layer = "allocation"
 
-        def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-            given = answers.allocation
-            given.verb[0], given.order[0] = TAKE, 0
-            given.stand[0] = view.slots.access[view.orders.place[0]].max()
+        def decide(
+            self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
+        ) -> None:
+            out = decisions.allocation
+            out.command[0], out.order[0] = CMD_TAKE_ORDER, 0
+            out.goal_cell[0] = view.slots.access[view.orders.current_slot[0]].max()
 
     heavy = 6 if what == "weight" else 1
     areas = {"west": {"from": (0, 0), "to": (1, 2), "closed_to": ["tug"]}} if what == "area" else {}
@@ -268,17 +275,19 @@ def test_a_route_into_a_closed_cell_is_illegal() -> None:
 
         layer = "routing"
 
-        def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-            for k in range(asked.count[0]):
-                answers.routing.length[k] = 1
-                answers.routing.steps[k, 0] = 0
+        def decide(
+            self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
+        ) -> None:
+            for k in range(batch.count[0]):
+                decisions.routing.route_length[k] = 1
+                decisions.routing.steps[k, 0] = 0
 
     resolved = two(areas={"east": {"from": (2, 0), "to": (2, 0), "closed_to": ["tug"]}})
     allocation = lookup.load("allocation", "independent")()
     simulation = Simulation(resolved, strategies=[None, None, allocation, Straight(), None])
     simulation.run(2)
     assert simulation.world.tally.illegal[3] >= 1
-    assert resolved.plan.xy(int(simulation.world.robots.cell[0])) == (1, 0)
+    assert resolved.floor_plan.xy(int(simulation.world.robots.cell[0])) == (1, 0)
 
 
 # What users see.
@@ -377,7 +386,7 @@ def fleets(draw: st.DrawFn) -> Resolved:
 @given(fleets())
 def test_no_rule_of_types_is_ever_broken(resolved: Resolved) -> None:
     simulation = ran(resolved)
-    done = simulation.world.orders.state == DELIVERED
+    done = simulation.world.orders.state == ORDER_DELIVERED
     kinds = simulation.world.orders.dispatched_type[done]
     carried = simulation.world.rules.payload[kinds]
     assert (simulation.world.orders.weight[done] <= carried).all()

@@ -10,7 +10,7 @@ import pytest
 from drawn_recordings import E, W, played, rules
 
 from automaton.errors import InputError
-from automaton.recording.codes import DURATION
+from automaton.recording.codes import CHANGE_DURATION
 from automaton.recording.frames import TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_recording
@@ -44,7 +44,7 @@ def test_a_move_shorter_than_the_pace_of_the_type() -> None:
     assert played(lane(), {0: E}, {}, {0: W}, {}).valid
     assert rules(played(lane(), {0: E}, {0: W}, {})) == ["busy"]
     extra = {"world": {"extra_tick": 0.0, "slowdown": "zones"}}
-    short = [(1, DURATION, 0, 1)]
+    short = [(1, CHANGE_DURATION, 0, 1)]
     assert rules(played(lane(**extra), {0: E}, changes=short)) == ["pace"]
 
 

@@ -16,7 +16,7 @@ from plain_astar import path
 from plain_paths import FAR, Ways
 
 from automaton.kernels.routes.astar import astar
-from automaton.kernels.routes.frontier import COST, EXPANDED, STAMP, TIES
+from automaton.kernels.routes.frontier import OPEN_COST, OPEN_EXPANDED, OPEN_STAMP, TIES
 from automaton.scenario.pictures import draw_floor
 from automaton.world.route_space import RouteSpace
 from automaton.world.state import NIL
@@ -25,20 +25,20 @@ PLAIN_RULES = ("fifo", "larger_g")  # those that need no draw
 
 
 def found(
-    case: Case, ties: str, seed: int = 1, closed: Any = None, space: RouteSpace | None = None
+    case: Case, ties: str, seed: int = 1, closed: Any = None, workspace: RouteSpace | None = None
 ) -> tuple[int, list[int]] | None:
     """(ticks, directions) of the kernel's path; `closed`: (zones,) marks of zones."""
     floor, duration, fresh = case.built()
-    space = space or fresh
+    workspace = workspace or fresh
     if closed is not None:
-        space.closed[:] = closed
+        workspace.closed[:] = closed
     steps = np.zeros(300, np.uint8)
     with np.errstate(over="ignore"):
         length = astar(
             floor.grid.read_only(),
             0,
             duration,
-            space,
+            workspace,
             TIES.index(ties),
             np.uint64(seed),
             case.start_pose(),
@@ -46,7 +46,7 @@ def found(
             closed is not None,
             steps,
         )
-    return None if length == NIL else (int(space.state[COST]), steps[:length].tolist())
+    return None if length == NIL else (int(workspace.state[OPEN_COST]), steps[:length].tolist())
 
 
 @settings(max_examples=300)
@@ -70,8 +70,8 @@ def test_lane_and_heap_give_the_order_of_one_heap(case: Case, ties: str) -> None
 @pytest.mark.parametrize("kinematics", ["rail", "differential"])
 def test_turns_of_no_ticks_do_not_mix_the_order_up(kinematics: str) -> None:
     """After a turn that costs nothing g is the same: what was found first comes first."""
-    plan = draw_floor("+++++\n+###+\n+++++\n+#+#+\n+++++")
-    ways = Ways(plan, kinematics, 1, 0)
+    floor_plan = draw_floor("+++++\n+###+\n+++++\n+#+#+\n+++++")
+    ways = Ways(floor_plan, kinematics, 1, 0)
     for start in ways.cells():
         for target in ways.cells():
             case = Case(ways, (start, 0), target)
@@ -83,12 +83,18 @@ def test_turns_of_no_ticks_do_not_mix_the_order_up(kinematics: str) -> None:
 def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:
     floor, _, _ = case.built()
     grid = floor.grid
-    closed = np.array(data.draw(st.lists(st.booleans(), min_size=grid.zones, max_size=grid.zones)))
+    closed = np.array(
+        data.draw(
+            st.lists(
+                st.booleans(), min_size=grid.traffic_zone_count, max_size=grid.traffic_zone_count
+            )
+        )
+    )
     pairs = {
         (cell, way)
         for cell in case.ways.cells()
         for way in range(4)
-        if grid.zone[cell, way >> 1] != NIL and closed[grid.zone[cell, way >> 1]]
+        if grid.traffic_zone[cell, way >> 1] != NIL and closed[grid.traffic_zone[cell, way >> 1]]
     }
     assert found(case, ties, closed=closed) == path(case.ways, case.start, case.target, ties, pairs)
 
@@ -97,11 +103,11 @@ def test_closed_zones_are_not_entered(case: Case, ties: str, data: Any) -> None:
 @given(cases(), st.sampled_from(TIES))
 def test_what_was_searched_before_decides_nothing(case: Case, ties: str) -> None:
     first = found(case, ties)
-    space = case.built()[2]
+    workspace = case.built()[2]
     for target in case.ways.cells()[:5]:
-        found(case._replace(target=target), "fifo", space=space)
-    space.state[STAMP] = 1  # the last stamp: the one after it starts afresh
-    assert [found(case, ties, space=space) for _ in range(3)] == [first] * 3
+        found(case._replace(target=target), "fifo", workspace=workspace)
+    workspace.state[OPEN_STAMP] = 1  # the last stamp: the one after it starts afresh
+    assert [found(case, ties, workspace=workspace) for _ in range(3)] == [first] * 3
 
 
 def leg(picture: str, ties: str, seed: int = 1) -> str:
@@ -110,8 +116,12 @@ def leg(picture: str, ties: str, seed: int = 1) -> str:
     marks = {
         mark: (row.index(mark), y) for y, row in enumerate(rows) for mark in "AB" if mark in row
     }
-    plan = draw_floor("\n".join(rows).replace("A", ".").replace("B", "."))
-    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(*marks["A"]), 0), plan.cell(*marks["B"]))
+    floor_plan = draw_floor("\n".join(rows).replace("A", ".").replace("B", "."))
+    case = Case(
+        Ways(floor_plan, "omni", 1, 1),
+        (floor_plan.cell(*marks["A"]), 0),
+        floor_plan.cell(*marks["B"]),
+    )
     got = found(case, ties, seed)
     assert got is not None
     return "".join("ESWN"[way] for way in got[1])
@@ -129,13 +139,13 @@ def test_north_and_south_come_before_east_and_west() -> None:
 
 
 def test_the_larger_g_looks_at_fewer_cells() -> None:
-    plan = draw_floor("\n".join(["." * 20] * 20))
-    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(0, 0), 0), plan.cell(19, 19))
+    floor_plan = draw_floor("\n".join(["." * 20] * 20))
+    case = Case(Ways(floor_plan, "omni", 1, 1), (floor_plan.cell(0, 0), 0), floor_plan.cell(19, 19))
     expanded = {}
     for ties in PLAIN_RULES:
-        space = case.built()[2]
-        found(case, ties, space=space)
-        expanded[ties] = space.state[EXPANDED]
+        workspace = case.built()[2]
+        found(case, ties, workspace=workspace)
+        expanded[ties] = workspace.state[OPEN_EXPANDED]
     assert expanded == {"fifo": 400, "larger_g": 39}
 
 
@@ -147,18 +157,20 @@ def test_random_ties_are_drawn_by_seed_and_leg() -> None:
 
 
 def test_a_path_that_does_not_fit_is_cut() -> None:
-    plan = draw_floor("......")
-    case = Case(Ways(plan, "omni", 1, 1), (plan.cell(0, 0), 0), plan.cell(5, 0))
-    floor, duration, space = case.built()
+    floor_plan = draw_floor("......")
+    case = Case(Ways(floor_plan, "omni", 1, 1), (floor_plan.cell(0, 0), 0), floor_plan.cell(5, 0))
+    floor, duration, workspace = case.built()
     steps = np.zeros(3, np.uint8)
     with np.errstate(over="ignore"):
-        arguments = (floor.grid.read_only(), 0, duration, space, 0, np.uint64(1))
+        arguments = (floor.grid.read_only(), 0, duration, workspace, 0, np.uint64(1))
         assert astar(*arguments, case.start_pose(), case.target, False, steps) == 3
-    assert space.state[COST] == 5
+    assert workspace.state[OPEN_COST] == 5
 
 
 @pytest.mark.parametrize("ties", TIES)
 def test_the_leg_to_where_it_stands_is_empty(ties: str) -> None:
-    plan = draw_floor("..")
-    case = Case(Ways(plan, "differential", 1, 2), (plan.cell(1, 0), 3), plan.cell(1, 0))
+    floor_plan = draw_floor("..")
+    case = Case(
+        Ways(floor_plan, "differential", 1, 2), (floor_plan.cell(1, 0), 3), floor_plan.cell(1, 0)
+    )
     assert found(case, ties) == (0, [])

@@ -31,19 +31,19 @@ def one_over(x):
 
 class Raises(Strategy):
     layer = "allocation"
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         one_over(0)
 
 class RaisesAtReset(Strategy):
     layer = "allocation"
     def reset(self, view):
         raise ValueError("no\\nroom")
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         pass
 
 class Quits(Strategy):
     layer = "allocation"
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         raise SystemExit(0)
 
 class Short(Strategy):
@@ -54,17 +54,17 @@ class Short(Strategy):
 class Idle(Strategy):
     """Never does anything."""
     layer = "allocation"
-    def decide(self, view, asked, answers, memory, space):
+    def decide(self, view, batch, decisions, memory, workspace):
         pass
 
 class Counts(Idle):
     """Counts how often each robot was asked about."""
     counters = {"asked_robots": 1}
     def reset(self, view):
-        return memory_of(view, own=2)
-    def decide(self, view, asked, answers, memory, space):
-        for k in range(asked.count[0]):
-            memory.own[asked.robot[k], 1] += 1
+        return memory_of(view, per_robot=2)
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count[0]):
+            memory.per_robot[batch.robot[k], 1] += 1
 '''
 
 

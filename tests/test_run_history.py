@@ -21,9 +21,9 @@ from automaton.recording.verification import verify
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.strategy.per_robot import park, per_robot, set_down, take
-from automaton.world.state import NIL, PICKED, TICK
-from automaton.world.waiting import DELIVERED_AT, DELIVERED_ORDERS
+from automaton.strategy.per_robot import drop_at, park, per_robot, take
+from automaton.world.observation import DELIVERED_ORDERS, EVENT_DELIVERED
+from automaton.world.state import CLOCK_TICK, NIL, REASON_PICKED
 
 FLEET = ("fleet.robots=4",)
 LIMITED = (*FLEET, "information={radius: 3}", "strategy.allocation=test_run_history:in_turn")
@@ -33,37 +33,37 @@ class Moody(Strategy):
     """Right of way with state that no memory holds: every third robot asked withdraws."""
 
     layer = "right_of_way"
-    every = 2
+    period = 2
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)
         self.asked = 0
 
-    def decide(self, view, asked, answers, memory, space):
-        for k in range(asked.count[0]):
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count[0]):
             self.asked += 1
-            if self.asked % 97 == 0 and not view.robots.parked[asked.robot[k]]:
-                answers.right_of_way.verb[k], answers.right_of_way.value[k] = 3, 1
+            if self.asked % 97 == 0 and not view.robots.parked[batch.robot[k]]:
+                decisions.right_of_way.command[k], decisions.right_of_way.value[k] = 3, 1
 
 
 class FailsLater(Strategy):
     """Right of way that fails in tick 50, in the middle of its answers."""
 
     layer = "right_of_way"
-    every = 1
+    period = 1
 
-    def decide(self, view, asked, answers, memory, space):
-        if view.clock[TICK] == 50:
+    def decide(self, view, batch, decisions, memory, workspace):
+        if view.clock[CLOCK_TICK] == 50:
             raise ZeroDivisionError("own mistake")
 
 
 @per_robot("allocation", memory=1)
-def in_turn(me, sees):
+def in_turn(me, view):
     """Which order it takes depends on how often this robot was asked before."""
     me.memory[0] += 1
-    if me.reason == PICKED:
-        return set_down(sees.target_of(me.load))
-    orders = sees.open_orders()
+    if me.reason == REASON_PICKED:
+        return drop_at(view.target_of(me.load))
+    orders = view.open_orders()
     return take(orders[int(me.memory[0]) % len(orders)]) if orders else park()
 
 
@@ -305,7 +305,7 @@ def test_a_past_that_this_version_computes_otherwise_is_no_base(
     go(run, 500)
     run.close()
     path.with_name("branch.rec").write_bytes(MAGIC + b"older")
-    monkeypatch.setattr(Moody, "every", 3)
+    monkeypatch.setattr(Moody, "period", 3)
     recorded = go(RecordedRun(read_recording(path)), 500)
     with pytest.raises(InputError, match="the run is another one at tick 500"):
         recorded.branch((), path.with_name("branch.rec"))
@@ -360,7 +360,7 @@ def test_deliveries_in_the_chronicle_are_those_of_the_orders() -> None:
     run = live(*FLEET)
     last = run.show(10**6, 99)
     events = run.chronicle.events
-    mine = {(t, s) for t, code, _, s, _ in events.tolist() if code == DELIVERED_AT}
+    mine = {(t, s) for t, code, _, s, _ in events.tolist() if code == EVENT_DELIVERED}
     delivered = run.shown.world.orders.delivered
     assert mine == {(int(t), order) for order, t in enumerate(delivered) if t != NIL}
     for tick in (1, 700, last):

@@ -11,7 +11,7 @@ import pytest
 
 from automaton.scenario.reading import read, shipped
 from automaton.scenario.resolve import resolve
-from automaton.scenario.schema import LAYERS, Durations, Radius, Scenario
+from automaton.scenario.schema import LAYER_NAMES, Durations, Radius, Scenario
 
 SMALL = """
 name: small
@@ -34,7 +34,7 @@ def test_every_shipped_scenario_is_good_and_has_a_summary(name: str) -> None:
     resolved = resolve(name)
     assert resolved.scenario.name == name
     assert resolved.scenario.summary
-    assert set(resolved.picks) == set(LAYERS)
+    assert set(resolved.strategies) == set(LAYER_NAMES)
 
 
 def test_the_first_tabletop_is_the_one_of_the_paper() -> None:
@@ -43,7 +43,7 @@ def test_the_first_tabletop_is_the_one_of_the_paper() -> None:
     assert scenario.durations == Durations(move=1, turn=22, pick=9, drop=9, try_drop=4)
     assert scenario.fleet.kinematics == "rail"
     assert resolved.start == "bays"
-    assert [pick.name for pick in resolved.picks.values()] == [
+    assert [choice.name for choice in resolved.strategies.values()] == [
         "none",
         "none",
         "cooperative",
@@ -60,7 +60,7 @@ def test_what_is_left_out_has_a_default(tmp_path: Path) -> None:
     assert scenario.stop.when == "parked" and scenario.stop.at_most == 50_000
     assert scenario.fleet.kinematics == "differential" and scenario.world.following
     assert scenario.orders.generator == "full-shelves"
-    assert resolved.picks["allocation"].name == "independent"
+    assert resolved.strategies["allocation"].name == "independent"
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_robots_start_where_drawn_else_in_bays_else_at_random(
     tmp_path: Path, row: str, start: str
 ) -> None:
     resolved = resolve(written(tmp_path, SMALL.replace("A.s", row)))
-    expected = (resolved.plan.cell(0, 0),) if start == "drawn" else start
+    expected = (resolved.floor_plan.cell(0, 0),) if start == "drawn" else start
     assert resolved.start == expected
 
 
@@ -78,7 +78,7 @@ def test_listed_orders_and_starts_keep_their_cells(tmp_path: Path) -> None:
     text = SMALL.replace("robots: 1", "robots: 2, start: [[1, 1], [0, 0]]")
     text += "orders: {list: [{from: [2, 0], to: [2, 1]}]}\n"
     resolved = resolve(written(tmp_path, text))
-    assert resolved.start == (resolved.plan.cell(1, 1), resolved.plan.cell(0, 0))
+    assert resolved.start == (resolved.floor_plan.cell(1, 1), resolved.floor_plan.cell(0, 0))
     assert resolved.scenario.orders.listed is not None
     assert resolved.scenario.orders.listed[0].source == (2, 0)
     assert resolved.scenario.orders.listed[0].target == (2, 1)
@@ -91,9 +91,9 @@ name: two files
 layout: {file: floor.txt, legend: {x: {kind: shelf, loaded: true}}}
 fleet: {robots: 1}
 """
-    plan = resolve(written(tmp_path, text)).plan
-    assert (plan.width, plan.height) == (3, 2)
-    assert plan.loads.flat[plan.cell(2, 0)] == 1
+    floor_plan = resolve(written(tmp_path, text)).floor_plan
+    assert (floor_plan.width, floor_plan.height) == (3, 2)
+    assert floor_plan.loads.flat[floor_plan.cell(2, 0)] == 1
 
 
 def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None:
@@ -109,27 +109,27 @@ def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None
         seed=7,
     )
     scenario = resolved.scenario
-    assert (scenario.fleet.robots, scenario.seed, resolved.plan.width) == (2, 7, 8)
+    assert (scenario.fleet.robots, scenario.seed, resolved.floor_plan.width) == (2, 7, 8)
     assert scenario.information == Radius(radius=4)
     assert not scenario.world.following
-    pick = resolved.picks["right_of_way"]
-    assert pick.name == "withdraw", "the name that was there is kept"
-    assert msgspec.to_builtins(pick.parameters)["limit"] == 5
+    choice = resolved.strategies["right_of_way"]
+    assert choice.name == "withdraw", "the name that was there is kept"
+    assert msgspec.to_builtins(choice.parameters)["limit"] == 5
     assert resolved.overrides[0] == "fleet.robots=2"
 
 
 def test_set_reaches_into_lists(tmp_path: Path) -> None:
     text = SMALL.replace("robots: 1", "robots: 1, start: [[0, 0]]")
     resolved = resolve(written(tmp_path, text), ["fleet.start.0=[1, 1]"])
-    assert resolved.start == (resolved.plan.cell(1, 1),)
+    assert resolved.start == (resolved.floor_plan.cell(1, 1),)
 
 
 def test_a_scenario_object_resolves_to_the_same_as_its_file() -> None:
     from_file = resolve("tabletop-2")
     again = resolve(from_file.scenario)
     assert again.scenario == from_file.scenario
-    assert again.picks == from_file.picks
-    assert again.plan is from_file.plan, "equal floors are built once"
+    assert again.strategies == from_file.strategies
+    assert again.floor_plan is from_file.floor_plan, "equal floors are built once"
 
 
 def test_a_scenario_written_out_and_read_again_is_the_same(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_scenario_written_out_and_read_again_is_the_same(tmp_path: Path) -> No
 
 def test_many_runs_share_one_floor() -> None:
     scenario = resolve("tabletop-1").scenario
-    plans = {id(resolve(scenario, seed=seed).plan) for seed in range(200)}
+    plans = {id(resolve(scenario, seed=seed).floor_plan) for seed in range(200)}
     assert len(plans) == 1
 
 
@@ -156,13 +156,13 @@ fleet: {robots: 1}
 """
     resolved = resolve(written(tmp_path, text))
     assert resolved.scenario.summary == "007"
-    assert resolved.plan.width == 3
+    assert resolved.floor_plan.width == 3
 
 
 def test_a_byte_order_mark_and_windows_lines_are_no_trouble(tmp_path: Path) -> None:
     path = tmp_path / "windows.yaml"
     path.write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
-    assert resolve(path).plan.width == 3
+    assert resolve(path).floor_plan.width == 3
 
 
 def test_the_scenario_is_a_valid_type_by_itself() -> None:

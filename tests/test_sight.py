@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.kernels.sight import is_seen, look, zone_is_seen, zone_of_order
+from automaton.kernels.visibility import is_visible, is_zone_visible, mask_world, zone_of_order
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.struct import Struct
@@ -20,9 +20,12 @@ from automaton.world.state import NIL
 # What everybody knows: the floor and the rules, the calendar, the order list with the slots in it, how
 # the parts are made, and the types of robots.
 KNOWN = {"grid", "rules", "clock", "orders", "slots", "stations", "robots.type"}
-KNOWN |= {"robots.identity", "robots.at_index", "zoning.roads", "zoning.station_of"}
-KNOWN |= {"zoning.serves", "zoning.first"}
-ZONES = {f"zoning.{name}" for name in ("design", "server", "queue", "stop", "direct", "leg")}
+KNOWN |= {"robots.identity", "robots.at_index", "service_zones.roads", "service_zones.station_of"}
+KNOWN |= {"service_zones.accessible", "service_zones.has_priority"}
+ZONES = {
+    f"service_zones.{name}"
+    for name in ("design", "server", "queue", "next_slot", "skips_transfer", "picked_from")
+}
 LISTS = {"orders", "stations"}  # with orders: zones these are known in part
 
 # What says where a robot is; only among cells out of sight may that change.
@@ -53,31 +56,39 @@ def poison_robot(world: Any, j: int, draws: Any) -> None:
     for name in robots._fields:
         if f"robots.{name}" not in KNOWN and name not in PLACES:
             poison(getattr(robots, name)[j : j + 1], draws)
-    robots.length[j], robots.planned[j] = robots.route.shape[1], robots.plan.shape[1]
-    for name in ("times", "ticks", "slowed", "spent", "charged", "out"):
+    robots.route_length[j], robots.order_queue_length[j] = (
+        robots.route.shape[1],
+        robots.order_queue.shape[1],
+    )
+    for name in ("operations", "ticks", "slowed", "energy_used", "charged", "failures"):
         poison(getattr(world.tally, name)[j : j + 1], draws)
-    if len(world.zoning.wake):
-        for name in ("halt", "wake", "said"):
-            poison(getattr(world.zoning, name)[j : j + 1], draws)
-    poison(world.chargers.way_out, draws)
-    poison(world.chargers.first, draws)
+    if len(world.service_zones.wake):
+        for name in ("halt", "wake", "messages"):
+            poison(getattr(world.service_zones, name)[j : j + 1], draws)
+    poison(world.chargers.exit_cell, draws)
+    poison(world.chargers.first_ticket, draws)
 
 
 def poison_zones(world: Any, b: int, draws: Any) -> int:
     """Change what robot b may not know of zones, orders and stations; how many orders those are."""
-    zoning, design, orders = world.zoning, world.zoning.design, world.orders
-    hidden = [z for z in range(len(zoning.server)) if not zone_is_seen(world, b, z)]
+    service_zones, design, orders = world.service_zones, world.service_zones.design, world.orders
+    hidden = [z for z in range(len(service_zones.server)) if not is_zone_visible(world, b, z)]
     changed = 0
     for order in range(len(orders.state)):
-        by = orders.by[order]
-        if by != NIL or zone_of_order(world, order) not in (NIL, *hidden):
+        reserved_by = orders.reserved_by[order]
+        if reserved_by != NIL or zone_of_order(world, order) not in (NIL, *hidden):
             continue
         changed += 1
         for name in orders._fields:
-            if name not in ("state", "by", "place", "coming"):  # these say in which zone it is
+            if name not in (
+                "state",
+                "reserved_by",
+                "current_slot",
+                "release_sequence",
+            ):  # these say in which zone it is
                 poison(getattr(orders, name)[order : order + 1], draws)
-        for name in ("stop", "direct", "leg"):
-            poison(getattr(zoning, name)[order : order + 1], draws)
+        for name in ("next_slot", "skips_transfer", "picked_from"):
+            poison(getattr(service_zones, name)[order : order + 1], draws)
     for segment in range(int(design.segments[0])):
         if design.owner[segment] in hidden:
             poison(design.ends[segment], draws)
@@ -89,11 +100,11 @@ def poison_zones(world: Any, b: int, draws: Any) -> int:
     lines = world.stations
     for k in range(len(lines.slot)):
         if design.zone[k] in hidden:
-            for name in ("first", "last", "until"):
+            for name in ("in_service", "queue_tail", "job_done_tick"):
                 poison(getattr(lines, name)[k : k + 1], draws)
-    for work in range(len(lines.done)):
+    for work in range(len(lines.completion_tick)):
         if design.zone[lines.station[work]] in hidden:
-            for name in ("behind", "came", "done"):
+            for name in ("next_in_queue", "arrival_tick", "completion_tick"):
                 poison(getattr(lines, name)[work : work + 1], draws)
     return changed
 
@@ -113,18 +124,28 @@ def test_nothing_that_is_hidden_changes_what_a_robot_sees(
 ) -> None:
     run = Simulation(resolve(floor, [f"information={information}"]))
     run.run(until=ticks)
-    world, seen, draws = run.world, run.seen, np.random.default_rng(1)
+    world, visible_world, draws = run.world, run.visible_world, np.random.default_rng(1)
     robots = range(len(world.robots.cell))
     b, hidden = max(
-        ((b, [j for j in robots if not is_seen(world, b, j)]) for b in robots),
+        ((b, [j for j in robots if not is_visible(world, b, j)]) for b in robots),
         key=lambda pair: len(pair[1]),
     )
     assert hidden
     for j in robots:
-        look(world, seen, j)  # they have seen what they may
-    look(world, seen, b)
+        mask_world(world, visible_world, j)  # they have seen what they may
+    mask_world(world, visible_world, b)
     in_zones = bool(world.rules.own_zones)
-    fixed = {"identity", "station", "ticks", "part", "frees", "arrives", "entering", "at", "slot"}
+    fixed = {
+        "identity",
+        "station",
+        "processing_time",
+        "part",
+        "releases_order",
+        "job_of_order",
+        "part_arrivals",
+        "at",
+        "slot",
+    }
     known = KNOWN - LISTS | {f"stations.{name}" for name in fixed} if in_zones else KNOWN | ZONES
     before = contents(run.view, known)
     for j in hidden:
@@ -132,10 +153,10 @@ def test_nothing_that_is_hidden_changes_what_a_robot_sees(
     if in_zones:
         assert poison_zones(world, b, draws) > 10
     for j in hidden:
-        look(world, seen, j)
-    look(world, seen, b)
+        mask_world(world, visible_world, j)
+    mask_world(world, visible_world, b)
     after = contents(run.view, known)
     assert [name for name in before if after[name] != before[name]] == []
     assert len(before) > 50
-    look(world, seen, hidden[0])
+    mask_world(world, visible_world, hidden[0])
     assert contents(run.view, known) != before  # the poison is there for those who may see it

@@ -34,7 +34,7 @@ from automaton.sizing.runner import (
 from automaton.sizing.search import Search
 from automaton.sizing.session import Session
 from automaton.units import Unit
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 
 ZERO = Target("T_total", True, 0.0)
 
@@ -406,8 +406,8 @@ def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
     run = Simulation(resolve("warehouse-100", SMALL))
     figures = conducted_with_use(run)
     orders = run.world.orders
-    late = int(((orders.state == DELIVERED) & (orders.delivered > 200)).sum())
-    assert figures["delivered"] == late < int((orders.state == DELIVERED).sum())
+    late = int(((orders.state == ORDER_DELIVERED) & (orders.delivered > 200)).sum())
+    assert figures["delivered"] == late < int((orders.state == ORDER_DELIVERED).sum())
     assert figures["throughput"] == 1000 * late / 400
     assert figures["throughput"] == pytest.approx(3 * figures["completions"])
 

@@ -16,17 +16,17 @@ from random_strategies import Mood
 from automaton.history.chronicle import Chronicle
 from automaton.metrics import metrics_of
 from automaton.picture import Story
-from automaton.recording.codes import ACTION_MASK, LEFT_BAY, MOVE_NORTH
+from automaton.recording.codes import ACTION_MASK, LEFT_PARKING_BAY, MOVE_NORTH
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.pictures import draw_floor
-from automaton.scenario.resolve import Pick, Resolved, resolve
+from automaton.scenario.resolve import Resolved, StrategyChoice, resolve
 from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
-from automaton.world.state import MOVE, NIL
-from automaton.world.waiting import DRIVING_SLOWLY
-from automaton.world.zones import MODES, Zones, zones_of
+from automaton.world.observation import CAUSE_REDUCED_SPEED
+from automaton.world.state import ACTION_MOVE, NIL
+from automaton.world.traffic_zones import MODES, TrafficZones, traffic_zones_of
 
 
 def rows(*lines: str) -> str:
@@ -102,7 +102,7 @@ class Case:
     """A world whose robots do anything."""
 
     resolved: Resolved
-    zones: Zones
+    traffic_zones: TrafficZones
 
 
 TICKS = 24
@@ -126,9 +126,9 @@ def cases(draw: Any) -> Case:
     else:
         picture = draw(pictures(SYMBOLS, draw(st.integers(3, 6)), draw(st.integers(1, 3))))
     width = picture.index("\n") if "\n" in picture else len(picture)
-    plan = draw_floor(f"{picture}\n{('sd' * width)[:width]}\n{'.' * width}")
-    cells = draw(st.permutations(np.flatnonzero(plan.drivable()).tolist()))
-    bays = len(plan.bays)
+    floor_plan = draw_floor(f"{picture}\n{('sd' * width)[:width]}\n{'.' * width}")
+    cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable()).tolist()))
+    bays = len(floor_plan.bays)
     n = bays or min(len(cells), draw(st.integers(2, 9)))
     rules = WorldRules(
         following=draw(st.booleans()),
@@ -145,13 +145,15 @@ def cases(draw: Any) -> Case:
         stop=Stop(when="never", at_most=TICKS),
         seed=draw(st.integers(0, 2**32)),
     )
-    picks = {layer: Pick("none", NoParameters()) for layer in ("zoning", "charging")}
-    picks["routing"] = Pick("shortest", NoParameters())
+    picks = {layer: StrategyChoice("none", NoParameters()) for layer in ("zoning", "charging")}
+    picks["routing"] = StrategyChoice("shortest", NoParameters())
     for layer, name in PICKS.items():
         mood = Mood(draw(st.integers(0, 2**32)), active=draw(st.sampled_from([128, 230])))
-        picks[layer] = Pick(f"random_strategies:{name}", mood)
+        picks[layer] = StrategyChoice(f"random_strategies:{name}", mood)
     start: Any = "bays" if bays else tuple(cells[:n])
-    return Case(Resolved(scenario, plan, picks, start, ""), zones_of(plan, rules.zones))
+    return Case(
+        Resolved(scenario, floor_plan, picks, start, ""), traffic_zones_of(floor_plan, rules.zones)
+    )
 
 
 @dataclass
@@ -168,7 +170,7 @@ class Watcher:
     """Looks at a run after every tick: each move takes what its zone held when it began."""
 
     def __init__(self, case: Case) -> None:
-        self.zones, self.world_rules = case.zones, case.resolved.scenario.world
+        self.traffic_zones, self.world_rules = case.traffic_zones, case.resolved.scenario.world
         self.move = case.resolved.scenario.durations.move
         self.recorder = MemoryRecorder(case.resolved)
         self.run = Simulation(case.resolved, on_record=self.recorder, on_observe=Chronicle())
@@ -182,7 +184,7 @@ class Watcher:
         robots = self.run.world.robots
         before = robots.cell.copy(), robots.travel.copy()
         self.run.run(self.run.tick + 1)
-        for i, did in enumerate(robots.did.tolist()):
+        for i, did in enumerate(robots.executed.tolist()):
             if 0 < did & ACTION_MASK <= MOVE_NORTH:
                 assert i not in self.moves, "it was still on its way"
                 self.begin(i, did, *before)
@@ -190,24 +192,26 @@ class Watcher:
             if self.run.tick <= move.ends - self.move:
                 self.lost[i] += 1
                 self.lost_in[move.zone] += 1
-        watch = self.run.watch
-        assert watch.lost[:, DRIVING_SLOWLY].tolist() == [
-            self.lost[i] for i in range(len(robots.did))
+        observation = self.run.observation
+        assert observation.lost[:, CAUSE_REDUCED_SPEED].tolist() == [
+            self.lost[i] for i in range(len(robots.executed))
         ]
-        assert watch.lost_in_zone.tolist() == [self.lost_in[z] for z in range(self.zones.count)]
+        assert observation.lost_in_zone.tolist() == [
+            self.lost_in[z] for z in range(self.traffic_zones.count)
+        ]
         for i, move in list(self.moves.items()):
             if self.run.tick < move.ends:
                 assert (robots.cell[i], robots.claim[i]) == (move.start, move.to)
             else:
-                assert robots.claim[i] == self.run.watch.slow_zone[i] == NIL
+                assert robots.claim[i] == self.run.observation.slow_zone[i] == NIL
                 assert robots.cell[i] in (move.to, NIL if robots.parked[i] else move.to)
                 del self.moves[i]
 
     def begin(self, i: int, did: int, cell: Any, travel: Any) -> None:
         direction, world = (did & ACTION_MASK) - 1, self.run.world
-        start = int(world.robots.home[i] if did & LEFT_BAY else cell[i])
-        zone = self.zones.of[start, direction >> 1]
-        held = np.where(cell == NIL, NIL, self.zones.of[cell, travel >> 1])
+        start = int(world.robots.home[i] if did & LEFT_PARKING_BAY else cell[i])
+        zone = self.traffic_zones.of[start, direction >> 1]
+        held = np.where(cell == NIL, NIL, self.traffic_zones.of[cell, travel >> 1])
         others = int((np.delete(held, i) == zone).sum()) if zone != NIL else 0
         span = int(world.robots.busy[i]) + 1
         extra = span - (1 + others) * self.move
@@ -216,9 +220,9 @@ class Watcher:
         slows = zone if others > 0 else NIL
         self.moves[i] = Move(start, to, self.run.tick + span - 1, slows)
         self.held.add(1 + others)
-        watch, slowed = self.run.watch, others > 0
-        assert watch.slow_zone[i] == (zone if slowed else NIL)
-        assert not slowed or watch.crowd[i] == 1 + others
+        observation, slowed = self.run.observation, others > 0
+        assert observation.slow_zone[i] == (zone if slowed else NIL)
+        assert not slowed or observation.slow_zone_occupancy[i] == 1 + others
         self.free += zone == NIL and int((cell == start).sum()) > 1
 
 
@@ -233,7 +237,7 @@ def test_a_move_takes_what_its_zone_held_when_it_began() -> None:
         watcher = Watcher(case)
         for _ in range(TICKS):
             watcher.tick()
-        held.update((case.zones.mode, robots) for robots in watcher.held)
+        held.update((case.traffic_zones.mode, robots) for robots in watcher.held)
         free += watcher.free
         violations = validate_stored(watcher.recorder.recording()).violations
         assert [str(violation) for violation in violations] == []
@@ -250,10 +254,10 @@ def test_extra_ticks_come_as_often_as_they_should() -> None:
         run = Simulation(resolve("crossing", settings), seed)
         run.run()
         tally = run.world.tally
-        moves += int(tally.times[:, MOVE].sum())
+        moves += int(tally.operations[:, ACTION_MOVE].sum())
         extra += int(tally.slowed.sum())
-        assert int(tally.ticks[:, MOVE].sum()) == int(
-            tally.times[:, MOVE].sum() + tally.slowed.sum()
+        assert int(tally.ticks[:, ACTION_MOVE].sum()) == int(
+            tally.operations[:, ACTION_MOVE].sum() + tally.slowed.sum()
         )
     deviation = (moves * 0.3 * 0.7) ** 0.5
     assert moves > 1000

@@ -10,11 +10,11 @@ from powered import recorded_run, scene
 
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
-from automaton.recording.codes import SET_AT
+from automaton.recording.codes import CHANGE_DROPPED
 from automaton.recording.frames import TICKS
 from automaton.recording.validator import validate_stored
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED, NIL, UNRELEASED, WAITING
+from automaton.world.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING
 
 LANE = "t..t..t"  # stations 1, 2, 3
 STRATEGY = {"allocation": "shortest-job", "right_of_way": "wait"}
@@ -30,21 +30,23 @@ def line(parts: list[dict[str, Any]], work: Any = 1, **more: Any) -> Any:
 def test_each_way_of_a_part_is_an_order_that_is_known_when_the_work_before_it_is_done() -> None:
     run = Simulation(line([{"route": [1, 2, 3]}], work=[10, 20, 5]))
     orders, stations = run.world.orders, run.world.stations
-    assert len(orders.state) == 2 and set(orders.state) == {UNRELEASED}
+    assert len(orders.state) == 2 and set(orders.state) == {ORDER_UNRELEASED}
     run.run(until=10)
-    assert set(orders.state) == {UNRELEASED} and stations.first.tolist() == [0, NIL, NIL]
+    assert set(orders.state) == {ORDER_UNRELEASED} and stations.in_service.tolist() == [0, NIL, NIL]
     run.run(until=11)  # it came in tick 1, and 10 ticks of work are over
-    assert orders.state.tolist() == [WAITING, UNRELEASED] and orders.released[0] == 11
+    assert (
+        orders.state.tolist() == [ORDER_WAITING, ORDER_UNRELEASED] and orders.release_tick[0] == 11
+    )
     run.run()
-    assert run.finished and set(orders.state) == {DELIVERED}
+    assert run.finished and set(orders.state) == {ORDER_DELIVERED}
     # The work at a station begins when the robot has set the part down, 2 ticks after its delivery.
     begins = orders.delivered + 2
-    assert stations.came[1:].tolist() == begins.tolist()
+    assert stations.arrival_tick[1:].tolist() == begins.tolist()
     assert (
-        stations.done[1:].tolist()
+        stations.completion_tick[1:].tolist()
         == [begins[0] + 20, begins[1] + 5]
         == [
-            orders.released[1],
+            orders.release_tick[1],
             run.tick,
         ]
     )
@@ -54,7 +56,12 @@ def test_a_station_works_on_one_part_at_a_time_in_the_sequence_of_their_coming()
     parts = [{"route": [2], "count": 2}, {"route": [2], "at": 4}, {"route": [2], "at": 2}]
     run = Simulation(line(parts, work=10))
     run.run()
-    assert run.world.stations.done.tolist() == [11, 21, 41, 31]  # the last one came before
+    assert run.world.stations.completion_tick.tolist() == [
+        11,
+        21,
+        41,
+        31,
+    ]  # the last one came before
     assert run.finished and run.tick == 41
 
 
@@ -72,30 +79,33 @@ def test_of_parts_that_come_in_one_tick_the_lowest_number_is_first(storage: list
     )
     run = Simulation(resolved, storage=np.array(storage, np.int32))
     run.run()
-    came, done = run.world.stations.came, run.world.stations.done
-    assert came[1] == came[3], "they come together"
-    assert done[1] == came[1] + 10 and done[3] == came[1] + 20
+    arrival_tick, completion_tick = (
+        run.world.stations.arrival_tick,
+        run.world.stations.completion_tick,
+    )
+    assert arrival_tick[1] == arrival_tick[3], "they come together"
+    assert completion_tick[1] == arrival_tick[1] + 10 and completion_tick[3] == arrival_tick[1] + 20
 
 
 def test_a_run_ends_when_the_last_work_is_done() -> None:
     run = Simulation(line([{"route": [1, 3]}], work=[1, 1, 500]))
     run.run(until=400)
-    assert set(run.world.orders.state) == {DELIVERED} and not run.finished
+    assert set(run.world.orders.state) == {ORDER_DELIVERED} and not run.finished
     run.run()
-    assert run.finished and run.tick == int(run.world.stations.done.max())
+    assert run.finished and run.tick == int(run.world.stations.completion_tick.max())
 
 
 def test_parts_may_pass_the_same_station_twice() -> None:
     run = Simulation(line([{"route": [1, 2, 1, 2, 3], "count": 3}], work=7))
     run.run()
-    assert run.finished and run.world.stations.done.min() > 0
+    assert run.finished and run.world.stations.completion_tick.min() > 0
 
 
 def test_picks_and_drops_take_up_to_so_many_ticks_more() -> None:
     durations = {"pick": 3, "drop": 3, "delay": 5}
     run, recorder = recorded_run(line([{"route": [1, 2, 3], "count": 20}], durations=durations))
     ticks = run.world.tally.ticks[0].sum(axis=1)
-    times = run.world.tally.times[0].sum(axis=1)
+    times = run.world.tally.operations[0].sum(axis=1)
     for action in (3, 4):
         mean = ticks[action] / times[action]
         assert 4.5 < mean < 6.5, "3 and 0 to 5 more"
@@ -157,7 +167,7 @@ def test_orders_that_are_not_the_ways_of_the_parts_are_found() -> None:
 
 def test_a_part_that_ends_elsewhere_is_found() -> None:
     def dropped(header: Any, rows: Any) -> None:
-        row = next(row for row in rows if row[1] == SET_AT)
+        row = next(row for row in rows if row[1] == CHANGE_DROPPED)
         row[3] = 0 if row[3] else 1
 
     assert spoiled(dropped)
@@ -195,4 +205,4 @@ def test_lead_times_count_from_the_end_of_the_work() -> None:
     run = Simulation(line([{"route": [1, 2]}], work=50))
     run.run()
     orders = run.world.orders
-    assert metrics_of(run)["lead_time"] == orders.delivered[0] - orders.released[0] < 20
+    assert metrics_of(run)["lead_time"] == orders.delivered[0] - orders.release_tick[0] < 20

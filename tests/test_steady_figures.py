@@ -27,7 +27,7 @@ from automaton.simulation import Simulation
 from automaton.statistics.steady import mser5, mser5_of_means
 from automaton.sums import metric
 from automaton.tasks import tasks_after
-from automaton.world.state import DELIVERED, NIL
+from automaton.world.state import NIL, ORDER_DELIVERED
 
 pytest.importorskip("pyarrow")
 
@@ -77,7 +77,7 @@ class Watched:
             moved = run.world.robots.cell != cells
             self.moves.append(int(moved.sum()))
             self.empty.append(int((moved & free).sum()))
-            self.deliveries.append(int((self.orders.state == DELIVERED).sum()))
+            self.deliveries.append(int((self.orders.state == ORDER_DELIVERED).sum()))
 
     def series(self, window: int) -> list[int]:
         """Deliveries in each so many ticks."""
@@ -86,20 +86,20 @@ class Watched:
     def times(self) -> list[Any]:
         """Of lead times, task times and delays: the tick each counts in, and the time."""
         orders, tasks = self.orders, tasks_after(self.run, 0)
-        done = orders.state == DELIVERED
-        lead = np.stack([orders.delivered, orders.delivered - orders.released])[:, done]
+        done = orders.state == ORDER_DELIVERED
+        lead = np.stack([orders.delivered, orders.delivered - orders.release_tick])[:, done]
         return [lead, *(np.stack([tasks.begun, v]) for v in (tasks.times, tasks.delays))]
 
     def after(self, cut: int) -> dict[str, float]:
         """The figures of what comes after a tick."""
         orders, late = self.orders, self.deliveries[-1] - self.deliveries[cut]
-        ended = (orders.state == DELIVERED) & (orders.delivered > cut)
-        begun = (orders.state == DELIVERED) & (orders.dispatched > cut)
+        ended = (orders.state == ORDER_DELIVERED) & (orders.delivered > cut)
+        begun = (orders.state == ORDER_DELIVERED) & (orders.dispatched > cut)
         return {
             "throughput": 1000 * late / (600 - cut),
             "completions": 1000 * late / (600 - cut) / self.robots,
             "delivered": late,
-            "lead_time": float((orders.delivered - orders.released)[ended].mean()),
+            "lead_time": float((orders.delivered - orders.release_tick)[ended].mean()),
             "task_time": float((orders.delivered - orders.dispatched + 1)[begun].mean()),
             "E_U_moves": sum(self.empty[cut + 1 :]) / sum(self.moves[cut + 1 :]),
         }

@@ -11,7 +11,7 @@ from strategy_pairs import OWN, Trial, Verdict, judged, resolved, sample, verdic
 
 from automaton.headless import run_to_end
 from automaton.scenario.resolve import resolve
-from automaton.scenario.schema import LAYERS
+from automaton.scenario.schema import LAYER_NAMES
 from automaton.simulation import Simulation
 from automaton.strategy.lookup import names
 
@@ -20,7 +20,7 @@ SAMPLE = sample()
 
 def test_each_strategy_and_each_scenario_occurs_in_the_sample() -> None:
     occurring = {strategy for trial in SAMPLE for strategy in trial.strategies}
-    assert occurring == {(layer, name) for layer in LAYERS for name in names(layer)}
+    assert occurring == {(layer, name) for layer in LAYER_NAMES for name in names(layer)}
     assert {trial.scenario for trial in SAMPLE} == set(OWN)
 
 
@@ -40,8 +40,8 @@ def test_every_pair_is_run_or_refused_in_a_sentence() -> None:
             assert ready.told.count("\n") == 0 and "strategy." in ready.told
         else:
             tried |= trial.pairs
-    for one in LAYERS:
-        for other in LAYERS[LAYERS.index(one) + 1 :]:
+    for one in LAYER_NAMES:
+        for other in LAYER_NAMES[LAYER_NAMES.index(one) + 1 :]:
             for name in names(one):
                 for colleague in names(other):
                     pair = ((one, name), (other, colleague))

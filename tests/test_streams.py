@@ -17,7 +17,7 @@ from automaton.recording.verification import verify
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.geometric import geometric
-from automaton.world.state import DELIVERED, UNRELEASED
+from automaton.world.state import ORDER_DELIVERED, ORDER_UNRELEASED
 
 LANE = "t...t..t"
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
@@ -36,7 +36,7 @@ FLOORS = (  # a scenario of each generator
 
 
 def released(*settings: str, seed: int = 3) -> Any:
-    return Simulation(resolve("depots", settings), seed).world.orders.released
+    return Simulation(resolve("depots", settings), seed).world.orders.release_tick
 
 
 def bursts(size: str, every: str, count: int = 2000) -> str:
@@ -80,14 +80,14 @@ def test_a_closed_loop_keeps_so_many_orders_open_until_they_are_used_up() -> Non
     run = Simulation(resolved)
     known = 3
     for _ in range(1500):
-        done_before = int((run.world.orders.state == DELIVERED).sum())
+        done_before = int((run.world.orders.state == ORDER_DELIVERED).sum())
         run.run(until=run.tick + 1)
         state = run.world.orders.state
-        known = int((state != UNRELEASED).sum())
+        known = int((state != ORDER_UNRELEASED).sum())
         assert known == min(40, 3 + done_before), "one for each that had been delivered before"
     assert known == 40 and run.finished
     order = run.world.orders
-    assert np.sort(order.delivered)[:37].tolist() == (np.sort(order.released)[3:] - 1).tolist()
+    assert np.sort(order.delivered)[:37].tolist() == (np.sort(order.release_tick)[3:] - 1).tolist()
 
 
 def test_of_a_closed_loop_the_sequence_is_fixed_and_the_ticks_are_not() -> None:
@@ -99,10 +99,10 @@ def test_of_a_closed_loop_the_sequence_is_fixed_and_the_ticks_are_not() -> None:
         assert validate_stored(recorder.recording()).valid and run.finished
         runs.append(run.world.orders)
     one, other = runs
-    assert one.coming.tolist() == other.coming.tolist()
+    assert one.release_sequence.tolist() == other.release_sequence.tolist()
     assert one.source.tolist() == other.source.tolist()
     assert one.target.tolist() == other.target.tolist()
-    assert one.released.tolist() != other.released.tolist()
+    assert one.release_tick.tolist() != other.release_tick.tolist()
 
 
 def test_the_validator_knows_when_an_order_of_a_closed_loop_may_be_taken() -> None:
@@ -118,9 +118,9 @@ def test_the_validator_knows_when_an_order_of_a_closed_loop_may_be_taken() -> No
 def test_shelves_are_not_emptied_one_row_after_the_other() -> None:
     settings = "orders={generator: full-shelves, stream: {bursts: {size: 1, every: 10}}}"
     orders = Simulation(resolve("tabletop-1", (settings,))).world.orders
-    assert sorted(orders.released.tolist()) == list(range(0, 500, 10))
-    assert orders.released.tolist() != sorted(orders.released.tolist())
-    assert sorted(orders.coming.tolist()) == list(range(50))
+    assert sorted(orders.release_tick.tolist()) == list(range(0, 500, 10))
+    assert orders.release_tick.tolist() != sorted(orders.release_tick.tolist())
+    assert sorted(orders.release_sequence.tolist()) == list(range(50))
 
 
 @pytest.mark.parametrize("stream", STREAMS)
@@ -135,7 +135,7 @@ def test_every_floor_has_every_stream(floor: str, orders: str, stream: str, tmp_
         recorder.end()
     found = verify(path)
     assert found.passed, found.report.violations[:3] or found.difference
-    assert (run.world.orders.state == DELIVERED).any()
+    assert (run.world.orders.state == ORDER_DELIVERED).any()
     again = RecordedRun(found.recording)
     again.show(run.tick, 9)
     assert again.shown.digest == run.digest
@@ -161,9 +161,9 @@ def test_a_picture_restores_what_is_not_known_yet(stream: str) -> None:
 def test_parts_come_one_after_another() -> None:
     parts = [{"route": [1], "count": 3, "at": 5, "every": 20}, {"route": [1], "count": 2}]
     run = Simulation(scene(LANE, [(2, 0)], orders={"parts": parts, "work": 4}, strategy=STRATEGY))
-    assert run.world.stations.came.tolist() == [5, 25, 45, 0, 0]
+    assert run.world.stations.arrival_tick.tolist() == [5, 25, 45, 0, 0]
     run.run()
-    assert run.world.stations.done.tolist() == [13, 29, 49, 5, 9]
+    assert run.world.stations.completion_tick.tolist() == [13, 29, 49, 5, 9]
 
 
 def test_drawn_work_and_arrivals_verify(tmp_path: Path) -> None:
@@ -175,7 +175,7 @@ def test_drawn_work_and_arrivals_verify(tmp_path: Path) -> None:
         run = Simulation(resolved, 1, on_record=recorder)
         run.run()
         recorder.end()
-    ticks = run.world.stations.ticks.reshape(12, 3)
+    ticks = run.world.stations.processing_time.reshape(12, 3)
     assert len(set(ticks[:, 0])) > 5 and set(ticks[:, 1]) == {7}
     found = verify(path)
     assert run.finished and found.passed, found.report.violations[:3] or found.difference
@@ -197,7 +197,11 @@ def delays(resolved: Any, seed: int) -> tuple[Any, Any, Any]:
     run.run()
     stations = run.world.stations
     assert run.finished
-    return stations.done - stations.ticks - stations.came, stations.came, stations.ticks
+    return (
+        stations.completion_tick - stations.processing_time - stations.arrival_tick,
+        stations.arrival_tick,
+        stations.processing_time,
+    )
 
 
 def test_a_station_is_the_queue_of_lindley() -> None:

@@ -22,7 +22,7 @@ PLUG_IN = """from pathlib import Path
 import msgspec
 
 from automaton.strategy.layer import Strategy
-from automaton.world.state import PARK
+from automaton.world.state import CMD_PARK
 
 
 class Parameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -32,7 +32,7 @@ class Parameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     def files(self):
         return (Path(self.table),)
 
-    def located(self, folder):
+    def resolve_paths(self, folder):
         return msgspec.structs.replace(self, table=str((folder / self.table).resolve()))
 
 
@@ -40,8 +40,8 @@ class Own(Strategy):
     layer = "allocation"
     Parameters = Parameters
 
-    def decide(self, view, asked, answers, memory, space):
-        answers.allocation.verb[: asked.count[0]] = PARK
+    def decide(self, view, batch, decisions, memory, workspace):
+        decisions.allocation.command[: batch.count[0]] = CMD_PARK
 """
 SCENARIO = """name: own
 layout: {file: floor.txt}

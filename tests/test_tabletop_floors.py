@@ -23,14 +23,14 @@ from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Fleet, Scenario, Strategies
 from automaton.simulation import Simulation
 from automaton.world.state import (
-    BLOCKED,
-    CARRIED,
-    DELIVERED,
-    MOVE,
+    ACTION_BLOCKED,
+    ACTION_MOVE,
+    ACTION_RETREAT,
+    ACTION_WAIT,
     NIL,
-    WAIT,
-    WAITING,
-    WITHDRAW,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
 )
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive")
@@ -84,21 +84,25 @@ def assert_loads_conserved(run: Simulation) -> None:
     for order, state in enumerate(orders.state.tolist()):
         on_shelves = np.flatnonzero(content == order).tolist()
         carriers = np.flatnonzero(robots.load == order).tolist()
-        place = int(orders.place[order])
-        if state == WAITING:
-            assert (on_shelves, carriers) == ([place], [])
-        elif state == CARRIED:
-            assert (len(on_shelves), len(carriers), place) == (0, 1, NIL)
-            assert orders.by[order] == robots.identity[carriers[0]]
+        current_slot = int(orders.current_slot[order])
+        if state == ORDER_WAITING:
+            assert (on_shelves, carriers) == ([current_slot], [])
+        elif state == ORDER_CARRIED:
+            assert (len(on_shelves), len(carriers), current_slot) == (0, 1, NIL)
+            assert orders.reserved_by[order] == robots.identity[carriers[0]]
         else:
-            assert (on_shelves, carriers, place) == ([], [], orders.target[order])
+            assert (on_shelves, carriers, current_slot) == ([], [], orders.target[order])
 
 
 def assert_done(run: Simulation) -> None:
     assert run.finished, f"not finished after {run.tick} ticks"
     orders, robots, slots = run.world.orders, run.world.robots, run.world.slots
-    assert (orders.state == DELIVERED).all() and (orders.legs >= 1).all()
-    assert (orders.by == NIL).all() and (slots.by == NIL).all() and (slots.content == NIL).all()
+    assert (orders.state == ORDER_DELIVERED).all() and (orders.legs >= 1).all()
+    assert (
+        (orders.reserved_by == NIL).all()
+        and (slots.reserved_by == NIL).all()
+        and (slots.content == NIL).all()
+    )
     assert (robots.parked == 1).all() and (robots.cell == NIL).all()
     assert run.world.tally.illegal.sum() == 0
     assert metrics_of(run)["delivered"] == len(orders.state)
@@ -115,8 +119,10 @@ def test_every_floor_is_emptied_and_every_robot_parked(floor: Floor, seed: int) 
     assert_loads_conserved(run)
     assert_done(run)
     if floor.robots == 1:
-        times = run.world.tally.times.sum((0, 2))
-        assert times[[WAIT, BLOCKED, WITHDRAW]].tolist() == [0, 0, 0], "nobody is in its way"
+        times = run.world.tally.operations.sum((0, 2))
+        assert times[[ACTION_WAIT, ACTION_BLOCKED, ACTION_RETREAT]].tolist() == [0, 0, 0], (
+            "nobody is in its way"
+        )
     if floor.allocation == "independent":
         assert (run.world.orders.legs == 1).all()
 
@@ -130,7 +136,7 @@ def test_the_smallest_floor(allocation: str, robots: int, destinations: int) -> 
         run = Simulation(Floor(1, 1, destinations, robots, allocation).resolved(), seed=seed)
         run.run()
         assert_done(run)
-        moves = run.world.tally.times[:, MOVE].sum(1)
+        moves = run.world.tally.operations[:, ACTION_MOVE].sum(1)
         assert (moves > 0).tolist() == [True] + [False] * (robots - 1)
 
 
@@ -155,8 +161,8 @@ def lone_robot_ticks(resolved: Resolved, run: Simulation) -> int:
 
     Costs are ticks on (cell, axis); `run` tells the targets of the orders and is not run.
     """
-    plan = resolved.plan
-    ways = Ways(plan, "rail", CYCLES.move, CYCLES.turn)
+    floor_plan = resolved.floor_plan
+    ways = Ways(floor_plan, "rail", CYCLES.move, CYCLES.turn)
     slot_cell = run.world.slots.cell.tolist()
     picks = [slot_cell[slot] + 1 for slot in run.world.orders.source.tolist()]
     drops = [slot_cell[slot] - 1 for slot in run.world.orders.target.tolist()]
@@ -169,7 +175,7 @@ def lone_robot_ticks(resolved: Resolved, run: Simulation) -> int:
         known = costs(pose)
         return min((known[at], at) for at in ((cell, 0), (cell, 1)) if at in known)
 
-    home = int(plan.bays[0, 1])
+    home = int(floor_plan.bays[0, 1])
     pose, ticks, waiting = (home, 1), 0, list(range(len(picks)))
     while waiting:
         order = min(waiting, key=lambda order: (drive(pose, picks[order])[0], order))

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.recording.codes import DURATION, ORDER_BY, PICKED_UP
+from automaton.recording.codes import CHANGE_DURATION, CHANGE_ORDER_RESERVED, CHANGE_PICKED
 from automaton.recording.contents import CONDITIONS, END, KEYFRAME, KEYFRAME_TICKS, TICKS, Frame
 from automaton.recording.frames import encoded, read_recording
 from automaton.recording.recorder import MemoryRecorder
@@ -51,7 +51,7 @@ class Taken:
 
     @property
     def picks(self) -> list[Any]:
-        return [self.header["picks"], *(rules["picks"] for rules in self.all(CONDITIONS))]
+        return [self.header["strategies"], *(rules["strategies"] for rules in self.all(CONDITIONS))]
 
     @property
     def ticks(self) -> Any:
@@ -139,20 +139,40 @@ set_key("tables", "seed", 77, found=False)
 set_key("tables", "units.tick", "3 s", found=False)
 
 for place in (
-    *("header.orders.target", "header.orders.source", "header.orders.released"),
+    *("header.orders.target", "header.orders.source", "header.orders.release_tick"),
     *("header.robots.home", "header.robots.heading"),
-    *("header.slots.cell", "conditions.every", "conditions.wait"),
+    *("header.slots.cell", "conditions.period", "conditions.wait"),
     *("state.robots.cell", "state.robots.heading", "state.robots.load", "state.robots.order"),
-    *("state.robots.goal", "state.robots.stand", "state.robots.priority", "state.robots.hold"),
-    *("state.robots.zone", "state.robots.need", "state.robots.level", "state.robots.busy"),
-    *("state.orders.delivered", "state.orders.legs", "state.orders.place", "state.slots.content"),
+    *(
+        "state.robots.goal_type",
+        "state.robots.goal_cell",
+        "state.robots.priority",
+        "state.robots.retry_state",
+    ),
+    *(
+        "state.robots.service_zone",
+        "state.robots.need",
+        "state.robots.charge_target",
+        "state.robots.busy",
+    ),
+    *(
+        "state.orders.delivered",
+        "state.orders.legs",
+        "state.orders.current_slot",
+        "state.slots.content",
+    ),
 ):
     add_to("tables", place)
 for place in ("header.robots.charge", "state.robots.charge", "state.robots.slot"):
     add_to("depots", place, by=-1)
 for place in (
-    *("header.works.ticks", "header.works.came", "state.stations.until", "state.stations.came"),
-    *("state.zoning.queue", "state.zoning.server", "state.zoning.stop"),
+    *(
+        "header.works.processing_time",
+        "header.works.arrival_tick",
+        "state.stations.job_done_tick",
+        "state.stations.arrival_tick",
+    ),
+    *("state.service_zones.queue", "state.service_zones.server", "state.service_zones.next_slot"),
 ):
     add_to("factory", place)
 
@@ -242,25 +262,25 @@ def a_branch_named_otherwise(taken: Taken) -> None:
 
 @tampering()
 def teleported(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["did"]
+    did = taken.all(TICKS)[0]["executed"]
     did[np.nonzero((did > 0) & (did < 5))] = 1
 
 
 @tampering()
 def an_action_less(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["did"].reshape(-1)
+    did = taken.all(TICKS)[0]["executed"].reshape(-1)
     did[np.flatnonzero(did)[5]] = 0
 
 
 @tampering()
 def robots_exchanged(taken: Taken) -> None:
     ticks = taken.all(TICKS)[0]
-    ticks["did"] = ticks["did"][:, ::-1].copy()
+    ticks["executed"] = ticks["executed"][:, ::-1].copy()
 
 
 @tampering()
 def two_ticks_exchanged(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["did"]
+    did = taken.all(TICKS)[0]["executed"]
     row = next(k for k in range(len(did) - 1) if (did[k] != did[k + 1]).any())
     did[[row, row + 1]] = did[[row + 1, row]]
 
@@ -283,18 +303,18 @@ def row_of(taken: Taken, code: int) -> Any:
 
 @tampering()
 def reserved_by_another(taken: Taken) -> None:
-    row = row_of(taken, ORDER_BY)
+    row = row_of(taken, CHANGE_ORDER_RESERVED)
     row[3] = (row[3] + 1) % 3
 
 
 @tampering()
 def another_load(taken: Taken) -> None:
-    row_of(taken, PICKED_UP)[3] += 1
+    row_of(taken, CHANGE_PICKED)[3] += 1
 
 
 @tampering()
 def a_wait_of_another_length(taken: Taken) -> None:
-    row_of(taken, DURATION)[3] += 1
+    row_of(taken, CHANGE_DURATION)[3] += 1
 
 
 @tampering()
@@ -343,7 +363,7 @@ def ticks_of_another_time(taken: Taken) -> None:
 
 @tampering()
 def a_tick_less(taken: Taken) -> None:
-    for name in ("did", "digests"):
+    for name in ("executed", "digests"):
         taken.ticks[name] = taken.ticks[name][:-1]
 
 
@@ -457,7 +477,7 @@ def files(taken: Taken) -> None:
 def digest_every(taken: Taken) -> None:
     taken.header["digest_every"] = 2
     for ticks in taken.all(TICKS):
-        odd = (ticks["first"] + np.arange(len(ticks["did"]))) % 2 == 1
+        odd = (ticks["first"] + np.arange(len(ticks["executed"]))) % 2 == 1
         ticks["digests"][odd] = 0
 
 

@@ -20,17 +20,17 @@ from automaton.tasks import TASK_METRICS, quantile_95
 from automaton.world.cells import DOCK, RACK
 from automaton.world.demand import build_orders
 from automaton.world.floor import floor_for
-from automaton.world.reach import rack_stands
+from automaton.world.reachability import rack_stands
 from automaton.world.starts import random_stands
 from automaton.world.state import (
-    ALLOCATION,
-    DELIVERED,
+    ACTION_TURN,
+    CMD_PARK,
+    LAYER_ALLOCATION,
     NIL,
-    PARK,
-    PERIODIC,
-    PICKED,
-    TURN,
-    WAITING,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    REASON_PERIODIC,
+    REASON_PICKED,
 )
 from layouts.racks import Racks
 from strategies.allocation.first_come import LOOKED
@@ -85,14 +85,14 @@ def ran(tmp_path_factory):
 
 
 def demand(resolved, seed):
-    floor = floor_for(resolved.plan, "omni", 1, 1, "undirected")
-    return build_orders(resolved, floor, seed, np.array([resolved.plan.cell(1, 1)]))
+    floor = floor_for(resolved.floor_plan, "omni", 1, 1, "undirected")
+    return build_orders(resolved, floor, seed, np.array([resolved.floor_plan.cell(1, 1)]))
 
 
 def test_orders_lead_from_docks_to_racks_each_drawn_alike(scenario):
     resolved = scenario(SMALL, "orders.count=4000")
     orders, slots = demand(resolved, 1)
-    kind = resolved.plan.kind.reshape(-1)[slots.cell]
+    kind = resolved.floor_plan.kind.reshape(-1)[slots.cell]
     docks, racks = np.flatnonzero(kind == DOCK), np.flatnonzero(kind == RACK)
     assert set(orders.source) == set(docks) and set(orders.target) == set(racks)
     for drawn, slots_of_kind in ((orders.source, docks), (orders.target, racks)):
@@ -122,19 +122,19 @@ def test_racks_without_access_are_never_drawn(scenario):
 
 
 def test_robots_begin_in_front_of_racks_even_in_one_cell():
-    plan = Racks(rows=9, columns=16, block=3, last_row=0).build()
-    stands = rack_stands(plan)
+    floor_plan = Racks(rows=9, columns=16, block=3, last_row=0).build()
+    stands = rack_stands(floor_plan)
     assert len(stands) == 36 and len(set(stands)) == 27
-    starts = random_stands(plan, 500, seed=3)
+    starts = random_stands(floor_plan, 500, seed=3)
     assert set(starts) == set(stands)
-    assert random_stands(plan, 20, seed=3).tolist() == starts[:20].tolist()
+    assert random_stands(floor_plan, 20, seed=3).tolist() == starts[:20].tolist()
 
 
 @pytest.mark.parametrize("capacity", [1, 2])
 def test_robots_begin_in_different_cells_where_cells_are_narrow(capacity):
-    plan = Racks(rows=9, columns=16, block=3, last_row=0, capacity=capacity).build()
-    starts = random_stands(plan, 27, seed=3)
-    assert set(starts) == set(rack_stands(plan))
+    floor_plan = Racks(rows=9, columns=16, block=3, last_row=0, capacity=capacity).build()
+    starts = random_stands(floor_plan, 27, seed=3)
+    assert set(starts) == set(rack_stands(floor_plan))
 
 
 # First come, first served.
@@ -144,8 +144,8 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
     simulation = Simulation(scenario(LINE))
     simulation.run()
     orders = simulation.world.orders
-    cell = simulation.resolved.plan.cell
-    assert orders.state.tolist() == [DELIVERED] * 3
+    cell = simulation.resolved.floor_plan.cell
+    assert orders.state.tolist() == [ORDER_DELIVERED] * 3
     # To the dock and back to (5, 0): 7 + 5 moves, the pick and the tick of setting down.
     assert (orders.delivered - orders.dispatched + 1).tolist() == [14, 9, 11]
     assert orders.dispatched.tolist() == [1, 15, 24]
@@ -191,7 +191,7 @@ def test_every_order_is_looked_at_once_in_a_run(scenario):
     simulation.run()
     taken = int((simulation.world.orders.dispatched != NIL).sum())
     assert taken > 200
-    assert simulation.memories[ALLOCATION].shared[LOOKED] == taken
+    assert simulation.memories[LAYER_ALLOCATION].shared[LOOKED] == taken
 
 
 class Plainly(Strategy):
@@ -199,20 +199,20 @@ class Plainly(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
-        given = answers.allocation
-        for k in range(asked.count[0]):
-            i = int(asked.robot[k])
-            waits = (view.orders.state == WAITING) & (view.orders.by == NIL)
-            open_orders = np.flatnonzero(waits & (given.order_taken == 0))
-            if asked.reason[k] == PICKED:
-                deliver(view, given, k, i)
-            elif asked.reason[k] == PERIODIC:
+    def decide(self, view, batch, decisions, memory, workspace):
+        out = decisions.allocation
+        for k in range(batch.count[0]):
+            i = int(batch.robot[k])
+            waits = (view.orders.state == ORDER_WAITING) & (view.orders.reserved_by == NIL)
+            open_orders = np.flatnonzero(waits & (out.order_taken == 0))
+            if batch.reason[k] == REASON_PICKED:
+                deliver(view, out, k, i)
+            elif batch.reason[k] == REASON_PERIODIC:
                 continue
             elif len(open_orders):
-                take_order(view, given, k, i, int(open_orders[0]))
+                take_order(view, out, k, i, int(open_orders[0]))
             else:
-                given.verb[k] = PARK
+                out.command[k] = CMD_PARK
 
 
 @pytest.mark.parametrize("information", ["everything", "orders", "{radius: 2}"])
@@ -236,7 +236,7 @@ def test_orders_that_are_given_back_are_taken_again(information, seed):
 def test_figures_of_tasks_leave_the_warm_up_out(ran):
     simulation = ran[0]
     orders, figures = simulation.world.orders, metrics_of(simulation)
-    done = orders.state == DELIVERED
+    done = orders.state == ORDER_DELIVERED
     times = (orders.delivered - orders.dispatched + 1)[done & (orders.dispatched > 50)]
     completed = np.count_nonzero(done & (orders.delivered > 50))
     assert 0 < len(times) < completed < np.count_nonzero(done)
@@ -270,7 +270,7 @@ def test_a_robot_alone_is_never_delayed(scenario, kinematics, routing):
     simulation = Simulation(scenario(TURNS, *settings))
     simulation.run()
     assert simulation.finished and (simulation.world.orders.delivered != NIL).all()
-    turns = int(simulation.world.tally.times[0, TURN].sum())
+    turns = int(simulation.world.tally.operations[0, ACTION_TURN].sum())
     assert (turns > 5) == (kinematics != "omni")
     assert metrics_of(simulation)["delay"] == 0
 
@@ -415,7 +415,7 @@ def test_where_nothing_ended_there_are_no_times() -> None:
 def test_a_rack_out_of_reach_is_no_fault_if_there_are_others(scenario):
     rows = "\n".join("    " + row for row in ("i~~", "#rr", "##r"))
     text = DRAWN.replace("{picture}", rows).replace("{fleet}", TWO).replace("{orders}", TEN)
-    assert scenario(text).plan.width == 3
+    assert scenario(text).floor_plan.width == 3
 
 
 @pytest.mark.parametrize(

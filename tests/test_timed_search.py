@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from plain_paths import FAR, HEADINGS, Pose, Ways
 from slow_traffic import ONE_WAY, STEPS, Traffic
 
-from automaton.kernels.routes.forecast import foresee
-from automaton.kernels.routes.presence import add, forget
-from automaton.kernels.routes.timed import find_in_time
+from automaton.kernels.routes.forecast import forecast_all
+from automaton.kernels.routes.time_dependent import time_dependent_path
+from automaton.kernels.routes.zone_forecast import add, forget
 from automaton.scenario.pictures import draw_floor
 from automaton.world.state import NIL, Array
-from automaton.world.zones import MODES
+from automaton.world.traffic_zones import MODES
 
 HORIZON = 160  # later than any of these robots arrives
 Others = Callable[[int, int, int], int]  # (cell, direction, tick) -> robots in that zone
@@ -39,17 +39,17 @@ class Case(NamedTuple):
         return int(robots.cell[0]), int(robots.heading[0])
 
     def others(self, cell: int, direction: int, tick: int) -> int:
-        zone = int(self.traffic.world.grid.zone[cell, direction >> 1])
-        return int(self.counts[tick, zone]) if zone != NIL and tick < HORIZON else 0
+        traffic_zone = int(self.traffic.world.grid.traffic_zone[cell, direction >> 1])
+        return int(self.counts[tick, traffic_zone]) if traffic_zone != NIL and tick < HORIZON else 0
 
     def found(self) -> list[int] | None:
         """The kernel's route."""
         run, memory = self.traffic.run, self.traffic.memory(HORIZON)
         for tick, zone in zip(*np.nonzero(self.counts), strict=True):
             add(memory, int(zone), int(tick), int(tick) + 1, int(self.counts[tick, zone]))
-        run.world.robots.stand[0] = self.target
+        run.world.robots.goal_cell[0] = self.target
         steps = np.zeros(200, np.uint8)
-        length = find_in_time(run.view, run.space, memory, self.beta, 0, False, steps)
+        length = time_dependent_path(run.view, run.workspace, memory, self.beta, 0, False, steps)
         return None if length == NIL else [int(step) for step in steps[:length]]
 
 
@@ -70,11 +70,11 @@ def cases(draw: Any, kinematics: tuple[str, ...] = ("omni", "differential")) -> 
         turn=turn,
     )
     seeded = np.random.default_rng(draw(st.integers(0, 2**32)))
-    shape = (HORIZON, traffic.world.grid.zones)
+    shape = (HORIZON, traffic.world.grid.traffic_zone_count)
     counts = seeded.integers(0, 4, shape) * (seeded.random(shape) < draw(st.floats(0, 1)))
     return Case(
         traffic,
-        Ways(traffic.plan, ways_of, move, turn),
+        Ways(traffic.floor_plan, ways_of, move, turn),
         draw(st.sampled_from(cells)),
         draw(st.sampled_from([0, 500, 1000, 2000, 7000])),
         counts,
@@ -84,11 +84,11 @@ def cases(draw: Any, kinematics: tuple[str, ...] = ("omni", "differential")) -> 
 def plain_route(case: Case) -> list[int] | None:
     """The same search with a dict of labels: least cost, then the earliest tick; ties as documented."""
     ways, slow = case.ways, bool(case.traffic.world.rules.slowdown)
-    x, y = case.traffic.plan.xy(case.target)
+    x, y = case.traffic.floor_plan.xy(case.target)
     n = HEADINGS[ways.kinematics]
 
     def entry(pose: Pose) -> tuple[int, int, int]:
-        column, row = case.traffic.plan.xy(pose[0])
+        column, row = case.traffic.floor_plan.xy(pose[0])
         left = abs(column - x) + abs(row - y)
         return labels[pose][0] + 1000 * ways.move * left, left, pose[0] * n + pose[1]
 
@@ -107,7 +107,7 @@ def plain_route(case: Case) -> list[int] | None:
             if after[0] == pose[0]:
                 label, route = (cost + 1000 * ticks, tick + ticks), routes[pose]
             else:
-                way = case.traffic.plan.neighbours(pose[0]).index(after[0])
+                way = case.traffic.floor_plan.neighbours(pose[0]).index(after[0])
                 others = case.others(pose[0], way, tick)
                 later = tick + ticks * (1 + others if slow else 1)
                 label, route = (
@@ -132,16 +132,16 @@ def test_where_the_traffic_does_not_change_the_route_is_the_cheapest_of_all(
     case: Case, seed: int
 ) -> None:
     """With counts that stay as they are a move costs the same at any time."""
-    plan, start = case.traffic.plan, case.start()[0]
+    floor_plan, start = case.traffic.floor_plan, case.start()[0]
     steady = np.random.default_rng(seed).integers(0, 4, case.counts.shape[1])
     case = case._replace(counts=np.tile(steady, (HORIZON, 1)))
     least = {start: 0}
     front = [start]
     while front:
         cell = front.pop()
-        for way, after in enumerate(plan.neighbours(cell)):
+        for way, after in enumerate(floor_plan.neighbours(cell)):
             cost = least[cell] + price(case, cell, way)
-            if int(plan.exits.flat[cell]) >> way & 1 and cost < least.get(after, 1000 * FAR):
+            if int(floor_plan.exits.flat[cell]) >> way & 1 and cost < least.get(after, 1000 * FAR):
                 least[after] = cost
                 front.append(after)
     route = case.found()
@@ -149,7 +149,7 @@ def test_where_the_traffic_does_not_change_the_route_is_the_cheapest_of_all(
     cell, cost = start, 0
     for way in route or []:
         cost += price(case, cell, way)
-        cell = plan.neighbours(cell)[way]
+        cell = floor_plan.neighbours(cell)[way]
     assert route is None or (cell, cost) == (case.target, least[case.target])
 
 
@@ -160,11 +160,11 @@ def price(case: Case, cell: int, way: int) -> int:
 def route_of_a(traffic: Traffic, target: tuple[int, int], beta: int) -> str:
     run, memory = traffic.run, traffic.memory(HORIZON)
     i = traffic.index("A")
-    traffic.world.robots.stand[i] = traffic.plan.cell(*target)
-    foresee(run.view, run.space, memory)
+    traffic.world.robots.goal_cell[i] = traffic.floor_plan.cell(*target)
+    forecast_all(run.view, run.workspace, memory)
     forget(memory, i)
     steps = np.zeros(50, np.uint8)
-    length = find_in_time(run.view, run.space, memory, beta, i, False, steps)
+    length = time_dependent_path(run.view, run.workspace, memory, beta, i, False, steps)
     return "".join(STEPS[step] for step in steps[:length])
 
 

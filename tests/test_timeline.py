@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from automaton.history.chronicle import Curve
-from automaton.world.waiting import CURVE_COLUMNS
+from automaton.world.observation import CURVE_COLUMNS
 from tui.render import styles
 from tui.render.depth import Depth
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet

@@ -14,7 +14,7 @@ from plain_astar import path
 from plain_paths import FAR, Ways
 
 from automaton.commands import main
-from automaton.kernels.routes import avoidance, noise, replay, trial
+from automaton.kernels.routes import avoidance, monte_carlo, noise, replay
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.metrics import metrics_of
 from automaton.reproductions.traffic_trials import ROBOTS, tasks_of, warehouse
@@ -22,8 +22,8 @@ from automaton.scenario.pictures import draw_floor
 from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
-from automaton.world.state import NIL, ROUTING, Array
-from automaton.world.zones import MODES
+from automaton.world.state import LAYER_ROUTING, NIL, Array
+from automaton.world.traffic_zones import MODES
 
 MOST = 4
 
@@ -32,27 +32,29 @@ MOST = 4
 def tasks(draw: Any) -> tuple[Case, int, list[int]]:
     """A leg, a pick-up cell on the way or NIL, and the others in each zone."""
     case = draw(cases())
-    zones = case.built()[0].grid.zones
+    traffic_zone_count = case.built()[0].grid.traffic_zone_count
     pick = draw(st.sampled_from([NIL, *case.ways.cells()]))
-    count = draw(st.lists(st.integers(0, MOST + 1), min_size=zones, max_size=zones))
+    count = draw(
+        st.lists(st.integers(0, MOST + 1), min_size=traffic_zone_count, max_size=traffic_zone_count)
+    )
     return case, pick, count
 
 
 def touching(case: Case, cell: int) -> set[int]:
     """The zones of a cell, and those beside it."""
-    zone = case.built()[0].grid.zone
-    cells = (cell, *case.ways.plan.neighbours(cell))
-    return {int(z) for one in cells for z in zone[one]} - {NIL}
+    traffic_zone = case.built()[0].grid.traffic_zone
+    cells = (cell, *case.ways.floor_plan.neighbours(cell))
+    return {int(z) for one in cells for z in traffic_zone[one]} - {NIL}
 
 
 def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
     """Ticks of both legs by A* in plain Python; FAR if there is no way."""
-    zone = case.built()[0].grid.zone
+    traffic_zone = case.built()[0].grid.traffic_zone
     pairs = {
         (cell, way)
         for cell in case.ways.cells()
         for way in range(4)
-        if int(zone[cell, way >> 1]) in closed
+        if int(traffic_zone[cell, way >> 1]) in closed
     }
     ticks, pose = 0, case.start
     for target in (pick, case.target):
@@ -63,9 +65,9 @@ def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
             return FAR
         ticks += leg[0]
         for way in leg[1]:
-            left = int(zone[pose[0], way >> 1])
+            left = int(traffic_zone[pose[0], way >> 1])
             ticks += 0 if left == NIL else count[left] * case.ways.move
-            pose = (case.ways.plan.neighbours(pose[0])[way], way % case.ways.headings)
+            pose = (case.ways.floor_plan.neighbours(pose[0])[way], way % case.ways.headings)
         assert pose[0] == target
     return ticks
 
@@ -74,15 +76,15 @@ def foreseen(case: Case, pick: int, count: list[int], closed: set[int]) -> int:
 @given(tasks())
 def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[int]]) -> None:
     case, pick, count = task
-    floor, duration, space = case.built()
-    space.count[:] = count
+    floor, duration, workspace = case.built()
+    workspace.count[:] = count
     own = touching(case, case.start[0]) | touching(case, case.target)
     own |= set() if pick == NIL else touching(case, pick)
     times = {avoidance.PLAIN: foreseen(case, pick, count, set())}
     for threshold in range(1, MOST + 1):
         busy = {zone for zone, others in enumerate(count) if others >= threshold}
         times[threshold] = foreseen(case, pick, count, busy - own)
-    arguments = (floor.grid.read_only(), 0, duration, space, LARGER_G, np.uint64(1))
+    arguments = (floor.grid.read_only(), 0, duration, workspace, LARGER_G, np.uint64(1))
     with np.errstate(over="ignore"):
         chosen = avoidance.choose_threshold(
             *arguments, case.start_pose(), pick, case.target, MOST, avoidance.LEAST_TIME
@@ -99,15 +101,15 @@ def test_the_plan_of_least_foreseen_time_is_chosen(task: tuple[Case, int, list[i
 @pytest.mark.parametrize("mode", MODES)
 def test_a_robot_may_leave_the_intersection_where_it_stands(mode: str) -> None:
     """Everything is busy: what stays open are the three aisles that meet in the middle."""
-    plan = draw_floor(".......\n.##.##.\n.......")
-    middle = plan.cell(3, 0)
-    case = Case(Ways(plan, "omni", 1, 1), (middle, 0), middle, mode)
-    floor, _, space = case.built()
-    space.count[:] = 9
-    avoidance.close_zones(floor.grid.read_only(), space, 1, case.start_pose(), NIL, middle)
+    floor_plan = draw_floor(".......\n.##.##.\n.......")
+    middle = floor_plan.cell(3, 0)
+    case = Case(Ways(floor_plan, "omni", 1, 1), (middle, 0), middle, mode)
+    floor, _, workspace = case.built()
+    workspace.count[:] = 9
+    avoidance.close_zones(floor.grid.read_only(), workspace, 1, case.start_pose(), NIL, middle)
 
     def is_open(x: int, y: int) -> bool:
-        return not space.closed[floor.grid.zone[plan.cell(x, y)][0]]
+        return not workspace.closed[floor.grid.traffic_zone[floor_plan.cell(x, y)][0]]
 
     assert is_open(2, 0) and is_open(1, 0) and is_open(4, 0) and is_open(3, 1)
     assert not is_open(0, 1) and not is_open(1, 2)
@@ -130,12 +132,12 @@ def sets_of_the_warehouse(
     with np.errstate(over="ignore"):
         for number, robots in enumerate(tasks_of(where, 1)):
             for r, task in enumerate(robots):
-                arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
-                trial.use_zones(*arguments, np.uint64(1), task)
+                arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
+                monte_carlo.use_zones(*arguments, np.uint64(1), task)
                 truth, seen = where.trial.used.copy(), where.trial.used.copy()
                 chance = noise.false_alarms(precision, recall, share)
                 keep, add = round(recall * noise.CERTAIN), round(chance * noise.CERTAIN)
-                noise.blur(seen, where.grid.zones, keep, add, np.uint64(1), number, r)
+                noise.blur(seen, where.grid.traffic_zone_count, keep, add, np.uint64(1), number, r)
                 used += size_of(truth)
                 found += size_of(seen)
                 right += size_of(seen & truth)
@@ -148,7 +150,7 @@ def test_noise_has_the_precision_and_recall_that_were_asked_for(
 ) -> None:
     where = warehouse()
     tasks = len(tasks_of(where, 1)) * ROBOTS
-    share = sets_of_the_warehouse(1, 1)[0] / (tasks * where.grid.zones)
+    share = sets_of_the_warehouse(1, 1)[0] / (tasks * where.grid.traffic_zone_count)
     assert share == pytest.approx(noise.USED_SHARE, rel=0.08), "that one is of random ties"
     used, right, found = sets_of_the_warehouse(precision, recall, share)
     assert right / used == pytest.approx(recall, abs=0.015)  # 16,000 zones: sd 0.004
@@ -187,7 +189,7 @@ def loaded(resolved: Resolved) -> Simulation:
     """Run until robot A has its load and a route with it."""
     simulation = Simulation(resolved)
     robots = simulation.world.robots
-    while robots.load[0] == NIL or robots.length[0] == 0:
+    while robots.load[0] == NIL or robots.route_length[0] == 0:
         simulation.run(simulation.tick + 1)
     return simulation
 
@@ -195,7 +197,7 @@ def loaded(resolved: Resolved) -> Simulation:
 def route(simulation: Simulation) -> str:
     """Robot A's route as letters."""
     robots = simulation.world.robots
-    return "".join("ESWN"[way] for way in robots.route[0, : robots.length[0]])
+    return "".join("ESWN"[way] for way in robots.route[0, : robots.route_length[0]])
 
 
 def test_a_robot_keeps_out_of_the_aisle_that_another_one_needs(tmp_path: Path) -> None:
@@ -247,7 +249,7 @@ def test_the_noise_is_that_of_the_trials() -> None:
     chances = []
     for more in ("", ", used: 0.25"):
         resolved = resolve("warehouse-100", [f"strategy.routing={noisy % more}"])
-        memory = Simulation(resolved).memories[ROUTING]
+        memory = Simulation(resolved).memories[LAYER_ROUTING]
         chances.append(memory.parameters[2:4] / noise.CERTAIN)
     share = 27.5 / 522
     assert chances[0] == pytest.approx([0.84, 0.84 * share * 0.6 / (0.4 * (1 - share))])
@@ -274,7 +276,7 @@ def test_every_scenario_is_driven_to_its_end(name: str, routing: str, informatio
     settings = [f"strategy.routing={routing}", f"information={information}"]
     if name.startswith("depots") and information != "everything":
         settings.append("strategy.allocation=first-come")  # auctions need to see everything
-    if resolve(name).picks["zoning"].name == "annealing" and information != "everything":
+    if resolve(name).strategies["zoning"].name == "annealing" and information != "everything":
         settings.append("strategy.zoning=decentralized")  # and so does annealing
     resolved = resolve(name, settings)
     digests = set()
@@ -283,7 +285,7 @@ def test_every_scenario_is_driven_to_its_end(name: str, routing: str, informatio
         simulation = Simulation(resolved, storage=identities)
         simulation.run()
         assert simulation.finished or resolved.scenario.stop.when == "never"
-        assert simulation.world.tally.illegal[ROUTING] == 0
+        assert simulation.world.tally.illegal[LAYER_ROUTING] == 0
         digests.add(simulation.digest)
     assert len(digests) == 1
 
@@ -295,15 +297,17 @@ def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
     world = simulation.world
     cells = [int(world.robots.cell[0])]
     simulation.run(1)
-    own = simulation.memories[ROUTING].own[0].copy()
+    per_robot = simulation.memories[LAYER_ROUTING].per_robot[0].copy()
     while world.orders.delivered[0] == NIL:
         cells.append(int(world.robots.cell[0]))
         simulation.run(simulation.tick + 1)
-    words = -(-world.grid.zones // 64)
-    used = own[len(own) - 2 * words : len(own) - words]
-    foreseen = {zone for zone in range(world.grid.zones) if replay.has_zone(used, zone)}
+    words = -(-world.grid.traffic_zone_count // 64)
+    used = per_robot[len(per_robot) - 2 * words : len(per_robot) - words]
+    foreseen = {
+        zone for zone in range(world.grid.traffic_zone_count) if replay.has_zone(used, zone)
+    }
     assert len(cells) > 50
-    assert foreseen == {int(world.grid.zone[cell, 0]) for cell in cells} - {NIL}
+    assert foreseen == {int(world.grid.traffic_zone[cell, 0]) for cell in cells} - {NIL}
 
 
 @pytest.mark.parametrize(

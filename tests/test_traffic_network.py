@@ -124,7 +124,7 @@ def test_the_others_are_counted_once_for_both_legs():
     where = warehouse()
     tasks = tasks_of(where, 5)[:20]
     foreseen = network(where, 5, tasks)
-    assert foreseen.shape == (20, where.grid.zones)
+    assert foreseen.shape == (20, where.grid.traffic_zone_count)
     assert foreseen.max() <= tasks.shape[1] - 1 and 100 < foreseen.sum(axis=1).mean() < 160
     alone = tasks.copy()
     alone[:, 2:] = alone[:, 1:2]  # five times the same robot

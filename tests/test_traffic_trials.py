@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from automaton.kernels.routes import trial
+from automaton.kernels.routes import monte_carlo
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.reproductions.traffic_trials import (
     ROBOTS,
@@ -22,7 +22,7 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.cells import RACK
 from automaton.world.floor import floor_for
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import Array
 from layouts.racks import Racks
 
@@ -41,23 +41,27 @@ def distances(tasks: Array) -> Array:
     with np.errstate(over="ignore"):
         for r in range(ROBOTS):
             where.trial.task[:] = tasks
-            arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
-            trial.plan_routes(*arguments, np.uint64(SEED), r, False)
+            arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
+            monte_carlo.plan_routes(*arguments, np.uint64(SEED), r, False)
             found.append(int(where.trial.length[r]))
     return np.array(found)
 
 
-def in_the_world(plan: FloorPlan, tasks: Array) -> Simulation:
+def in_the_world(floor_plan: FloorPlan, tasks: Array) -> Simulation:
     """The same six robots in the automaton, all by plain A*, robot k with order k."""
 
     def rack(cell: int) -> tuple[int, int]:
-        kinds = plan.kind.reshape(-1)
-        return plan.xy(
-            next(c for c in (cell + plan.stride, cell - plan.stride) if kinds[c] == RACK)
+        kinds = floor_plan.kind.reshape(-1)
+        return floor_plan.xy(
+            next(
+                c for c in (cell + floor_plan.stride, cell - floor_plan.stride) if kinds[c] == RACK
+            )
         )
 
-    starts = [plan.xy(int(task[0])) for task in tasks]
-    orders = [{"from": [2, plan.xy(int(task[1]))[1]], "to": rack(int(task[2]))} for task in tasks]
+    starts = [floor_plan.xy(int(task[0])) for task in tasks]
+    orders = [
+        {"from": [2, floor_plan.xy(int(task[1]))[1]], "to": rack(int(task[2]))} for task in tasks
+    ]
     settings = (
         f"fleet.start={json.dumps(starts)}",
         f"orders={json.dumps({'list': orders})}",
@@ -66,7 +70,7 @@ def in_the_world(plan: FloorPlan, tasks: Array) -> Simulation:
     return Simulation(resolve("warehouse-100-trial", settings), SEED)
 
 
-def test_trial_and_automaton_take_the_same_ticks(plan: FloorPlan) -> None:
+def test_trial_and_automaton_take_the_same_ticks(floor_plan: FloorPlan) -> None:
     """In ten trials in which robot 0 is delayed by others, and five in which it is not."""
     tasks = tasks_of(warehouse(), SEED)
     times = [int(one.plain["time"]) for one in run_seed(Setting(exact, "dynamic"), SEED)]
@@ -74,20 +78,20 @@ def test_trial_and_automaton_take_the_same_ticks(plan: FloorPlan) -> None:
     met = [number for number, delay in enumerate(delays) if delay]
     alone = [number for number, delay in enumerate(delays) if not delay]
     for number in (*met[:10], *alone[:5]):
-        simulation = in_the_world(plan, tasks[number])
+        simulation = in_the_world(floor_plan, tasks[number])
         simulation.run()
         assert simulation.world.orders.delivered[0] == times[number], f"trial {number}"
 
 
-def test_racks_are_served_from_the_aisle_and_docks_from_their_right(plan: FloorPlan) -> None:
+def test_racks_are_served_from_the_aisle_and_docks_from_their_right(floor_plan: FloorPlan) -> None:
     where = warehouse()
-    floor = floor_for(plan, "omni", 1, 1, "undirected")
-    aisles = {plan.xy(int(cell))[1] % 3 for cell in stands(floor, RACK)}
+    floor = floor_for(floor_plan, "omni", 1, 1, "undirected")
+    aisles = {floor_plan.xy(int(cell))[1] % 3 for cell in stands(floor, RACK)}
     assert aisles == {1}
-    assert {plan.xy(int(cell))[0] for cell in where.docks} == {3}
+    assert {floor_plan.xy(int(cell))[0] for cell in where.docks} == {3}
 
 
-def test_waiting_in_a_zone_costs_what_the_others_there_do(plan: FloorPlan) -> None:
+def test_waiting_in_a_zone_costs_what_the_others_there_do(floor_plan: FloorPlan) -> None:
     """Static: 1 + c ticks for each cell left; c others whose plans use its zone at all."""
     where = warehouse()
     tasks = tasks_of(where, SEED)
@@ -96,8 +100,8 @@ def test_waiting_in_a_zone_costs_what_the_others_there_do(plan: FloorPlan) -> No
     distances(tasks[0])
     cell, ticks = int(tasks[0, 0, 0]), 0
     for way in where.trial.route[0, : int(where.trial.length[0])]:
-        zone = int(where.grid.zone[cell, 0])
-        ticks += 1 + (int(foreseen[zone]) if zone >= 0 else 0)
+        traffic_zone = int(where.grid.traffic_zone[cell, 0])
+        ticks += 1 + (int(foreseen[traffic_zone]) if traffic_zone >= 0 else 0)
         cell += int(where.grid.offset[way])
     assert cell == tasks[0, 0, 2]
     assert ticks == one.plain["time"]

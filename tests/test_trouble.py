@@ -25,7 +25,7 @@ class Hangs(Strategy):
     """Does not answer before it is let go."""
 
     layer = "right_of_way"
-    every = 10
+    period = 10
 
     def decide(self, view: Any, *_: Any) -> None:
         ASKED.set()
@@ -109,6 +109,6 @@ def test_a_folder_that_is_gone_is_said_and_the_other_run_is_closed(tmp_path: Pat
 
 def test_the_budget_of_keyframes_counts_what_an_array_costs() -> None:
     run: LiveRun = live(*FLEET)
-    keyframes = Keyframes(run.front.world, run.front.watch)
+    keyframes = Keyframes(run.front.world, run.front.observation)
     arrays = len(keyframes._frames[0].arrays)
     assert keyframes._frames[0].nbytes > arrays * OBJECT_BYTES

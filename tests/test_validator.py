@@ -11,20 +11,20 @@ import pytest
 from drawn_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, recorded, rules
 
 from automaton.recording.codes import (
-    DID_BAY_BLOCKED,
-    DID_BLOCKED,
-    DID_DROP,
-    DID_ILLEGAL,
-    DID_PICK,
-    DID_WAIT,
-    DURATION,
-    INTO_BAY,
-    LEFT_BAY,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_BLOCKED,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
     MOVE_EAST,
     MOVE_NORTH,
-    ORDER_BY,
-    PICKED_UP,
-    SET_AT,
     TURN_LEFT,
     TURN_RIGHT,
 )
@@ -120,7 +120,7 @@ def test_two_robots_meet_between_two_cells(spans: tuple[int, int], late: int) ->
     begun: list[dict[int, int]] = [{} for _ in range(6)]
     begun[0][0] = E
     begun[late][1] = W
-    rows = [(1, DURATION, 0, spans[0]), (late + 1, DURATION, 1, spans[1])]
+    rows = [(1, CHANGE_DURATION, 0, spans[0]), (late + 1, CHANGE_DURATION, 1, spans[1])]
     found = rules(played(head, *begun, changes=rows))
     swap = ["swap"] if late < spans[0] else []
     assert [rule for rule in found if rule not in ("capacity", "pace")] == swap
@@ -179,14 +179,18 @@ def test_a_turn_where_there_is_none() -> None:
 
 @pytest.mark.parametrize(
     ("durations", "acts"),
-    [({"move": 3}, (E, 0, E)), ({"turn": 3}, (TURN_RIGHT, 0, TURN_RIGHT)), ({}, (DID_WAIT, E, 0))],
+    [
+        ({"move": 3}, (E, 0, E)),
+        ({"turn": 3}, (TURN_RIGHT, 0, TURN_RIGHT)),
+        ({}, (EXECUTED_WAIT, E, 0)),
+    ],
 )
 def test_an_operation_that_begins_too_early(
     durations: dict[str, int], acts: tuple[int, ...]
 ) -> None:
     kinematics = "differential" if TURN_RIGHT in acts else "omni"
     head = header(FLOOR, [(0, 0)], kinematics=kinematics, durations=durations)
-    wait = [(1, DURATION, 0, 2)] if DID_WAIT in acts else []
+    wait = [(1, CHANGE_DURATION, 0, 2)] if EXECUTED_WAIT in acts else []
     assert rules(played(head, *({0: act} for act in acts), changes=wait)) == ["busy"]
     late = (acts[0], 0, 0, acts[2] or E)
     assert played(head, *({0: act} for act in late), changes=wait).valid
@@ -213,42 +217,50 @@ def test_without_following_a_cell_must_be_empty_when_the_tick_begins() -> None:
 
 def test_robots_leave_and_enter_their_bays() -> None:
     head = header(BAYS, "bays", 2)
-    report = played(head, {0: LEFT_BAY | E}, {0: W | INTO_BAY}, {0: LEFT_BAY | S})
+    report = played(
+        head, {0: LEFT_PARKING_BAY | E}, {0: W | ENTERED_PARKING_BAY}, {0: LEFT_PARKING_BAY | S}
+    )
     assert report.valid and report.counts["left_bay"] == 2
 
 
 def test_bays_are_left_only_onto_an_empty_home_cell() -> None:
     head = header(BAYS, "bays", 2)
-    report = played(head, {0: LEFT_BAY | S}, {1: LEFT_BAY | E, 0: N})
+    report = played(head, {0: LEFT_PARKING_BAY | S}, {1: LEFT_PARKING_BAY | E, 0: N})
     assert rules(report) == ["bay"]
 
 
 def test_nobody_follows_a_robot_that_came_out_of_its_bay() -> None:
     head = header(BAYS, "bays", 2)
-    assert rules(played(head, {1: LEFT_BAY | E}, {1: N}, {1: W, 0: LEFT_BAY | S})) == ["bay"]
-    assert played(head, {1: LEFT_BAY | E}, {1: N}, {0: LEFT_BAY | S}, {1: W}).valid
+    assert rules(
+        played(head, {1: LEFT_PARKING_BAY | E}, {1: N}, {1: W, 0: LEFT_PARKING_BAY | S})
+    ) == ["bay"]
+    assert played(head, {1: LEFT_PARKING_BAY | E}, {1: N}, {0: LEFT_PARKING_BAY | S}, {1: W}).valid
 
 
 def test_a_robot_in_its_bay_does_nothing() -> None:
     head = header(BAYS, "bays", 2)
     assert rules(played(head, {0: E})) == ["bay"]
-    assert played(head, {0: DID_BAY_BLOCKED}).valid
-    assert rules(played(head, {0: LEFT_BAY | E}, {0: DID_BAY_BLOCKED})) == ["bay"]
-    assert rules(played(head, {0: LEFT_BAY | E}, {0: LEFT_BAY | E}))[0] == "bay"
+    assert played(head, {0: EXECUTED_BAY_BLOCKED}).valid
+    assert rules(played(head, {0: LEFT_PARKING_BAY | E}, {0: EXECUTED_BAY_BLOCKED})) == ["bay"]
+    assert rules(played(head, {0: LEFT_PARKING_BAY | E}, {0: LEFT_PARKING_BAY | E}))[0] == "bay"
 
 
 def test_a_robot_parks_at_its_own_home_only() -> None:
     head = header(BAYS, "bays", 2)
-    assert rules(played(head, {0: LEFT_BAY | S | INTO_BAY})) == ["bay"]
+    assert rules(played(head, {0: LEFT_PARKING_BAY | S | ENTERED_PARKING_BAY})) == ["bay"]
     early = header(BAYS, "bays", 2, durations={"move": 2})
-    assert rules(played(early, {0: LEFT_BAY | E}, {}, {0: W | INTO_BAY})) == ["bay"]
-    assert played(early, {0: LEFT_BAY | E}, {}, {0: W}, {0: INTO_BAY}).valid
+    assert rules(played(early, {0: LEFT_PARKING_BAY | E}, {}, {0: W | ENTERED_PARKING_BAY})) == [
+        "bay"
+    ]
+    assert played(early, {0: LEFT_PARKING_BAY | E}, {}, {0: W}, {0: ENTERED_PARKING_BAY}).valid
 
 
 def test_a_robot_with_an_order_does_not_park() -> None:
     head = header(BAYS, "bays", 2)
-    given = [(1, ORDER_BY, 0, 0)]
-    assert rules(played(head, {0: LEFT_BAY | E}, {0: W | INTO_BAY}, changes=given)) == ["bay"]
+    given = [(1, CHANGE_ORDER_RESERVED, 0, 0)]
+    assert rules(
+        played(head, {0: LEFT_PARKING_BAY | E}, {0: W | ENTERED_PARKING_BAY}, changes=given)
+    ) == ["bay"]
 
 
 def test_a_bay_holds_one_robot() -> None:
@@ -272,8 +284,8 @@ def test_robots_start_in_different_drivable_cells() -> None:
 
 STATES = [
     *("robots.cell", "robots.claim", "robots.heading", "robots.busy", "robots.load"),
-    *("robots.order", "robots.parked", "orders.state", "orders.place", "orders.by"),
-    *("slots.content", "slots.by"),
+    *("robots.order", "robots.parked", "orders.state", "orders.current_slot", "orders.reserved_by"),
+    *("slots.content", "slots.reserved_by"),
 ]
 
 
@@ -299,7 +311,9 @@ def test_an_end_that_is_not_true() -> None:
         assert rules(validate_recording(recording.header, frames)) == ["record"]
 
 
-@pytest.mark.parametrize(("act", "true"), [(DID_ILLEGAL, {False, True}), (DID_BLOCKED, {False})])
+@pytest.mark.parametrize(
+    ("act", "true"), [(EXECUTED_ILLEGAL, {False, True}), (EXECUTED_BLOCKED, {False})]
+)
 def test_a_tick_lost_to_an_illegal_answer_does_not_tell_whether_a_robot_is_parked(
     act: int, true: set[bool]
 ) -> None:
@@ -307,9 +321,17 @@ def test_a_tick_lost_to_an_illegal_answer_does_not_tell_whether_a_robot_is_parke
     orders = {"list": [{"from": [1, 2], "to": [5, 2]}]}
     fleet = {"robots": 2, "kinematics": "omni", "start": [(1, 1), (0, 0)], "when_done": "leave"}
     head = header(FLOOR, "", orders=orders, fleet=fleet)
-    way = [{0: DID_PICK}, {0: E}, {0: E}, {0: E}, {0: S}, {0: DID_DROP}, {0: INTO_BAY, 1: act}]
-    picked = [(1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]
-    changes = [*picked, (6, SET_AT, 0, 3), (6, ORDER_BY, 0, -1)]
+    way = [
+        {0: EXECUTED_PICK},
+        {0: E},
+        {0: E},
+        {0: E},
+        {0: S},
+        {0: EXECUTED_DROP},
+        {0: ENTERED_PARKING_BAY, 1: act},
+    ]
+    picked = [(1, CHANGE_ORDER_RESERVED, 0, 0), (1, CHANGE_PICKED, 0, 0)]
+    changes = [*picked, (6, CHANGE_DROPPED, 0, 3), (6, CHANGE_ORDER_RESERVED, 0, -1)]
     for finished in (False, True):
         report = played(head, *way, changes=changes, finished=finished)
         assert rules(report) == ([] if finished in true else ["record"])
@@ -322,7 +344,7 @@ def test_missing_ticks_and_changes_out_of_order() -> None:
     report = validate_recording(recording.header, frames[:second] + frames[second + 1 :])
     assert rules(report) == ["record"]
     head = header(FLOOR, [(0, 0)])
-    assert rules(played(head, {}, changes=[(2, ORDER_BY, 0, 0)])) == ["record"]
+    assert rules(played(head, {}, changes=[(2, CHANGE_ORDER_RESERVED, 0, 0)])) == ["record"]
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -332,9 +354,9 @@ def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
     ticks = [content for kind, content in frames if kind == TICKS]
     rng = np.random.default_rng(seed)
     content = ticks[rng.integers(len(ticks))]
-    moves = np.argwhere((content["did"] >= MOVE_EAST) & (content["did"] <= MOVE_NORTH))
+    moves = np.argwhere((content["executed"] >= MOVE_EAST) & (content["executed"] <= MOVE_NORTH))
     row, robot = moves[rng.integers(len(moves))]
-    content["did"][row, robot] = 0
+    content["executed"][row, robot] = 0
     report = validate_recording(recording.header, frames)
     assert not report.valid
     assert report.violations[0].tick >= content["first"] + row

@@ -10,21 +10,27 @@ from drawn_recordings import E, S, W, header, played, rules
 from powered import recorded_run
 
 from automaton.recording.codes import (
-    DID_CHARGE,
-    DID_DROP,
-    DID_PICK,
-    DID_WAIT,
-    DURATION,
-    LEFT_LOAD,
-    ORDER_BY,
-    PICKED_UP,
-    SET_AT,
-    STATUS,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_STATUS,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    EXECUTED_WAIT,
 )
 from automaton.recording.frames import KEYFRAME, TICKS, Recording
 from automaton.recording.validator import Report, validate_stored
 from automaton.scenario.resolve import resolve
-from automaton.world.condition import BROKEN, EMPTY, GONE, RUNNING, TOWED
+from automaton.world.robot_status import (
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+)
 
 FLOOR = """\
 c..t
@@ -56,22 +62,22 @@ def test_moves_are_paid() -> None:
 
 def test_robots_charge_on_chargers_only() -> None:
     head = floor(battery=BATTERY)
-    assert played(head, {0: DID_CHARGE}, {0: DID_CHARGE}, {0: E}, {0: E}, {0: S}).valid
-    assert rules(played(head, {0: E}, {0: DID_CHARGE})) == ["energy"]
-    assert "no charger" in texts(played(head, {0: E}, {0: DID_CHARGE}))
+    assert played(head, {0: EXECUTED_CHARGE}, {0: EXECUTED_CHARGE}, {0: E}, {0: E}, {0: S}).valid
+    assert rules(played(head, {0: E}, {0: EXECUTED_CHARGE})) == ["energy"]
+    assert "no charger" in texts(played(head, {0: E}, {0: EXECUTED_CHARGE}))
 
 
 def test_waits_and_standing_still_are_paid_too() -> None:
     """25 % - 2 moves - 11 ticks of 0.5 %: out of energy, but not with what is left after 3 ticks."""
     head = floor(battery=BATTERY)
-    ran_out = [(14, STATUS, 0, EMPTY)]
+    ran_out = [(14, CHANGE_STATUS, 0, STATUS_DEPLETED)]
     assert played(head, {0: E}, {0: E}, *[{}] * 12, changes=ran_out).valid
-    waits = [(3, DURATION, 0, 11), *ran_out]
-    assert played(head, {0: E}, {0: E}, {0: DID_WAIT}, *[{}] * 11, changes=waits).valid
+    waits = [(3, CHANGE_DURATION, 0, 11), *ran_out]
+    assert played(head, {0: E}, {0: E}, {0: EXECUTED_WAIT}, *[{}] * 11, changes=waits).valid
 
 
 def test_a_robot_with_energy_is_not_empty() -> None:
-    report = played(floor(battery=BATTERY), {}, changes=[(1, STATUS, 0, EMPTY)])
+    report = played(floor(battery=BATTERY), {}, changes=[(1, CHANGE_STATUS, 0, STATUS_DEPLETED)])
     assert rules(report) == ["energy"] and "is out of energy with 250000 units" in texts(report)
 
 
@@ -80,24 +86,27 @@ def test_a_robot_with_energy_is_not_empty() -> None:
 
 def out(*later: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
     """Robot 0 breaks down in tick 3, as the scenario says."""
-    return [(3, STATUS, 0, BROKEN), *later]
+    return [(3, CHANGE_STATUS, 0, STATUS_FAILED), *later]
 
 
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
         (out(), None),
-        (out((7, STATUS, 0, TOWED), (9, STATUS, 0, RUNNING)), None),
-        ([(2, STATUS, 0, BROKEN)], "breaks down although nothing says so"),
-        (out((4, STATUS, 0, BROKEN)), "goes out of order although it is already"),
-        (out((6, STATUS, 0, TOWED)), "is towed at another time than it must be"),
-        (out((8, STATUS, 0, TOWED)), "is towed at another time than it must be"),
-        ([(7, STATUS, 0, TOWED)], "is towed at another time than it must be"),
-        (out((7, STATUS, 0, GONE)), "is gone, or comes back, against the rules"),
-        (out((7, STATUS, 0, TOWED), (8, STATUS, 0, RUNNING)), "comes back at another time"),
-        (out((5, STATUS, 0, RUNNING)), "comes back at another time"),
-        (out((4, STATUS, 0, 9)), "a change among faults"),
-        (out((4, STATUS, 0, 1)), "a change among faults"),
+        (out((7, CHANGE_STATUS, 0, STATUS_TOWED), (9, CHANGE_STATUS, 0, STATUS_UP)), None),
+        ([(2, CHANGE_STATUS, 0, STATUS_FAILED)], "breaks down although nothing says so"),
+        (out((4, CHANGE_STATUS, 0, STATUS_FAILED)), "goes out of order although it is already"),
+        (out((6, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
+        (out((8, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
+        ([(7, CHANGE_STATUS, 0, STATUS_TOWED)], "is towed at another time than it must be"),
+        (out((7, CHANGE_STATUS, 0, STATUS_REMOVED)), "is gone, or comes back, against the rules"),
+        (
+            out((7, CHANGE_STATUS, 0, STATUS_TOWED), (8, CHANGE_STATUS, 0, STATUS_UP)),
+            "comes back at another time",
+        ),
+        (out((5, CHANGE_STATUS, 0, STATUS_UP)), "comes back at another time"),
+        (out((4, CHANGE_STATUS, 0, 9)), "a change among faults"),
+        (out((4, CHANGE_STATUS, 0, 1)), "a change among faults"),
     ],
 )
 def test_robots_fail_are_towed_and_come_back_when_the_scenario_says(changes, says) -> None:
@@ -115,53 +124,59 @@ def test_a_robot_out_of_order_does_nothing() -> None:
 
 def test_a_towed_robot_is_in_nobody_s_way() -> None:
     head = floor((1, 0), (2, 0), faults=FAULTS)
-    towed = out((7, STATUS, 0, TOWED))
+    towed = out((7, CHANGE_STATUS, 0, STATUS_TOWED))
     assert played(head, *[{}] * 6, {1: W}, changes=towed).valid
     assert rules(played(head, *[{}] * 5, {1: W}, changes=out())) == ["capacity"]
 
 
 # Loads and orders.
 
-PICK_UP = [(1, ORDER_BY, 0, 0), (1, PICKED_UP, 0, 0)]
-LEFT = [(3, STATUS, 0, BROKEN), (3, LEFT_LOAD, 0, 2), (3, ORDER_BY, 0, -1)]
+PICK_UP = [(1, CHANGE_ORDER_RESERVED, 0, 0), (1, CHANGE_PICKED, 0, 0)]
+LEFT = [
+    (3, CHANGE_STATUS, 0, STATUS_FAILED),
+    (3, CHANGE_LOAD_LEFT, 0, 2),
+    (3, CHANGE_ORDER_RESERVED, 0, -1),
+]
 
 
 def left_load(*acts: dict[int, int], changes: list[tuple[int, int, int, int]]) -> Report:
     """Robot 0 picks up at (3, 0), drives to (2, 0) and fails there; robot 1 stands at (1, 1)."""
     head = floor((3, 0), (1, 1), faults=FAULTS)
-    return played(head, {0: DID_PICK}, {0: W}, {}, *acts, changes=[*PICK_UP, *LEFT, *changes])
+    return played(head, {0: EXECUTED_PICK}, {0: W}, {}, *acts, changes=[*PICK_UP, *LEFT, *changes])
 
 
 def taken(tick: int) -> list[tuple[int, int, int, int]]:
-    return [(tick, ORDER_BY, 0, 1), (tick, PICKED_UP, 1, 0)]
+    return [(tick, CHANGE_ORDER_RESERVED, 0, 1), (tick, CHANGE_PICKED, 1, 0)]
 
 
 def test_a_load_left_behind_is_picked_up_from_beside_it() -> None:
-    dropped = [(7, SET_AT, 1, 1), (7, ORDER_BY, 0, -1)]
-    way = [{1: E}, {1: DID_PICK}, {1: E}, {1: DID_DROP}]
+    dropped = [(7, CHANGE_DROPPED, 1, 1), (7, CHANGE_ORDER_RESERVED, 0, -1)]
+    way = [{1: E}, {1: EXECUTED_PICK}, {1: E}, {1: EXECUTED_DROP}]
     assert left_load(*way, changes=[*taken(5), *dropped]).valid
-    too_far = left_load({1: DID_PICK}, changes=taken(4))
+    too_far = left_load({1: EXECUTED_PICK}, changes=taken(4))
     assert rules(too_far) == ["load"] and "handles a slot not beside it" in texts(too_far)
 
 
 def test_a_load_lies_in_a_spare_slot_until_it_is_picked_up() -> None:
-    nothing = left_load(changes=[(3, LEFT_LOAD, 0, 3)])
+    nothing = left_load(changes=[(3, CHANGE_LOAD_LEFT, 0, 3)])
     assert rules(nothing) == ["load"], "it has left its load already"
-    station = [row if row[1] != LEFT_LOAD else (3, LEFT_LOAD, 0, 1) for row in LEFT]
+    station = [row if row[1] != CHANGE_LOAD_LEFT else (3, CHANGE_LOAD_LEFT, 0, 1) for row in LEFT]
     head = floor((3, 0), (1, 1), faults=FAULTS)
-    report = played(head, {0: DID_PICK}, {0: W}, {}, changes=[*PICK_UP, *station])
+    report = played(head, {0: EXECUTED_PICK}, {0: W}, {}, changes=[*PICK_UP, *station])
     assert "leaves no load, or in a slot that is no spare one" in texts(report)
-    twice = left_load({1: E}, {1: DID_PICK}, {1: DID_PICK}, changes=[*taken(5), *taken(6)])
+    twice = left_load(
+        {1: E}, {1: EXECUTED_PICK}, {1: EXECUTED_PICK}, changes=[*taken(5), *taken(6)]
+    )
     assert not twice.valid
 
 
 def test_an_order_that_is_not_known_yet_is_nobody_s() -> None:
     head = floor((3, 1))
-    order = [(1, ORDER_BY, 1, 0), (1, PICKED_UP, 0, 1)]
-    early = played(head, {0: DID_PICK}, changes=order)
+    order = [(1, CHANGE_ORDER_RESERVED, 1, 0), (1, CHANGE_PICKED, 0, 1)]
+    early = played(head, {0: EXECUTED_PICK}, changes=order)
     assert "order" in rules(early) and "although it is not free" in texts(early)
     later = [(5, code, subject, value) for _, code, subject, value in order]
-    assert played(head, *[{}] * 4, {0: DID_PICK}, changes=later).valid
+    assert played(head, *[{}] * 4, {0: EXECUTED_PICK}, changes=later).valid
 
 
 # Whole runs, altered.
@@ -175,7 +190,7 @@ def failing() -> Recording:
         "faults={list: [{robot: 2, at: 850}], tow_after: 90, repair: 200}",
     ]
     run, recorder = recorded_run(resolve("depots", settings), seed=3)
-    assert run.finished and run.world.tally.out.sum() > 0
+    assert run.finished and run.world.tally.failures.sum() > 0
     recording = recorder.recording()
     assert validate_stored(recording).valid
     return recording
@@ -204,7 +219,9 @@ def test_a_fuller_battery_at_the_start_is_noticed(failing: Recording) -> None:
     assert set(rules(validate_stored(recording))) >= {"record"}
 
 
-@pytest.mark.parametrize("code", [STATUS, LEFT_LOAD, ORDER_BY, PICKED_UP])
+@pytest.mark.parametrize(
+    "code", [CHANGE_STATUS, CHANGE_LOAD_LEFT, CHANGE_ORDER_RESERVED, CHANGE_PICKED]
+)
 def test_a_change_left_out_is_noticed(failing: Recording, code: int) -> None:
     recording = altered(failing)
     rows = [
@@ -223,8 +240,8 @@ def test_a_change_left_out_is_noticed(failing: Recording, code: int) -> None:
 def test_a_tick_of_charging_left_out_is_noticed(failing: Recording) -> None:
     recording = altered(failing)
     for frame in recording.frames:
-        if frame.kind == TICKS and (frame.content["did"] == DID_CHARGE).any():
-            rows, robots = (frame.content["did"] == DID_CHARGE).nonzero()
-            frame.content["did"][rows[0], robots[0]] = 0
+        if frame.kind == TICKS and (frame.content["executed"] == EXECUTED_CHARGE).any():
+            rows, robots = (frame.content["executed"] == EXECUTED_CHARGE).nonzero()
+            frame.content["executed"][rows[0], robots[0]] = 0
             break
     assert not validate_stored(recording).valid

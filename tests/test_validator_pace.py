@@ -12,13 +12,13 @@ from drawn_recordings import E, N, W, header, played, recorded, rules
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.kernels.draws import EXTRA_TICKS, draw
-from automaton.recording.codes import DURATION, LEFT_BAY
+from automaton.kernels.random_numbers import STREAM_EXTRA_TICKS, random_bits
+from automaton.recording.codes import CHANGE_DURATION, LEFT_PARKING_BAY
 from automaton.recording.frames import TICKS, Recording
 from automaton.recording.pace_rules import Pace, zones_by_cell
 from automaton.recording.validator import validate_stored
 from automaton.scenario.pictures import draw_floor
-from automaton.world.zones import MODES, zones_of
+from automaton.world.traffic_zones import MODES, traffic_zones_of
 
 # (1, 1) is the only intersection; there is a slot, since orders need one.
 CORNER = """\
@@ -34,7 +34,7 @@ def slow(*starts: tuple[int, int], **more: Any) -> dict[str, Any]:
 
 def lengths(*rows: tuple[int, int, int]) -> list[tuple[int, int, int, int]]:
     """Rows of changes from (tick, robot, ticks)."""
-    return [(tick, DURATION, robot, ticks) for tick, robot, ticks in rows]
+    return [(tick, CHANGE_DURATION, robot, ticks) for tick, robot, ticks in rows]
 
 
 def test_a_robot_alone() -> None:
@@ -83,8 +83,8 @@ def test_lanes() -> None:
 def test_a_robot_out_of_its_bay_is_in_no_zone_yet_but_counts_itself() -> None:
     floor = "b....\n#s##d"
     head = header(floor, "bays", 1, world=SLOW)
-    assert played(head, {0: LEFT_BAY | E}).valid
-    assert rules(played(head, {0: LEFT_BAY | E}, changes=lengths((1, 0, 2)))) == ["pace"]
+    assert played(head, {0: LEFT_PARKING_BAY | E}).valid
+    assert rules(played(head, {0: LEFT_PARKING_BAY | E}, changes=lengths((1, 0, 2)))) == ["pace"]
 
 
 def test_without_slow_zones_every_move_takes_its_duration() -> None:
@@ -116,20 +116,20 @@ def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
 def test_its_draws_are_those_of_the_world(seed: int, tick: int, robot: int) -> None:
     mine = Pace({}, seed, []).draw(tick, robot)
     with np.errstate(over="ignore"):
-        assert mine == int(draw(np.uint64(seed), EXTRA_TICKS, tick, robot)) >> 32
+        assert mine == int(random_bits(np.uint64(seed), STREAM_EXTRA_TICKS, tick, robot)) >> 32
 
 
 @settings(max_examples=60)
 @given(st.data())
 def test_its_zones_are_those_of_the_world(data: st.DataObject) -> None:
     width = data.draw(st.integers(1, 8))
-    plan = draw_floor(
+    floor_plan = draw_floor(
         data.draw(pictures("......##+-|><v^~=s", width, data.draw(st.integers(1, 6))))
     )
-    floor = {"width": plan.width, "exits": plan.exits, "kind": plan.kind}
+    floor = {"width": floor_plan.width, "exits": floor_plan.exits, "kind": floor_plan.kind}
     for mode in MODES:
-        assert [list(pair) for pair in zones_by_cell(floor, mode)] == zones_of(
-            plan, mode
+        assert [list(pair) for pair in zones_by_cell(floor, mode)] == traffic_zones_of(
+            floor_plan, mode
         ).of.tolist()
 
 
@@ -147,7 +147,7 @@ def test_a_run_in_slow_zones(good: Recording) -> None:
 def test_a_tampered_length_is_named(good: Recording) -> None:
     frames = copy.deepcopy(good.frames)
     ticks = next(frame.content for frame in frames if frame.kind == TICKS)
-    moves = np.flatnonzero(ticks["changes"][:, 1] == DURATION)
+    moves = np.flatnonzero(ticks["changes"][:, 1] == CHANGE_DURATION)
     tick, _, robot, length = ticks["changes"][moves[3]].tolist()
     ticks["changes"][moves[3], 3] += 1
     first = validate_stored(Recording(good.header, frames, complete=True)).violations[0]

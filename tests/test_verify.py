@@ -13,7 +13,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording import frames as stored
-from automaton.recording.codes import DID_BLOCKED, DID_ILLEGAL, INTO_BAY
+from automaton.recording.codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
 from automaton.recording.frames import CONDITIONS, END, TICKS, Frame, Recording
 from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.verification import action_text, verify_recording
@@ -57,19 +57,19 @@ def test_a_changed_digest_names_tick_and_array(good: Recording) -> None:
 def test_the_first_of_several_differences_is_named(good: Recording) -> None:
     recording, ticks = altered(good)
     for row in (40, 30):
-        ticks[1].content["digests"][row, DIGEST_NAMES.index("orders.by")] += np.uint64(row)
-    ticks[1].content["digests"][30, DIGEST_NAMES.index("slots.by")] += np.uint64(1)
+        ticks[1].content["digests"][row, DIGEST_NAMES.index("orders.reserved_by")] += np.uint64(row)
+    ticks[1].content["digests"][30, DIGEST_NAMES.index("slots.reserved_by")] += np.uint64(1)
     difference = verify_recording(recording).difference
     assert str(difference) == (
-        f"tick {ticks[1].content['first'] + 30}: orders.by differs: also slots.by"
+        f"tick {ticks[1].content['first'] + 30}: orders.reserved_by differs: also slots.reserved_by"
     )
 
 
 def test_a_changed_action_names_tick_and_robot(good: Recording) -> None:
     recording, ticks = altered(good)
-    did = ticks[1].content["did"]
-    row, robot = np.argwhere(did == DID_BLOCKED)[0]
-    did[row, robot] = DID_ILLEGAL  # the rules cannot tell
+    did = ticks[1].content["executed"]
+    row, robot = np.argwhere(did == EXECUTED_BLOCKED)[0]
+    did[row, robot] = EXECUTED_ILLEGAL  # the rules cannot tell
     found = verify_recording(recording)
     assert found.report.valid and not found.passed
     assert str(found.difference) == (
@@ -114,7 +114,7 @@ def test_a_run_that_ends_sooner_when_made_again(good: Recording) -> None:
 
 def test_actions_in_words() -> None:
     assert action_text(1) == "move east"
-    assert action_text(3 | INTO_BAY) == "move west, parked"
+    assert action_text(3 | ENTERED_PARKING_BAY) == "move west, parked"
 
 
 def test_verify_says_so_and_ends_with_0(
@@ -145,8 +145,8 @@ def test_a_broken_rule_is_told(
     good: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording, ticks = altered(good)
-    row, robot = np.argwhere(ticks[0].content["did"] == 1)[0]
-    ticks[0].content["did"][row, robot] = 4
+    row, robot = np.argwhere(ticks[0].content["executed"] == 1)[0]
+    ticks[0].content["executed"][row, robot] = 4
     assert main(["verify", str(save(tmp_path / "run.rec", recording))]) == 1
     out = capsys.readouterr().out
     assert "not verified" in out and " broken\n  tick " in out

@@ -29,9 +29,9 @@ from automaton.history.explanation import explain
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.scenario.resolve import resolve
-from automaton.world.condition import BROKEN, TOWED
+from automaton.world.observation import CAUSES
+from automaton.world.robot_status import STATUS_FAILED, STATUS_TOWED
 from automaton.world.state import NIL
-from automaton.world.waiting import CAUSES
 from tui.search import find
 from tui.view import View
 from tui.widgets.figures import Figures
@@ -42,7 +42,7 @@ from tui.widgets.signs import ASCII as PLAIN_SIGNS
 from tui.widgets.why import Why
 
 FAULTS = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
-CHARGER_CELL = resolve("depots").plan.cell(4, 0)
+CHARGER_CELL = resolve("depots").floor_plan.cell(4, 0)
 
 
 Found = Callable[[Snapshot], Any]
@@ -69,11 +69,11 @@ def is_line_of_two(now: Snapshot) -> bool:
 
 
 def is_broken(now: Snapshot) -> bool:
-    return bool((now.robots.status == BROKEN).any())
+    return bool((now.robots.status == STATUS_FAILED).any())
 
 
 def is_towed(now: Snapshot) -> bool:
-    return bool((now.robots.status == TOWED).any())
+    return bool((now.robots.status == STATUS_TOWED).any())
 
 
 def is_low_and_loaded(now: Snapshot) -> bool:
@@ -112,7 +112,7 @@ def drained(tick: int) -> View:
 def selected(view: View, robot: int) -> View:
     """The moment as the player shows it when a robot is selected: with its plan."""
     plan = np.array([7, 3, 11], np.int32)
-    snapshot = replace(view.snapshot, selected=robot, plan=plan)
+    snapshot = replace(view.snapshot, selected=robot, order_queue=plan)
     return of_robot(replace(view, shot=replace(view.shot, snapshots=(snapshot,))), robot)
 
 
@@ -141,16 +141,16 @@ def test_a_bar_shows_how_full_a_battery_is() -> None:
 
 
 def test_the_plan_of_a_robot_comes_with_the_snapshot_when_it_is_selected() -> None:
-    view = living(first(lambda now: now.robots.planned.max() > 2))
-    robot = int(np.argmax(view.snapshot.robots.planned))
-    many = int(view.snapshot.robots.planned[robot])
+    view = living(first(lambda now: now.robots.order_queue_length.max() > 2))
+    robot = int(np.argmax(view.snapshot.robots.order_queue_length))
+    many = int(view.snapshot.robots.order_queue_length[robot])
     assert f"ahead {many} orders" in shown(Inspector(), of_robot(view, robot))
     run = LiveRun(resolve("depots", ["battery.start=40", FAULTS]), 1)
     run.show(view.snapshot.tick, 99)
     i = run.shown.world.robots.at_index[robot]
-    plan = take_snapshot(run.shown, robot).plan.tolist()
-    assert plan == run.shown.world.robots.plan[i, :many].tolist()
-    assert len(take_snapshot(run.shown).plan) == 0
+    order_queue = take_snapshot(run.shown, robot).order_queue.tolist()
+    assert order_queue == run.shown.world.robots.order_queue[i, :many].tolist()
+    assert len(take_snapshot(run.shown).order_queue) == 0
 
 
 def test_a_robot_that_charges_says_how_long_and_keeps_its_word() -> None:
@@ -161,20 +161,20 @@ def test_a_robot_that_charges_says_how_long_and_keeps_its_word() -> None:
     assert f"robot {holder} charges up to {level:.0f} %, {ticks} tick" in said_then
     assert f"charging up to {level:.0f} %, {ticks} tick" in said_then
     end = view.snapshot.tick + ticks
-    levels = [living(tick).snapshot.robots.level[holder] for tick in (end - 1, end)]
-    assert levels == [view.snapshot.robots.level[holder], 0]
+    levels = [living(tick).snapshot.robots.charge_target[holder] for tick in (end - 1, end)]
+    assert levels == [view.snapshot.robots.charge_target[holder], 0]
 
 
 def test_out_of_order_since_when_and_until_when() -> None:
     tick = first(is_broken)
     view = living(tick + 10)
-    (robot,) = np.flatnonzero(view.snapshot.robots.status == BROKEN)
+    (robot,) = np.flatnonzero(view.snapshot.robots.status == STATUS_FAILED)
     told = shown(Inspector(), of_robot(view, robot), WIDE)
     since = f"since tick {tick:,}: robot {robot} has broken down; it is towed in "
     assert since in told
     left = int(told.partition(since)[2].split()[0])
     at = [living(view.snapshot.tick + ticks).snapshot for ticks in (left - 1, left)]
-    assert [now.robots.status[robot] for now in at] == [BROKEN, TOWED], "as it said"
+    assert [now.robots.status[robot] for now in at] == [STATUS_FAILED, STATUS_TOWED], "as it said"
     towed = shown(Inspector(), of_robot(living(at[1].tick), robot), WIDE)
     assert f"robot {robot} was towed; it is back in 100 ticks" in towed and "off the floor" in towed
     assert living(at[1].tick + 100).snapshot.robots.status[robot] == 0
@@ -224,9 +224,11 @@ def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
             told.append(text(inspector))
 
     on_stage(inspector, story, WIDE, 40)
-    lead = orders.delivered[done] - orders.released[done]
-    assert f"known from tick {orders.released[done]}" in told[0] and f"lead time {lead}" in told[0]
-    assert f"lead time {700 - orders.released[open_]} ticks so far" in told[1]
+    lead = orders.delivered[done] - orders.release_tick[done]
+    assert (
+        f"known from tick {orders.release_tick[done]}" in told[0] and f"lead time {lead}" in told[0]
+    )
+    assert f"lead time {700 - orders.release_tick[open_]} ticks so far" in told[1]
     assert "order 199 will come; no strategy knows it yet" in told[2] and "lead" not in told[2]
 
 
@@ -249,7 +251,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
         assert [int(row[0]) for row in rows] == np.argsort(fleet.charge, kind="stable").tolist()
         assert f"{fleet.charge.min() / 10_000:.1f} %" in said(robots)[1]
         await click(pilot, robots, "ahead")
-        ahead = np.argsort(-fleet.planned, kind="stable").tolist()
+        ahead = np.argsort(-fleet.order_queue_length, kind="stable").tolist()
         assert [int(row.split()[0]) for row in said(robots)[1:5]] == ahead
         assert sum("in line" in row for row in said(robots)) == 2
 
@@ -258,7 +260,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
 
 def test_robots_are_found_by_their_condition() -> None:
     view = living(first(is_broken))
-    broken = np.flatnonzero(view.snapshot.robots.status == BROKEN).tolist()
+    broken = np.flatnonzero(view.snapshot.robots.status == STATUS_FAILED).tolist()
     assert list(find("broken", view).robots) == broken
     view = living(first(is_low_and_loaded))
     fleet = view.snapshot.robots
@@ -295,7 +297,7 @@ def test_lost_time_names_charger_empty_and_broken() -> None:
 
 def test_why_tells_the_line_before_a_charger() -> None:
     view, holder, one, two = in_line()
-    line, charges = explain(view.snapshot, view.plan, two).lines
+    line, charges = explain(view.snapshot, view.floor_plan, two).lines
     level = in_percent(view, "level", holder)
     assert (
         f"robot {two} stands in line: robot {holder} charges at (4, 0) up to {level:.0f} %" in line
@@ -306,7 +308,9 @@ def test_why_tells_the_line_before_a_charger() -> None:
     held = living(first(is_held)).snapshot
     (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
     waiting = line_before(held, CHARGER_CELL)[0]
-    assert f"in line: robot {there} holds (4, 0)" in explain(held, view.plan, waiting).lines[0]
+    assert (
+        f"in line: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
+    )
 
 
 @pytest.mark.parametrize(

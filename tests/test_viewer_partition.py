@@ -17,11 +17,16 @@ from automaton.history.chronicle import Chronicle, Event
 from automaton.history.explanation import explain
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import take_snapshot
-from automaton.picture.partition import coloured, partition_picture
+from automaton.picture.service_zone_lines import coloured, partition_picture
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import CARRIED, NIL, WAITING
-from automaton.world.waiting import PART_FINISHED, REDESIGN, REDESIGNED, WORK_DONE
+from automaton.world.observation import (
+    CAUSE_REDESIGN,
+    EVENT_JOB_DONE,
+    EVENT_PART_FINISHED,
+    EVENT_ZONES_REDESIGNED,
+)
+from automaton.world.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.zoning.load import load_of
 from automaton.zoning.space import space_for, zone_rules
 from tui.cast.making import make_picture
@@ -55,63 +60,81 @@ def station_with(view: View, mask: np.ndarray) -> int:
 
 def of_station(view: View, station: int) -> View:
     (cell,) = find(f"station {station + 1}", view).cells
-    return of_cell(view, *view.plan.xy(cell))
+    return of_cell(view, *view.floor_plan.xy(cell))
 
 
 # The inspector
 
 
 def test_a_station_tells_its_zone_its_work_and_its_line(factory: View) -> None:
-    stations, zoning = factory.snapshot.stations, factory.snapshot.zoning
-    first = stations.first
-    at = station_with(factory, (first != NIL) & (stations.behind[np.maximum(first, 0)] != NIL))
+    stations, service_zones = factory.snapshot.stations, factory.snapshot.service_zones
+    in_service = stations.in_service
+    at = station_with(
+        factory, (in_service != NIL) & (stations.next_in_queue[np.maximum(in_service, 0)] != NIL)
+    )
     said = shown(Inspector(), of_station(factory, at), 60)
-    part, left = stations.part[first[at]], stations.until[at] - AT
-    assert f"station {at + 1} of 18, in zone {zoning.design.zone[at] + 1}" in said
+    part, left = stations.part[in_service[at]], stations.job_done_tick[at] - AT
+    assert f"station {at + 1} of 18, in zone {service_zones.design.zone[at] + 1}" in said
     assert f"works on part {part}, {left} ticks left" in said
     assert f"in line {len(line_of(factory, at))} part" in said
-    done = int(np.count_nonzero((stations.station == at) & (stations.done != NIL)))
+    done = int(np.count_nonzero((stations.station == at) & (stations.completion_tick != NIL)))
     assert f"so far {done} part" in said
 
 
 def line_of(view: View, station: int) -> list[int]:
     """Works that have come there and are not begun, found without following the line."""
     stations = view.snapshot.stations
-    there = (stations.station == station) & (stations.came != NIL) & (stations.done == NIL)
-    return [work for work in np.flatnonzero(there) if work != stations.first[station]]
+    there = (
+        (stations.station == station)
+        & (stations.arrival_tick != NIL)
+        & (stations.completion_tick == NIL)
+    )
+    return [work for work in np.flatnonzero(there) if work != stations.in_service[station]]
 
 
 def test_a_transfer_station_names_its_zones(factory: View) -> None:
-    transfer = factory.snapshot.zoning.design.transfer
+    transfer = factory.snapshot.service_zones.design.transfer
     a, b, station = (int(n) for n in np.argwhere(transfer)[0])
     said = shown(Inspector(), of_station(factory, station), 60)
     assert f"between zone {min(a, b) + 1} - zone {max(a, b) + 1}" in said
 
 
 def test_a_robot_tells_its_zone_and_its_queue(factory: View) -> None:
-    orders, zoning = factory.snapshot.orders, factory.snapshot.zoning
+    orders, service_zones = factory.snapshot.orders, factory.snapshot.service_zones
     for robot in range(3):
         said = shown(Inspector(), of_robot(factory, robot), 60)
-        mine = (zoning.queue == robot) & (orders.state == WAITING) & (orders.by == NIL)
+        mine = (
+            (service_zones.queue == robot)
+            & (orders.state == ORDER_WAITING)
+            & (orders.reserved_by == NIL)
+        )
         assert f"serves zone {robot + 1}" in said
         assert f"queue {np.count_nonzero(mine)} order" in said and "halted" not in said
 
 
 def test_a_robot_and_its_zone_tell_how_long_the_work_in_the_queue_takes(factory: View) -> None:
     """As the zones' own kernel reckons it, of all stations and without a base."""
-    orders, zoning = factory.snapshot.orders, factory.snapshot.zoning
-    space = space_for(zoning.roads, 3)
-    space.member[:] = 1
+    orders, service_zones = factory.snapshot.orders, factory.snapshot.service_zones
+    workspace = space_for(service_zones.roads, 3)
+    workspace.member[:] = 1
     speed, handling = 60 / 0.635055, 8 * 0.635055 / 60
     rules = zone_rules(speed, adjacent=1, base=0, handling=handling)
     for robot in range(3):
         legs = np.zeros((18, 18))
-        for order in np.flatnonzero((zoning.queue == robot) & (zoning.stop != NIL)):
-            if orders.state[order] in (WAITING, CARRIED):
-                slot = orders.place if orders.state[order] == WAITING else zoning.leg
-                here, there = zoning.station_of[[slot[order], zoning.stop[order]]]
+        for order in np.flatnonzero(
+            (service_zones.queue == robot) & (service_zones.next_slot != NIL)
+        ):
+            if orders.state[order] in (ORDER_WAITING, ORDER_CARRIED):
+                slot = (
+                    orders.current_slot
+                    if orders.state[order] == ORDER_WAITING
+                    else service_zones.picked_from
+                )
+                here, there = service_zones.station_of[
+                    [slot[order], service_zones.next_slot[order]]
+                ]
                 legs[here, there] += here != there
-        minutes = load_of(zoning.roads.read_only(), rules, legs, space, robot)
+        minutes = load_of(service_zones.roads.read_only(), rules, legs, workspace, robot)
         assert minutes > 1
         said = shown(Inspector(), of_robot(factory, robot), 70)
         assert f"its work {minutes:.1f} minutes of driving and handling" in said
@@ -120,20 +143,20 @@ def test_a_robot_and_its_zone_tell_how_long_the_work_in_the_queue_takes(factory:
 
 
 def test_an_order_tells_its_queue_and_its_next_stop(factory: View) -> None:
-    zoning, orders = factory.snapshot.zoning, factory.snapshot.orders
-    order = int(np.flatnonzero((zoning.queue >= 0) & (orders.state == WAITING))[0])
+    service_zones, orders = factory.snapshot.service_zones, factory.snapshot.orders
+    order = int(np.flatnonzero((service_zones.queue >= 0) & (orders.state == ORDER_WAITING))[0])
     panel = Inspector()
     panel.order = order
     panel._chosen = (NIL, NIL, NIL)
     said = shown(panel, factory, 60)
-    stop = zoning.station_of[zoning.stop[order]] + 1
-    last = zoning.stop[order] == orders.target[order]
-    assert f"queue of zone {zoning.queue[order] + 1}" in said
+    stop = service_zones.station_of[service_zones.next_slot[order]] + 1
+    last = service_zones.next_slot[order] == orders.target[order]
+    assert f"queue of zone {service_zones.queue[order] + 1}" in said
     assert f"next stop station {stop}, {'its target' if last else 'a transfer station'}" in said
 
 
 def test_a_zone_lists_its_stations_and_its_transfer_stations(factory: View) -> None:
-    design = factory.snapshot.zoning.design
+    design = factory.snapshot.service_zones.design
     said = shown(Inspector(), replace(factory, zone=1), 60)
     assert "zone 2 of 3 that robots serve" in said and "served by robot 1" in said
     listed = ", ".join(str(s + 1) for s in np.flatnonzero(design.zone == 1))
@@ -144,14 +167,16 @@ def test_a_zone_lists_its_stations_and_its_transfer_stations(factory: View) -> N
 
 
 def test_robots_that_stand_still_say_why_and_for_how_long(factory: View) -> None:
-    zoning = factory.snapshot.zoning
+    service_zones = factory.snapshot.service_zones
     halt = np.array([NIL, AT + 30, NIL], np.int64)
-    robots = replace(factory.snapshot.robots, cause=np.array([0, REDESIGN, 0], np.uint8))
-    snapshot = replace(factory.snapshot, robots=robots, zoning=zoning.replaced(halt=halt))
+    robots = replace(factory.snapshot.robots, cause=np.array([0, CAUSE_REDESIGN, 0], np.uint8))
+    snapshot = replace(
+        factory.snapshot, robots=robots, service_zones=service_zones.replaced(halt=halt)
+    )
     view = replace(factory, shot=replace(factory.shot, snapshots=(snapshot,)))
     said = shown(Inspector(), of_robot(view, 1), 60)
     assert "halted zones are redesigned: it stands still for 30 ticks" in said
-    (link,) = explain(snapshot, view.plan, 1).chain
+    (link,) = explain(snapshot, view.floor_plan, 1).chain
     assert "stands still while the zones are redesigned" in link.text
 
 
@@ -191,10 +216,14 @@ def test_the_figures_count_parts_and_redesigns(factory: View) -> None:
 
 def test_stations_tell_when_they_are_done_with_a_part(factory: View) -> None:
     events = factory.run.chronicle.events
-    done = events[np.isin(events[:, 1], (WORK_DONE, PART_FINISHED)) & (events[:, 0] <= AT)]
+    done = events[
+        np.isin(events[:, 1], (EVENT_JOB_DONE, EVENT_PART_FINISHED)) & (events[:, 0] <= AT)
+    ]
     stations = factory.snapshot.stations
-    works = np.flatnonzero((stations.done != NIL) & (stations.done <= AT))
-    expected = sorted((stations.done[w], stations.part[w], stations.station[w]) for w in works)
+    works = np.flatnonzero((stations.completion_tick != NIL) & (stations.completion_tick <= AT))
+    expected = sorted(
+        (stations.completion_tick[w], stations.part[w], stations.station[w]) for w in works
+    )
     assert len(expected) > 20
     assert sorted((tick, part, at) for tick, _, _, part, at in done.tolist()) == expected
     part, at = done[0, 3:].tolist()
@@ -209,13 +238,13 @@ def test_a_station_that_comes_into_another_zone_is_an_event_and_stops_a_run() ->
     run, chronicle = observed()
     run.run(until=50)
     point = breakpoint_of("zones redesigned")
-    assert point.test(run, run.resolved.plan).tolist() == []
-    run.world.zoning.design.zone[0] = 2  # station 1 was in zone 2
+    assert point.test(run, run.resolved.floor_plan).tolist() == []
+    run.world.service_zones.design.zone[0] = 2  # station 1 was in zone 2
     run.run(until=51)
-    assert point.test(run, run.resolved.plan).tolist() == [1, 2]
+    assert point.test(run, run.resolved.floor_plan).tolist() == [1, 2]
     run.run(until=60)
-    assert point.test(run, run.resolved.plan).tolist() == []
-    events = chronicle.events[chronicle.events[:, 1] == REDESIGNED]
+    assert point.test(run, run.resolved.floor_plan).tolist() == []
+    events = chronicle.events[chronicle.events[:, 1] == EVENT_ZONES_REDESIGNED]
     assert events[:, [0, 4]].tolist() == [[51, 1]] and chronicle.redesigns.tolist() == [51]
     assert event_words(Event(*events[0].tolist())) == "zones redesigned: 1 station"
     assert take_snapshot(run).redesigns == 1
@@ -224,9 +253,9 @@ def test_a_station_that_comes_into_another_zone_is_an_event_and_stops_a_run() ->
 def test_a_snapshot_keeps_the_design_that_it_was_taken_of() -> None:
     run, _ = observed()
     run.run(until=5)
-    before = take_snapshot(run).zoning.design.zone
+    before = take_snapshot(run).service_zones.design.zone
     kept = before.copy()
-    run.world.zoning.design.zone[0] = 2
+    run.world.service_zones.design.zone[0] = 2
     assert before.tolist() == kept.tolist()
 
 
@@ -253,8 +282,8 @@ def show(run: LiveRun, tick: int) -> None:
 
 def designs(run: LiveRun) -> tuple[bytes, ...]:
     snapshot = take_snapshot(run.shown)
-    design = snapshot.zoning.design
-    arrays = (design.zone, design.path, design.transfer, snapshot.stations.first)
+    design = snapshot.service_zones.design
+    arrays = (design.zone, design.path, design.transfer, snapshot.stations.in_service)
     return tuple(array.tobytes() for array in arrays)
 
 
@@ -263,21 +292,23 @@ def designs(run: LiveRun) -> tuple[bytes, ...]:
 
 def test_zones_and_stations_as_text(factory: View) -> None:
     world = factory.run.shown.world
-    lines = partition_picture(world, factory.plan).split("\n")
-    assert len(lines[0]) == factory.plan.width and lines[factory.plan.height] == ""
-    zones = lines[factory.plan.height + 2 : factory.plan.height + 5]
+    lines = partition_picture(world, factory.floor_plan).split("\n")
+    assert len(lines[0]) == factory.floor_plan.width and lines[factory.floor_plan.height] == ""
+    zones = lines[factory.floor_plan.height + 2 : factory.floor_plan.height + 5]
     assert [line[:10] for line in zones] == ["zone 1 (d)", "zone 2 (e)", "zone 3 (f)"]
     assert sum(line.startswith("station ") for line in lines) == 18
-    at = station_with(factory, world.stations.first != NIL)
+    at = station_with(factory, world.stations.in_service != NIL)
     (told,) = (line for line in lines if line.startswith(f"station {at + 1},"))
-    assert f"part {world.stations.part[world.stations.first[at]]}, " in told and " done" in told
+    assert (
+        f"part {world.stations.part[world.stations.in_service[at]]}, " in told and " done" in told
+    )
     texts = coloured("\n".join(lines))
     assert [text.plain for text in texts] == lines and any(text.spans for text in texts)
 
 
 def test_without_zones_and_stations_there_is_nothing_to_draw() -> None:
     run = Simulation(resolve("tabletop-mini"))
-    assert partition_picture(run.world, run.resolved.plan) == ""
+    assert partition_picture(run.world, run.resolved.floor_plan) == ""
 
 
 def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFixture[str]) -> None:

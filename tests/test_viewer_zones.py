@@ -19,9 +19,9 @@ from automaton.history.snapshot import take_snapshot
 from automaton.kernels.routes.frontier import FIFO, LARGER_G, TIES
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
+from automaton.world.observation import CAUSE_REDUCED_SPEED
 from automaton.world.state import GOAL_PICK, NIL
-from automaton.world.waiting import DRIVING_SLOWLY
-from automaton.world.zones import MODES, zones_of
+from automaton.world.traffic_zones import MODES, traffic_zones_of
 from tui.cast.making import make_picture
 from tui.cast.request import Request
 from tui.render.compose import compose
@@ -66,12 +66,12 @@ def run() -> Simulation:
 
 
 def drawn_ascii(scene, zoom: str = "1x1") -> str:
-    return text(compose(scene, camera_at(scene.floor.plan, zoom), ASCII), ASCII)
+    return text(compose(scene, camera_at(scene.floor.floor_plan, zoom), ASCII), ASCII)
 
 
 def test_zones_bear_letters_where_touching_ones_differ_and_crossings_a_sign() -> None:
-    plan = drawn(AISLES)
-    scene = stage(plan, zones=zones_of(plan), layer="zones")
+    floor_plan = drawn(AISLES)
+    scene = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
     picture = drawn_ascii(scene).splitlines()
     assert [row.strip() for row in picture if row.strip()] == ZONES_PICTURE
 
@@ -79,10 +79,10 @@ def test_zones_bear_letters_where_touching_ones_differ_and_crossings_a_sign() ->
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", ["tabletop-1", "warehouse-100"])
 def test_touching_zones_have_other_tints(name: str, mode: str) -> None:
-    plan = shipped(name)
-    zones = zones_of(plan, mode)
-    tint = tints_of(zones, *plan.kind.shape).reshape(plan.kind.shape)
-    number = zones.of[:, 0].reshape(plan.kind.shape)
+    floor_plan = shipped(name)
+    traffic_zones = traffic_zones_of(floor_plan, mode)
+    tint = tints_of(traffic_zones, *floor_plan.kind.shape).reshape(floor_plan.kind.shape)
+    number = traffic_zones.of[:, 0].reshape(floor_plan.kind.shape)
     assert ((tint == NIL) == (number == NIL)).all() and tint.max() < len(TINTS)
     for step, axis in ((1, 0), (1, 1)):
         beside, its_tint = np.roll(number, -step, axis), np.roll(tint, -step, axis)
@@ -96,19 +96,19 @@ def test_no_letter_of_a_zone_is_a_sign_of_something_else_in_ascii() -> None:
 
 
 def test_a_floor_of_intersections_says_that_it_has_no_zones() -> None:
-    plan = open_floor(3, 3)
-    scene = stage(plan, zones=zones_of(plan), layer="zones")
-    meanings = [entry.meaning for entry in legend(scene, camera_at(plan, "1x1").zoom, ASCII)]
+    floor_plan = open_floor(3, 3)
+    scene = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
+    meanings = [entry.meaning for entry in legend(scene, camera_at(floor_plan, "1x1").zoom, ASCII)]
     assert "zones: this floor has none, all of it is intersections" in meanings
-    assert describe(scene, plan.cell(1, 1)) == "(1, 1) floor, intersection"
+    assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) floor, intersection"
 
 
 def test_explored_and_predicted_cells_are_shaded_where_there_are_no_colours() -> None:
-    plan = open_floor(5, 3)
-    field = np.zeros(plan.kind.size, np.int32)
+    floor_plan = open_floor(5, 3)
+    field = np.zeros(floor_plan.kind.size, np.int32)
     for x, value in enumerate((0, 1, 2, 1, 0)):
-        field[plan.cell(x, 1)] = value
-    searched = stage(plan, heat=field, layer="explored", selected=NIL)
+        field[floor_plan.cell(x, 1)] = value
+    searched = stage(floor_plan, heat=field, layer="explored", selected=NIL)
     assert [row.strip() for row in drawn_ascii(searched).splitlines()] == EXPLORED_PICTURE
     foreseen = searched.with_(layer="predicted")
     assert [row.strip() for row in drawn_ascii(foreseen).splitlines()] == PREDICTED_PICTURE
@@ -136,9 +136,9 @@ def test_a_search_explores_its_path_and_what_lies_around_it(run: Simulation) -> 
     field = explored(run.world, paths_of(run), robot)
     i = int(run.world.robots.at_index[robot])
     path = np.flatnonzero(field == 2)
-    assert run.world.robots.stand[i] in path and np.count_nonzero(field == 1) > 0
+    assert run.world.robots.goal_cell[i] in path and np.count_nonzero(field == 1) > 0
     assert len(path) == len(route_of(run, robot)) + 1  # nobody is in its way: as short as its route
-    assert (run.world.grid.rule[field > 0] & 15 != 0).all()
+    assert (run.world.grid.cell_flags[field > 0] & 15 != 0).all()
     assert not explored(run.world, paths_of(run), NIL).any()
 
 
@@ -155,7 +155,7 @@ def test_predicted_paths_hold_the_routes_and_lose_the_selected_robot(run: Simula
     robot, grid = busiest(run), run.world.grid
     everybody = predicted(run.world, paths_of(run), NIL)
     others = predicted(run.world, paths_of(run), robot)
-    least = np.zeros(grid.rule.size, np.int32)
+    least = np.zeros(grid.cell_flags.size, np.int32)
     for one in range(5):
         least[list(set(route_of(run, one)))] += 1
     assert (everybody >= least).all() and everybody.max() >= 2
@@ -167,18 +167,20 @@ def test_predicted_paths_are_the_routes_and_the_rest_of_the_tasks(run: Simulatio
     """Each robot counts once in a cell, however often it will be there."""
     world, paths = run.world, paths_of(run)
     robots, headings = world.robots, world.grid.headings
-    expected = np.zeros(world.grid.rule.size, np.int32)
-    for i in np.flatnonzero(robots.stand != NIL):
+    expected = np.zeros(world.grid.cell_flags.size, np.int32)
+    for i in np.flatnonzero(robots.goal_cell != NIL):
         cell = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
-        steps = robots.route[i, robots.at[i] : robots.length[i]]
+        steps = robots.route[i, robots.route_index[i] : robots.route_length[i]]
         cells = [cell, *(cell + np.cumsum(world.grid.offset[steps]))]
-        if robots.goal[i] == GOAL_PICK:
+        if robots.goal_type[i] == GOAL_PICK:
             heading = int(steps[-1]) % headings if len(steps) else int(robots.heading[i])
             access = world.slots.access[world.orders.target[robots.order[i]]]
             beyond = next(int(access[way]) for way in (2, 0, 3, 1) if access[way] != NIL)
-            cells += paths.found(0, int(robots.stand[i]) * headings + heading, beyond)[1].tolist()
+            cells += paths.found(0, int(robots.goal_cell[i]) * headings + heading, beyond)[
+                1
+            ].tolist()
         expected[sorted({int(cell) for cell in cells})] += 1
-    assert expected.max() >= 2 and (robots.goal == GOAL_PICK).any()
+    assert expected.max() >= 2 and (robots.goal_type == GOAL_PICK).any()
     assert np.array_equal(predicted(world, paths, NIL), expected)
 
 
@@ -214,22 +216,28 @@ def test_while_ticks_go_by_an_overlay_is_kept_for_a_while() -> None:
 
 def occupied(view: View) -> tuple[int, int, list[int]]:
     """A zone with robots, a cell of it and the robots, found without the inspector."""
-    zones, fleet = zones_of(view.plan), view.snapshot.robots
-    of = np.array([zones.of[c, t >> 1] if c != NIL else NIL
+    traffic_zones, fleet = traffic_zones_of(view.floor_plan), view.snapshot.robots
+    of = np.array([traffic_zones.of[c, t >> 1] if c != NIL else NIL
                    for c, t in zip(fleet.cell, fleet.travel, strict=True)])  # fmt: skip
     zone = int(of[of != NIL][0])
-    return zone, int(np.flatnonzero(zones.of[:, 0] == zone)[0]), np.flatnonzero(of == zone).tolist()
+    return (
+        zone,
+        int(np.flatnonzero(traffic_zones.of[:, 0] == zone)[0]),
+        np.flatnonzero(of == zone).tolist(),
+    )
 
 
 def test_a_cell_tells_its_zone_who_is_in_it_and_what_a_move_takes(crowded: View) -> None:
     zone, cell, robots = occupied(crowded)
-    said = shown(Inspector(), of_cell(crowded, *crowded.plan.xy(cell)))
+    said = shown(Inspector(), of_cell(crowded, *crowded.floor_plan.xy(cell)))
     many = len(robots)
     assert f"zone {zone} with {many} robot" in said
     move = crowded.run.resolved.scenario.durations.move
     ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else f"{many} tick"
     assert f"a move from here takes {ticks}" in said
-    crossing = crowded.plan.xy(int(np.flatnonzero(zones_of(crowded.plan).intersection)[0]))
+    crossing = crowded.floor_plan.xy(
+        int(np.flatnonzero(traffic_zones_of(crowded.floor_plan).intersection)[0])
+    )
     assert "zone none: an intersection, which slows nobody down" in shown(
         Inspector(), of_cell(crowded, *crossing)
     )
@@ -238,7 +246,7 @@ def test_a_cell_tells_its_zone_who_is_in_it_and_what_a_move_takes(crowded: View)
 def test_a_zone_lists_its_robots(crowded: View) -> None:
     zone, _, robots = occupied(crowded)
     said = shown(Inspector(), replace(crowded, zone=zone))
-    assert f"zone {zone} of {zones_of(crowded.plan).count}, undirected" in said
+    assert f"zone {zone} of {traffic_zones_of(crowded.floor_plan).count}, undirected" in said
     assert "here " + ", ".join(f"robot {robot}" for robot in robots) in said
 
 
@@ -262,19 +270,19 @@ def test_the_slowest_zones_are_listed_and_lead_to_themselves(crowded: View) -> N
 
 def test_driving_slowly_is_told_beside_lost_time_and_is_no_wait(crowded: View) -> None:
     lost = crowded.snapshot.robots.lost
-    robot = int(np.argmax(lost[:, DRIVING_SLOWLY]))
-    ticks = int(lost[robot, DRIVING_SLOWLY])
+    robot = int(np.argmax(lost[:, CAUSE_REDUCED_SPEED]))
+    ticks = int(lost[robot, CAUSE_REDUCED_SPEED])
     row = shown(Why(), of_robot(crowded, robot)).partition("s driving slowly ")[2]
     assert row.split()[1:3] == [str(ticks), f"{100 * ticks / 300:.0f}"]
     assert "s driving slowly" in shown(Figures(), crowded, 56, 90)
     assert f"slowed by {ticks} ticks" in shown(Inspector(), of_robot(crowded, robot))
     found = find(f"slowed >= {ticks}", crowded).robots
-    assert found == tuple(np.flatnonzero(lost[:, DRIVING_SLOWLY] >= ticks).tolist())
+    assert found == tuple(np.flatnonzero(lost[:, CAUSE_REDUCED_SPEED] >= ticks).tolist())
 
 
 def test_zones_are_found_by_number(crowded: View) -> None:
     assert find("Zone 3", crowded).zones == (3,) and find("zone 3", crowded).many == "1 zone"
-    last = zones_of(crowded.plan).count - 1
+    last = traffic_zones_of(crowded.floor_plan).count - 1
     with pytest.raises(InputError, match=f"no zone 999; zones are numbered from 0 to {last}"):
         find("zone 999", crowded)
 
@@ -285,7 +293,7 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
             await user.press("slash", *"zone", "space", "3", "enter")
             await user.until(lambda: user.app.choice.zone == 3)
             scene = user.app.pictures.scene(user.app.shot, user.app.choice, 0)
-            of = zones_of(scene.floor.plan).of
+            of = traffic_zones_of(scene.floor.floor_plan).of
             assert scene.zone_cells.tolist() == np.flatnonzero(of[:, 0] == 3).tolist()
             await user.until(lambda: "zone 3 of" in "".join(
                 span.text for line in user.app.column.inspector.lines for span in line

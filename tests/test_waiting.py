@@ -13,19 +13,27 @@ from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.world.condition import FULL
-from automaton.world.state import GOAL_CHARGE, GOAL_PICK, HALTED, NIL, PAUSE, RETREAT, STEP
-from automaton.world.waiting import (
+from automaton.world.observation import (
+    CAUSE_NOT_WAITING,
+    CAUSE_REDESIGN,
     CAUSES,
-    CYCLE,
-    DEADLOCK,
     DEADLOCK_TICKS,
+    EVENT_DEADLOCK,
+    EVENT_WAIT_CYCLE,
     LOST_EVER,
     LOST_LATELY,
     MEMORY_TICKS,
-    NOT_WAITING,
-    REDESIGN,
     congestion_of,
+)
+from automaton.world.robot_status import BATTERY_FULL
+from automaton.world.state import (
+    CLOCK_HALTED_UNTIL,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_WAIT,
+    GOAL_CHARGE,
+    GOAL_PICK,
+    NIL,
 )
 
 
@@ -33,20 +41,20 @@ class Answers(Strategy):
     """Right of way: the verb and value of each robot, in every tick."""
 
     layer = "right_of_way"
-    every = 1
+    period = 1
 
     def __init__(self, **given: tuple[int, int]) -> None:
         super().__init__()
         self.given = {ord(name) - ord("A"): answer for name, answer in given.items()}
 
-    def waits(self):
+    def wait_ranges(self):
         return (1, 1, 1, 1, 255)
 
-    def decide(self, view, asked, answers, memory, space):
-        for k in range(asked.count[0]):
-            who = int(view.robots.identity[asked.robot[k]])
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count[0]):
+            who = int(view.robots.identity[batch.robot[k]])
             if who in self.given:
-                answers.right_of_way.verb[k], answers.right_of_way.value[k] = self.given[who]
+                decisions.right_of_way.command[k], decisions.right_of_way.value[k] = self.given[who]
 
 
 # Causes
@@ -137,11 +145,11 @@ def test_bay() -> None:
     floor = Staged("b.\nb.", start="bays")
     robots = floor.world.robots
     home = int(robots.home[0])
-    robots.goal[0], robots.stand[0] = GOAL_PICK, home
+    robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, home
     robots.cell[1], robots.parked[1] = home, 0
     floor.world.traffic.occupancy[home] &= ~np.uint16(96)
     floor.tick()
-    assert floor.why("A") == ("bay", "B", floor.plan.xy(home))
+    assert floor.why("A") == ("bay", "B", floor.floor_plan.xy(home))
 
 
 def test_wait_drawn() -> None:
@@ -158,7 +166,9 @@ def test_just_freed() -> None:
 
 
 def test_withdrawal() -> None:
-    floor = Staged("A..", {"A": "E"}, strategies={"right_of_way": Answers(A=(RETREAT, 2))}).tick()
+    floor = Staged(
+        "A..", {"A": "E"}, strategies={"right_of_way": Answers(A=(CMD_RETREAT, 2))}
+    ).tick()
     assert floor.why("A") == ("withdrawal", "", None)
 
 
@@ -176,12 +186,12 @@ def test_no_place() -> None:
 def test_no_route() -> None:
     floor = Staged("A..")
     floor.send("A", "")
-    floor.world.robots.stand[0] += 2
+    floor.world.robots.goal_cell[0] += 2
     assert floor.tick().why("A") == ("no route", "", (2, 0))
 
 
 def test_illegal_answer() -> None:
-    floor = Staged("A#.", strategies={"right_of_way": Answers(A=(STEP, 0))}).tick()
+    floor = Staged("A#.", strategies={"right_of_way": Answers(A=(CMD_STEP, 0))}).tick()
     assert floor.why("A") == ("illegal answer", "", None)
 
 
@@ -190,9 +200,9 @@ def test_in_line_before_a_charger() -> None:
     floor = Staged("A.Bc", {"A": "EEE", "B": "E"}, battery=battery)
     for name in "AB":
         i = floor.index(name)
-        floor.world.robots.goal[i] = GOAL_CHARGE
-        floor.world.robots.stand[i] = floor.plan.cell(3, 0)
-        floor.world.robots.level[i] = FULL
+        floor.world.robots.goal_type[i] = GOAL_CHARGE
+        floor.world.robots.goal_cell[i] = floor.floor_plan.cell(3, 0)
+        floor.world.robots.charge_target[i] = BATTERY_FULL
     for _ in range(3):
         floor.tick()
     assert floor.cause("B") == "none"
@@ -217,10 +227,13 @@ def test_broken_down() -> None:
 def test_driving_slowly_is_lost_time_but_no_wait() -> None:
     rules = WorldRules(slowdown="zones")
     floor = Staged("##.####\nB.A.C.D", {"C": "E"}, rules=rules).tick()
-    watch, i = floor.run.watch, floor.index("C")
+    observation, i = floor.run.observation, floor.index("C")
     for _ in range(2):  # its move takes 2 ticks: one more than its duration
-        assert watch.cause[i] == NOT_WAITING
-        told = {CAUSES[cause].name: watch.lost[i, cause] for cause in np.flatnonzero(watch.lost[i])}
+        assert observation.cause[i] == CAUSE_NOT_WAITING
+        told = {
+            CAUSES[cause].name: observation.lost[i, cause]
+            for cause in np.flatnonzero(observation.lost[i])
+        }
         assert told == {"driving slowly": 1}
         floor.tick()
 
@@ -229,11 +242,14 @@ def test_redesign() -> None:
     run = Simulation(resolve("factory"), on_observe=Simulation.empty_observation)
     run.run(until=100)
     i = int(np.flatnonzero(run.world.robots.parked == 0)[0])
-    run.world.zoning.halt[i] = run.world.clock[HALTED] = 110
+    run.world.service_zones.halt[i] = run.world.clock[CLOCK_HALTED_UNTIL] = 110
     run.run(until=108)
-    assert CAUSES[run.watch.cause[i]].name == "redesign" and run.watch.blocker[i] == NIL
+    assert CAUSES[run.observation.cause[i]].name == "redesign" and run.observation.blocker[i] == NIL
     run.run(until=115)
-    assert run.watch.cause[i] == NOT_WAITING and run.watch.lost[i, REDESIGN] == 10
+    assert (
+        run.observation.cause[i] == CAUSE_NOT_WAITING
+        and run.observation.lost[i, CAUSE_REDESIGN] == 10
+    )
 
 
 def test_every_cause_has_a_floor_here() -> None:
@@ -265,7 +281,7 @@ def test_a_turn_in_an_aisle_that_right_of_way_asks_for() -> None:
     floor.world.robots.heading[:] = floor.world.robots.travel[:] = [0, 2]
     floor.tick()
     assert floor.cause("A") == floor.cause("B") == "none", "they are in the aisle side by side"
-    floor.answers.given = {0: (STEP, 1)}
+    floor.answers.given = {0: (CMD_STEP, 1)}
     floor.tick()
     assert floor.why("A") == ("lane", "B", (1, 0))
 
@@ -275,7 +291,7 @@ def test_who_stands_before_a_turn_does_not_wait_for_itself() -> None:
         "A.\n..",
         {"A": "S"},
         kinematics="differential",
-        strategies={"right_of_way": Answers(A=(PAUSE, 3))},
+        strategies={"right_of_way": Answers(A=(CMD_WAIT, 3))},
     )
     floor.world.robots.heading[:] = 0
     floor.tick()
@@ -288,20 +304,22 @@ def test_after_idleness_a_wait_begins_anew() -> None:
     floor.send("A", "E")
     floor.tick()
     assert floor.cause("A") == "idle ahead"
-    assert floor.run.tick - floor.run.watch.since[floor.index("A")] == 1
-    assert floor.run.tick - floor.run.watch.since[floor.index("B")] == 41
+    assert floor.run.tick - floor.run.observation.since[floor.index("A")] == 1
+    assert floor.run.tick - floor.run.observation.since[floor.index("B")] == 41
 
 
 def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
     floor = Staged("AB", {"A": "E"}).tick(MEMORY_TICKS - 1)
-    cell = floor.plan.cell(0, 0)
-    delay = floor.run.watch.delay[cell]
-    assert delay[LOST_LATELY] == delay[LOST_EVER] == MEMORY_TICKS - 1
+    cell = floor.floor_plan.cell(0, 0)
+    lost_ticks_by_cell = floor.run.observation.lost_ticks_by_cell[cell]
+    assert lost_ticks_by_cell[LOST_LATELY] == lost_ticks_by_cell[LOST_EVER] == MEMORY_TICKS - 1
     floor.tick()
-    assert delay[LOST_LATELY] == (MEMORY_TICKS - 1) // 2 + 1
-    assert delay[LOST_EVER] == MEMORY_TICKS
-    faded = congestion_of(floor.run.watch.delay, floor.run.tick + 2 * MEMORY_TICKS)
-    assert faded[cell] == delay[LOST_LATELY] // 4
+    assert lost_ticks_by_cell[LOST_LATELY] == (MEMORY_TICKS - 1) // 2 + 1
+    assert lost_ticks_by_cell[LOST_EVER] == MEMORY_TICKS
+    faded = congestion_of(
+        floor.run.observation.lost_ticks_by_cell, floor.run.tick + 2 * MEMORY_TICKS
+    )
+    assert faded[cell] == lost_ticks_by_cell[LOST_LATELY] // 4
 
 
 # Circles
@@ -313,18 +331,18 @@ def test_a_ring_of_four_that_cannot_turn() -> None:
     for robot, ahead in zip("ABCD", "BCDA", strict=True):
         assert floor.cause(robot) == "queue" and floor.blocker(robot) == ahead
         assert floor.ring(robot) == 1
-    assert [tuple(event)[:3] for event in floor.events()] == [(1, CYCLE, 0)]
+    assert [tuple(event)[:3] for event in floor.events()] == [(1, EVENT_WAIT_CYCLE, 0)]
     assert floor.events()[0].value == 4
 
 
 def test_a_circle_that_lasts_is_a_deadlock_once() -> None:
     floor = Staged(".AB", {"A": "E", "B": "W"}, waits=(500, 500, 500, 500, 255))
     floor.tick(DEADLOCK_TICKS - 1)
-    assert [event.code for event in floor.events()] == [CYCLE]
+    assert [event.code for event in floor.events()] == [EVENT_WAIT_CYCLE]
     floor.tick(40)
     assert [tuple(event) for event in floor.events()] == [
-        (1, CYCLE, 0, NIL, 2),
-        (DEADLOCK_TICKS, DEADLOCK, 0, NIL, 2),
+        (1, EVENT_WAIT_CYCLE, 0, NIL, 2),
+        (DEADLOCK_TICKS, EVENT_DEADLOCK, 0, NIL, 2),
     ]
     assert floor.ring("A") == floor.ring("B") == DEADLOCK_TICKS + 39
 

@@ -100,7 +100,7 @@ def test_the_first_difference_is_the_first_tick_in_which_robots_did_something_el
     did = []
     for recording in (one, other):
         frames = [frame.content for frame in recording.frames if frame.kind == 2]
-        did.append([row.tolist() for frame in frames for row in frame["did"]])
+        did.append([row.tolist() for frame in frames for row in frame["executed"]])
     wanted = next(t for t, (a, b) in enumerate(zip(*did, strict=False), start=1) if a != b)
     assert first_difference(one, other).tick == wanted
     assert first_difference(one, one).tick is None
@@ -197,6 +197,6 @@ def test_a_floor_is_known_without_numba(tmp_path: Path) -> None:
 def test_the_opening_knows_its_floor_and_title(tmp_path: Path) -> None:
     opening = recorded(record(tmp_path / "a.rec", "fleet.robots=2"))
     assert opening.titles == ("a.rec: tabletop-mini, 2 robots, seed 1, fleet.robots=2",)
-    plan = resolve("tabletop-mini").plan
-    assert opening.resolved[0].plan == plan
-    assert (plan.kind == DESTINATION).any()
+    floor_plan = resolve("tabletop-mini").floor_plan
+    assert opening.resolved[0].floor_plan == floor_plan
+    assert (floor_plan.kind == DESTINATION).any()

@@ -22,7 +22,7 @@ from panel_stage import (
 from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
-from automaton.world.waiting import CAUSES
+from automaton.world.observation import CAUSES
 from tui.widgets.lost import LETTERS, drawn, key, split
 from tui.widgets.signs import ASCII, UNICODE, Signs
 from tui.widgets.why import Why
@@ -137,7 +137,7 @@ def test_every_robot_and_every_cell_of_the_chain_can_be_clicked() -> None:
         await pilot.pause()
         await click(pilot, why, "(8, 0)")
         await click(pilot, why, "robot 2 holds")
-        assert stage.wishes() == [("cell", deadlocked().plan.cell(8, 0)), ("robot", 2)]
+        assert stage.wishes() == [("cell", deadlocked().floor_plan.cell(8, 0)), ("robot", 2)]
 
     on_stage(why, story)
 

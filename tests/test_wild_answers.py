@@ -12,7 +12,7 @@ import pytest
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.world.state import LAYERS, NIL
+from automaton.world.state import LAYER_NAMES, NIL
 
 TRIALS = Path(__file__).with_name("answer_trials.py")
 
@@ -21,13 +21,13 @@ class Says(Strategy):
     """Zoning that answers as below, once."""
 
     layer = "zoning"
-    every = 1
+    period = 1
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         if view.clock[0] == 2:
-            self.say(view, answers.zoning)
+            self.say(view, decisions.zoning)
 
-    def say(self, view: Any, given: Any) -> None:
+    def say(self, view: Any, out: Any) -> None:
         raise NotImplementedError
 
 
@@ -48,7 +48,7 @@ class QueuesLessThanNone(Says):
 
 class ServesNoZone(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.zone[0] = len(given.server)
+        given.service_zone[0] = len(given.server)
 
 
 class WakesInThePast(Says):
@@ -86,8 +86,8 @@ def test_a_number_out_of_bounds_is_an_illegal_answer(wrong: type, floor: str) ->
     run.run(until=4)
     asked = 1 if floor == "factory" else 3  # there robots see 131 cells, and are asked one by one
     assert run.world.tally.illegal.tolist() == [asked, 0, 0, 0, 0]
-    assert (run.world.robots.zone == NIL).all()
-    assert (run.world.zoning.wake < 0).all()
+    assert (run.world.robots.service_zone == NIL).all()
+    assert (run.world.service_zones.wake < 0).all()
 
 
 def test_wild_answers_are_legal_or_counted() -> None:
@@ -96,7 +96,7 @@ def test_wild_answers_are_legal_or_counted() -> None:
         [sys.executable, str(TRIALS), "20000"], capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    last = done.stdout.splitlines()[-len(LAYERS) :]
-    assert [line.partition(":")[0] for line in last] == list(LAYERS)
+    last = done.stdout.splitlines()[-len(LAYER_NAMES) :]
+    assert [line.partition(":")[0] for line in last] == list(LAYER_NAMES)
     assert all(int(line.split()[1].replace(",", "")) > 100 for line in last), last
     assert not any(line.endswith(" 0 counted as illegal") for line in last), last

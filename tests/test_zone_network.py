@@ -88,7 +88,7 @@ def test_a_file_gives_back_the_network(tmp_path):
         network.layers, again.layers, strict=True
     ):
         assert np.array_equal(weights, weights_again) and np.array_equal(bias, bias_again)
-    assert again.about == {"format": networks.FORMAT, **network.about}
+    assert again.about == {"format": networks.NETWORK_FORMAT, **network.about}
     assert [file.name for file in tmp_path.iterdir()] == ["some.npz"]
     before = path.read_bytes()
     save_network(path, network)
@@ -110,7 +110,7 @@ def spoilt_files():
         "other": {"about": np.array(json.dumps({"format": "something else"}))},
         "no object": {"about": np.array("[1]")},
     }.items():
-        arrays = {"about": np.array(json.dumps({"format": networks.FORMAT}))}
+        arrays = {"about": np.array(json.dumps({"format": networks.NETWORK_FORMAT}))}
         for k, (weights, bias) in enumerate(network.layers):
             arrays |= {f"weights{k}": weights, f"bias{k}": bias}
         buffer = io.BytesIO()

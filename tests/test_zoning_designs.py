@@ -21,12 +21,12 @@ FLOOR = """
 
 @pytest.mark.parametrize("name", ["factory-logged", "factory-ddz"])
 def test_shipped_designs_are_partitions(name: str) -> None:
-    floor, plan, roads = factory()
+    floor, floor_plan, roads = factory()
     design = shipped(name)
     check_partition(roads, design)
-    data = design_data(plan, roads, design, floor.points())
-    again = read_design(plan, roads, data, floor.points())
-    assert design_data(plan, roads, again, floor.points()) == data
+    data = design_data(floor_plan, roads, design, floor.points())
+    again = read_design(floor_plan, roads, data, floor.points())
+    assert design_data(floor_plan, roads, again, floor.points()) == data
 
 
 def test_the_logged_design_has_the_zones_of_the_log() -> None:
@@ -38,15 +38,15 @@ def test_the_logged_design_has_the_zones_of_the_log() -> None:
 
 
 def test_without_segments_a_zone_is_joined_by_shortest_paths() -> None:
-    plan, roads = drawn(FLOOR)
+    floor_plan, roads = drawn(FLOOR)
     data = {"zones": [{"stations": [1, 2, 3]}, {"stations": [4, 5]}]}
-    design = read_design(plan, roads, data)
+    design = read_design(floor_plan, roads, data)
     check_partition(roads, design)
-    assert segments(plan, roads, design, 0) == [[(0, 0), (4, 0)], [(4, 0), (8, 0)]]
+    assert segments(floor_plan, roads, design, 0) == [[(0, 0), (4, 0)], [(4, 0), (8, 0)]]
 
 
 def test_points_straight_between_two_may_be_left_out() -> None:
-    plan, roads = drawn("""
+    floor_plan, roads = drawn("""
         1...2
         ..#..
         3...4
@@ -57,8 +57,8 @@ def test_points_straight_between_two_may_be_left_out() -> None:
         [[0, 0], [0, 2]],
         [[4, 0], [4, 2]],
     ]
-    design = read_design(plan, roads, data)
-    assert segments(plan, roads, design, 0)[1] == [(0, 0), (0, 1), (0, 2)]
+    design = read_design(floor_plan, roads, data)
+    assert segments(floor_plan, roads, design, 0)[1] == [(0, 0), (0, 1), (0, 2)]
 
 
 ONE = {"stations": [1, 2, 3]}
@@ -135,14 +135,14 @@ def path(*cells: Any) -> list[list[int]]:
     ],
 )
 def test_bad_data_is_refused_in_a_sentence(data: Any, sentence: str) -> None:
-    plan, roads = drawn(FLOOR)
+    floor_plan, roads = drawn(FLOOR)
     with pytest.raises(InputError) as error:
-        read_design(plan, roads, data)
+        read_design(floor_plan, roads, data)
     assert error.value.message == sentence
 
 
 def test_a_point_is_in_one_zone_only() -> None:
-    plan, roads = drawn(FLOOR)
+    floor_plan, roads = drawn(FLOOR)
     data = zones(
         {"stations": [1, 4], "segments": [path((0, 0), (4, 0), (4, 3), (0, 3))]},
         {
@@ -151,20 +151,20 @@ def test_a_point_is_in_one_zone_only() -> None:
         },
     )
     with pytest.raises(InputError, match=r"the point \(4, 0\) is in zone 2 and in zone 1"):
-        read_design(plan, roads, data)
+        read_design(floor_plan, roads, data)
 
 
 def test_more_zones_than_stations_are_refused() -> None:
-    plan, roads = drawn("1.2")
+    floor_plan, roads = drawn("1.2")
     with pytest.raises(InputError, match="2 stations can have 1 zone each at most, found 3"):
-        read_design(plan, roads, zones(*({"stations": [1]},) * 3))
+        read_design(floor_plan, roads, zones(*({"stations": [1]},) * 3))
 
 
 def test_the_picture_of_a_design() -> None:
-    plan, roads = drawn(FLOOR)
-    design = read_design(plan, roads, zones(ONE, TWO))
+    floor_plan, roads = drawn(FLOOR)
+    design = read_design(floor_plan, roads, zones(ONE, TWO))
     design.transfer[0, 1, 1] = design.transfer[1, 0, 1] = 1
-    assert design_picture(plan, roads, design).split("\n") == [
+    assert design_picture(floor_plan, roads, design).split("\n") == [
         "Dddd*dddD",
         ".###.####",
         ".###.....",

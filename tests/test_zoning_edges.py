@@ -11,7 +11,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 from automaton.zoning.annealing import repair
 from automaton.zoning.designs import design_arrays
 from automaton.zoning.genetic import evolve
@@ -45,7 +45,7 @@ def test_parts_that_are_carried_nowhere_need_no_zone(file: Path, method: str) ->
     run = Simulation(resolve(file, settings))
     run.run()
     assert run.finished and len(run.world.orders.state) == 0
-    assert (run.world.stations.done > 0).all() and run.world.tally.illegal.sum() == 0
+    assert (run.world.stations.completion_tick > 0).all() and run.world.tally.illegal.sum() == 0
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -53,7 +53,7 @@ def test_a_visit_stays_in_the_zone_of_its_station(file: Path, method: str) -> No
     settings = [f"strategy.zoning={method}", "orders={generator: visits, count: 9, interval: 10}"]
     run = Simulation(resolve(file, settings))
     run.run()
-    assert run.finished and set(run.world.orders.state.tolist()) == {DELIVERED}
+    assert run.finished and set(run.world.orders.state.tolist()) == {ORDER_DELIVERED}
     assert run.world.tally.illegal.sum() == 0
 
 
@@ -85,7 +85,7 @@ def test_slots_that_count_as_stations_are_as_few_as_their_groups() -> None:
 def test_as_many_robots_as_stations_serve_one_each(file: Path) -> None:
     run = Simulation(resolve(file, ["fleet.robots=6", "orders.parts=[{route: [1], count: 1}]"]))
     run.run(until=1)
-    assert sorted(run.world.zoning.design.zone.tolist()) == list(range(6))
+    assert sorted(run.world.service_zones.design.zone.tolist()) == list(range(6))
 
 
 def test_there_is_no_design_with_more_zones_than_stations() -> None:
@@ -94,8 +94,8 @@ def test_there_is_no_design_with_more_zones_than_stations() -> None:
     with pytest.raises(InputError, match="4 stations can have 1 zone each at most, found 5"):
         design_arrays(roads, 5)
     flow = roads.between.astype(float)
-    design, space, reach = empty_design(len(roads.cell), 4, 5), scratch(roads, 5), everyone(5)
+    design, workspace, reach = empty_design(len(roads.cell), 4, 5), scratch(roads, 5), everyone(5)
     rules = ddz_rules()
-    assert repair(roads, rules, flow, 4.5, 0.35, 9, 9, 3, design, space, reach, 1, 1) == 0
+    assert repair(roads, rules, flow, 4.5, 0.35, 9, 9, 3, design, workspace, reach, 1, 1) == 0
     population = population_for(roads, 4)
-    assert evolve(roads, rules, flow, 2, 2, 0.4, population, design, space, reach, 1, 1) == 0
+    assert evolve(roads, rules, flow, 2, 2, 0.4, population, design, workspace, reach, 1, 1) == 0

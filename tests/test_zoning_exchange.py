@@ -18,7 +18,7 @@ from zoning_scenes import (
     transfers,
 )
 
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.zoning.designs import design_arrays, read_design
 from automaton.zoning.exchange import give, remove
 from automaton.zoning.paths import copy_design
@@ -39,16 +39,16 @@ H, INNER, N, WS4, S, R = (0, 0), (4, 0), (4, 2), (7, 2), (4, 4), (8, 4)
 
 
 def figure_2():
-    plan, roads = drawn(FIGURE_2)
+    floor_plan, roads = drawn(FIGURE_2)
     paths = [[list(p) for p in (H, INNER, N, WS4)], [list(p) for p in (WS4, N, S, R)]]
     zones = [{"stations": [1, 2, 3], "segments": paths}, {"stations": [4]}]
-    return plan, roads, read_design(plan, roads, {"zones": zones})
+    return floor_plan, roads, read_design(floor_plan, roads, {"zones": zones})
 
 
 def tips(roads, design: Design) -> set[int]:
-    space = scratch(roads, len(design.transfer))
-    find_tips(roads, design, space)
-    return set((np.flatnonzero(space.tip) + 1).tolist())
+    workspace = scratch(roads, len(design.transfer))
+    find_tips(roads, design, workspace)
+    return set((np.flatnonzero(workspace.tip) + 1).tolist())
 
 
 def test_in_figure_2_all_stations_are_tips() -> None:
@@ -57,33 +57,33 @@ def test_in_figure_2_all_stations_are_tips() -> None:
 
 
 def test_removing_ws4_of_figure_2_merges_its_segments() -> None:
-    plan, roads, design = figure_2()
+    floor_plan, roads, design = figure_2()
     assert remove(roads, design, scratch(roads, 2), 1, 1)
-    assert segments(plan, roads, design, 0) == [[H, INNER, N, S, R]]
+    assert segments(floor_plan, roads, design, 0) == [[H, INNER, N, S, R]]
 
 
 def test_the_receiver_fetches_ws4_by_its_own_path() -> None:
-    plan, roads, design = figure_2()
+    floor_plan, roads, design = figure_2()
     assert give(roads, design, scratch(roads, 2), 1, 3, INF, 2)
     check_partition(roads, design)
     assert stations(design) == [{1, 3}, {2, 4}]
-    assert segments(plan, roads, design, 1) == [[(9, 2), WS4]]
+    assert segments(floor_plan, roads, design, 1) == [[(9, 2), WS4]]
 
 
 def test_the_busier_zone_has_the_transfer_station_of_figure_2() -> None:
     for loads, station in (((2.0, 1.0), 2), ((1.0, 2.0), 4)):
         _, roads, design = figure_2()
-        space = scratch(roads, 2)
-        space.load[:] = loads
-        find_transfers(roads, zone_rules(10, adjacent=6), design, space, everyone(2))
+        workspace = scratch(roads, 2)
+        workspace.load[:] = loads
+        find_transfers(roads, zone_rules(10, adjacent=6), design, workspace, everyone(2))
         assert transfers(design, 0, 1) == {station}
 
 
 def test_a_zone_keeps_its_last_two_stations() -> None:
     _, roads, design = figure_2()
-    space = scratch(roads, 2)
-    assert give(roads, design, space, 1, 3, INF, 2)
-    assert not give(roads, design, space, 0, 3, INF, 2)
+    workspace = scratch(roads, 2)
+    assert give(roads, design, workspace, 1, 3, INF, 2)
+    assert not give(roads, design, workspace, 0, 3, INF, 2)
 
 
 def test_a_path_that_is_too_long_is_refused() -> None:
@@ -93,15 +93,15 @@ def test_a_path_that_is_too_long_is_refused() -> None:
 
 
 def test_what_cannot_be_joined_anew_is_refused() -> None:
-    plan, roads = drawn("1..2..3\n###.###\n###4###")
-    design = read_design(plan, roads, {"zones": [{"stations": [1, 2, 3]}, {"stations": [4]}]})
+    floor_plan, roads = drawn("1..2..3\n###.###\n###4###")
+    design = read_design(floor_plan, roads, {"zones": [{"stations": [1, 2, 3]}, {"stations": [4]}]})
     assert not give(roads, design, scratch(roads, 2), 1, 3, INF, 1)
 
 
 def test_the_station_of_a_zone_of_one_is_in_the_way() -> None:
-    plan, roads = drawn("1..2..3\n.#####.\n.......")
-    design = read_design(plan, roads, {"zones": [{"stations": [1, 3]}, {"stations": [2]}]})
-    assert segments(plan, roads, design, 0) == [[(0, 0), (0, 2), (6, 2), (6, 0)]]
+    floor_plan, roads = drawn("1..2..3\n.#####.\n.......")
+    design = read_design(floor_plan, roads, {"zones": [{"stations": [1, 3]}, {"stations": [2]}]})
+    assert segments(floor_plan, roads, design, 0) == [[(0, 0), (0, 2), (6, 2), (6, 0)]]
 
 
 def test_the_tips_of_the_logged_design() -> None:
@@ -116,15 +116,15 @@ def test_the_tips_of_the_logged_design() -> None:
 )
 def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, int]]) -> None:
     _, _, roads = factory()
-    space = scratch(roads, zones)
+    workspace = scratch(roads, zones)
     design, tried = design_arrays(roads, zones), design_arrays(roads, zones)
-    assert random_design(roads, factory_rules(roads), design, space, seed, 0)
+    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
     check_partition(roads, design)
     for station, through in gifts:
         if design.zone[station] == design.zone[through]:
             continue
         copy_design(design, tried)
-        if give(roads, tried, space, station, through, 120.0, 1):
+        if give(roads, tried, workspace, station, through, 120.0, 1):
             check_partition(roads, tried)
             assert tried.zone[station] == design.zone[through]
             copy_design(tried, design)
@@ -133,10 +133,10 @@ def test_giving_keeps_a_partition(seed: int, zones: int, gifts: list[tuple[int, 
 @given(st.integers(0, 2**32), st.integers(0, 17))
 def test_removing_keeps_the_rest_a_partition(seed: int, station: int) -> None:
     _, _, roads = factory()
-    space, design = scratch(roads, 3), design_arrays(roads, 3)
-    assert random_design(roads, factory_rules(roads), design, space, seed, 0)
+    workspace, design = scratch(roads, 3), design_arrays(roads, 3)
+    assert random_design(roads, factory_rules(roads), design, workspace, seed, 0)
     before, zone = stations(design), int(design.zone[station])
-    if len(before[zone]) > 1 and remove(roads, design, space, station, (zone + 1) % 3):
+    if len(before[zone]) > 1 and remove(roads, design, workspace, station, (zone + 1) % 3):
         after = stations(design)
         assert after[zone] == before[zone] - {station + 1}
         assert design.owner[: design.segments[0]].tolist().count(zone) == len(after[zone]) - 1

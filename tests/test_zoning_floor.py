@@ -9,8 +9,8 @@ import pytest
 from zoning_scenes import DISTANCES, drawn, factory
 
 from automaton.errors import InputError
-from automaton.world.cells import STEPS
-from automaton.world.plan import FloorPlan
+from automaton.world.cells import DIRECTION_VECTORS
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL
 from automaton.zoning.roads import roads_of, typical_distance
 from layouts.factory import FEET, SEGMENTS, Factory
@@ -23,8 +23,8 @@ def test_all_station_distances_are_those_of_the_authors() -> None:
 
 
 def test_the_critical_points_are_the_52_of_the_authors() -> None:
-    floor, plan, roads = factory()
-    points = {plan.cell(x, y) for x, y in floor.points().values()}
+    floor, floor_plan, roads = factory()
+    points = {floor_plan.cell(x, y) for x, y in floor.points().values()}
     assert len(points) == 52 and set(roads.cell.tolist()) == points
     assert int((roads.next != NIL).sum()) == 2 * len(SEGMENTS) == 2 * 63
     assert int(roads.step.sum()) * 2.5 == 2 * 2735
@@ -63,16 +63,16 @@ def test_following_hops_is_a_shortest_way() -> None:
 
 
 def test_slots_are_found_by_station_number() -> None:
-    floor, plan, _ = factory()
-    slots = plan.slots()
+    floor, floor_plan, _ = factory()
+    slots = floor_plan.slots()
     for number, (x, y) in floor.stations().items():
-        assert slots[floor.station_slots()[number]] == plan.cell(x, y)
+        assert slots[floor.station_slots()[number]] == floor_plan.cell(x, y)
 
 
 def test_lanes_hold_any_number_of_robots_or_one() -> None:
     for lanes, capacity in (("pass", 0), ("single", 1)):
-        plan = Factory(lanes=lanes).build()  # type: ignore[arg-type]
-        assert set(plan.capacity[plan.drivable()].tolist()) == {capacity}
+        floor_plan = Factory(lanes=lanes).build()  # type: ignore[arg-type]
+        assert set(floor_plan.capacity[floor_plan.drivable()].tolist()) == {capacity}
 
 
 def test_areas_have_all_stations() -> None:
@@ -87,12 +87,12 @@ def test_cells_of_another_size_are_refused() -> None:
 
 
 def test_points_are_stations_crossings_corners_and_dead_ends() -> None:
-    plan, roads = drawn("""
+    floor_plan, roads = drawn("""
         1....2#.
         .####.#.
         ........
     """)
-    found = {plan.xy(cell) for cell in roads.cell}
+    found = {floor_plan.xy(cell) for cell in roads.cell}
     assert found == {(0, 0), (5, 0), (7, 0), (0, 2), (5, 2), (7, 2)}
     assert roads.between.tolist() == [[0, 5], [5, 0]]
 
@@ -117,20 +117,20 @@ def test_stations_must_be_reachable(picture: str, sentence: str) -> None:
 
 
 def test_stations_stand_apart_on_cells_that_robots_drive_on() -> None:
-    plan, _ = drawn("1...2\n.###.")
+    floor_plan, _ = drawn("1...2\n.###.")
     with pytest.raises(InputError, match=r"station 2 at \(1, 0\) is in the cell of station 1"):
-        roads_of(plan, [plan.cell(1, 0), plan.cell(1, 0)])
+        roads_of(floor_plan, [floor_plan.cell(1, 0), floor_plan.cell(1, 0)])
     with pytest.raises(InputError, match=r"station 1 at \(1, 1\) is on no cell"):
-        roads_of(plan, [plan.cell(1, 1)])
+        roads_of(floor_plan, [floor_plan.cell(1, 1)])
 
 
-def cells_to_all(plan: FloorPlan, start: int) -> dict[int, int]:
+def cells_to_all(floor_plan: FloorPlan, start: int) -> dict[int, int]:
     """How far each cell is, found cell by cell."""
-    exits, far, wave = plan.exits.reshape(-1), {start: 0}, deque([start])
+    exits, far, wave = floor_plan.exits.reshape(-1), {start: 0}, deque([start])
     while wave:
         here = wave.popleft()
-        for direction, (dx, dy) in enumerate(STEPS):
-            there = here + dx + dy * plan.stride
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+            there = here + dx + dy * floor_plan.stride
             if exits[here] >> direction & 1 and there not in far:
                 far[there] = far[here] + 1
                 wave.append(there)
@@ -138,11 +138,11 @@ def cells_to_all(plan: FloorPlan, start: int) -> dict[int, int]:
 
 
 def test_distances_in_a_warehouse_are_those_found_cell_by_cell() -> None:
-    plan = Racks(preset="E1").build()
-    corners = roads_of(plan, []).cell
+    floor_plan = Racks(preset="E1").build()
+    corners = roads_of(floor_plan, []).cell
     stations = corners[:: max(1, len(corners) // 50)].tolist()
-    roads = roads_of(plan, stations)
+    roads = roads_of(floor_plan, stations)
     for number in (0, len(stations) // 2, len(stations) - 1):
-        far = cells_to_all(plan, stations[number])
+        far = cells_to_all(floor_plan, stations[number])
         assert roads.between[number].tolist() == [far[cell] for cell in stations]
     assert 0 < typical_distance(roads.between) < roads.between.max()

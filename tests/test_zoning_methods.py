@@ -25,7 +25,7 @@ from zoning_scenes import (
 )
 from zoning_trials import ANNEALED, evolved, repaired, south, turn
 
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.zoning import annealing, genetic, negotiation
 from automaton.zoning.chance import GENETIC
 from automaton.zoning.designs import design_arrays, read_design
@@ -40,16 +40,16 @@ from automaton.zoning.transfer import connected
 
 def test_phase_1_gives_every_station_a_zone() -> None:
     _, _, roads = factory()
-    design, space = design_arrays(roads, 3), scratch(roads, 3)
-    assert first_design(roads, training_flow(), design, space)
+    design, workspace = design_arrays(roads, 3), scratch(roads, 3)
+    assert first_design(roads, training_flow(), design, workspace)
     check_partition(roads, design)
 
 
 def improved(design: Design, seed: int) -> float:
     _, _, roads = factory()
-    space, rules, flow = scratch(roads, 3), factory_rules(roads), training_flow()
-    svp = annealing.improve(roads, rules, flow, *ANNEALED, design, space, seed, 0)
-    assert find_loads(roads, rules, flow, 0, design, space) == svp
+    workspace, rules, flow = scratch(roads, 3), factory_rules(roads), training_flow()
+    svp = annealing.improve(roads, rules, flow, *ANNEALED, design, workspace, seed, 0)
+    assert find_loads(roads, rules, flow, 0, design, workspace) == svp
     check_partition(roads, design)
     return float(svp)
 
@@ -103,31 +103,31 @@ def test_zones_too_far_apart_to_be_adjacent_are_joined() -> None:
     """By the rule for other floors, stations of two teeth are not adjacent."""
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
-    design, space, reach = design_arrays(roads, 4), scratch(roads, 4), everyone(4)
+    design, workspace, reach = design_arrays(roads, 4), scratch(roads, 4), everyone(4)
     flow = 1.0 - np.eye(8)
     for seed in range(6):
         assert annealing.repair(
-            roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, space, reach, seed, 0
+            roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, workspace, reach, seed, 0
         )
         check_partition(roads, design)
-        assert connected(design, space)
+        assert connected(design, workspace)
 
 
 def test_first_zones_of_a_station_each() -> None:
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
-    design, space, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
+    design, workspace, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
     how = (annealing.HOT, annealing.COLD, annealing.STEPS)
-    assert annealing.first_zones(roads, rules, *how, 0, design, space, reach, 1, 0)
+    assert annealing.first_zones(roads, rules, *how, 0, design, workspace, reach, 1, 0)
     check_partition(roads, design)
-    assert sorted(design.zone) == list(range(8)) and connected(design, space)
+    assert sorted(design.zone) == list(range(8)) and connected(design, workspace)
 
 
 def test_annealing_ends_when_nothing_can_be_given() -> None:
-    plan, roads = drawn("1...2")
-    design = read_design(plan, roads, {"zones": [{"stations": [1]}, {"stations": [2]}]})
-    rules, space = zone_rules(4, adjacent=9), scratch(roads, 2)
-    svp = annealing.improve(roads, rules, np.zeros((2, 2)), *ANNEALED, design, space, 1, 0)
+    floor_plan, roads = drawn("1...2")
+    design = read_design(floor_plan, roads, {"zones": [{"stations": [1]}, {"stations": [2]}]})
+    rules, workspace = zone_rules(4, adjacent=9), scratch(roads, 2)
+    svp = annealing.improve(roads, rules, np.zeros((2, 2)), *ANNEALED, design, workspace, 1, 0)
     assert svp == 0 and design.zone.tolist() == [0, 1]
 
 
@@ -135,21 +135,23 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     """Each has one; mutation has nothing to try, and no child is born."""
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
-    design, space, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
+    design, workspace, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
     limits = (20, genetic.SELECTED, genetic.MUTATION)
     flow = 1.0 - np.eye(8)
-    genetic.evolve(roads, rules, flow, *limits, herd, design, space, everyone(8), 1, 0)
-    assert space.drawn[0] - GENETIC < 4_000_000, "500 tries to mutate each child are 36 million"
+    genetic.evolve(roads, rules, flow, *limits, herd, design, workspace, everyone(8), 1, 0)
+    assert workspace.drawn[0] - GENETIC < 4_000_000, "500 tries to mutate each child are 36 million"
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_dozen_generations_find_a_balanced_design(seed: int) -> None:
     _, _, roads = factory()
-    herd, space = population_for(roads, 30), scratch(roads, 3)
+    herd, workspace = population_for(roads, 30), scratch(roads, 3)
     design, rules = design_arrays(roads, 3), factory_rules(roads)
     limits = (12, genetic.SELECTED, genetic.MUTATION)
     flow = training_flow()
-    assert genetic.evolve(roads, rules, flow, *limits, herd, design, space, everyone(3), seed, 0)
+    assert genetic.evolve(
+        roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0
+    )
     assert herd.now.value[-1] < 0.05  # with what drives past tips
     check_partition(roads, design)
 
@@ -172,18 +174,18 @@ def busy() -> dict[str, Any]:
 
 
 def test_a_turn_never_ends_worse_than_it_began(busy: dict[str, Any]) -> None:
-    parts, space = busy["parts"], busy["space"]
+    parts, workspace = busy["parts"], busy["space"]
     negotiation.loads_of_queues(
         *(busy[name] for name in ("roads", "rules", "design", "space")),
         *(parts, parts.zone, parts.stop, busy["reach"]),
     )
-    mean = float(space.load.mean())
-    sigma = float(space.load.std())
+    mean = float(workspace.load.mean())
+    sigma = float(workspace.load.std())
     sizes = [len(zone) for zone in stations(busy["design"])]
     best = turn(busy, 2, mean, seed=1)
     assert best < sigma
     check_partition(busy["roads"], busy["design"])
-    assert connected(busy["design"], space)
+    assert connected(busy["design"], workspace)
     assert [len(zone) for zone in stations(busy["design"])] != sizes
 
 

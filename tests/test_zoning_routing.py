@@ -22,11 +22,11 @@ HANDED_ON = 0
 def routed(zone: int, at: int, to: int, rule: int = CENTRAL) -> tuple[int, int, int]:
     """Stations as users count them."""
     _, _, roads = factory()
-    space, rules = scratch(roads, 3), factory_rules(roads)
+    workspace, rules = scratch(roads, 3), factory_rules(roads)
     design = shipped("factory-logged")
-    find_loads(roads, rules, training_flow(), 0, design, space)
-    find_transfers(roads, rules, design, space, everyone(3))
-    queue, stop, direct = route(roads, design, space, rule, zone, at - 1, to - 1)
+    find_loads(roads, rules, training_flow(), 0, design, workspace)
+    find_transfers(roads, rules, design, workspace, everyone(3))
+    queue, stop, direct = route(roads, design, workspace, rule, zone, at - 1, to - 1)
     return queue, stop + 1, direct
 
 
@@ -66,39 +66,39 @@ def test_a_part_at_the_way_out_is_the_third_robots_at_once() -> None:
 def row():
     """Six stations in a row, each a zone; transfers along the row, and 0-3 by station 0."""
     _, roads = drawn("1.2.3.4.5.6")
-    design, space = design_arrays(roads, 6), scratch(roads, 6)
+    design, workspace = design_arrays(roads, 6), scratch(roads, 6)
     design.zone[:] = range(6)
     for a, b, station in ((0, 1, 1), (1, 2, 2), (2, 3, 3), (3, 4, 4), (0, 3, 3)):
         design.transfer[a, b, station] = design.transfer[b, a, station] = 1
-    return roads, design, space
+    return roads, design, workspace
 
 
 def test_the_fewest_transfers_win(row) -> None:
-    roads, design, space = row
-    assert route(roads, design, space, CENTRAL, 0, 0, 4) == (0, 3, HANDED_ON)
-    assert route(roads, design, space, CENTRAL, 0, 0, 2) == (0, 1, HANDED_ON)
+    roads, design, workspace = row
+    assert route(roads, design, workspace, CENTRAL, 0, 0, 4) == (0, 3, HANDED_ON)
+    assert route(roads, design, workspace, CENTRAL, 0, 0, 2) == (0, 1, HANDED_ON)
 
 
 def test_of_equal_ways_the_nearer_then_the_lower_station(row) -> None:
-    roads, design, space = row
+    roads, design, workspace = row
     design.transfer[0, 3, 0] = design.transfer[3, 0, 0] = 1
-    assert route(roads, design, space, CENTRAL, 0, 1, 4) == (0, 0, HANDED_ON)
+    assert route(roads, design, workspace, CENTRAL, 0, 1, 4) == (0, 0, HANDED_ON)
 
 
 def test_where_no_transfers_lead_its_own_robot_delivers(row) -> None:
-    roads, design, space = row
+    roads, design, workspace = row
     for rule in (CENTRAL, NEIGHBOURS):
-        assert route(roads, design, space, rule, 0, 0, 5) == (0, 5, DELIVERED)
+        assert route(roads, design, workspace, rule, 0, 0, 5) == (0, 5, DELIVERED)
 
 
 def test_every_part_arrives_after_a_few_transfers(row) -> None:
-    roads, design, space = row
+    roads, design, workspace = row
     for rule in (CENTRAL, NEIGHBOURS):
         for start in range(5):
             for to in np.setdiff1d(range(5), [start]).tolist():
                 zone, at, direct = start, start, HANDED_ON
                 for _ in range(6):
-                    zone, at, direct = route(roads, design, space, rule, zone, at, to)
+                    zone, at, direct = route(roads, design, workspace, rule, zone, at, to)
                     if direct:
                         break
                 assert (at, direct) == (to, DELIVERED)

@@ -19,7 +19,7 @@ from zoning_scenes import (
     training_flow,
 )
 
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.zoning.load import find_loads
 from automaton.zoning.routing import CENTRAL, NEIGHBOURS
 from automaton.zoning.transfer import find_transfers
@@ -27,11 +27,11 @@ from automaton.zoning.transfer import find_transfers
 
 def with_transfers(name: str, rule: int) -> Design:
     _, _, roads = factory()
-    design, space = shipped(name), scratch(roads, 3)
+    design, workspace = shipped(name), scratch(roads, 3)
     rules = factory_rules(roads) if rule == CENTRAL else ddz_rules()
     if rule == CENTRAL:
-        find_loads(roads, rules, training_flow(), 0, design, space)
-    find_transfers(roads, rules, design, space, everyone(3))
+        find_loads(roads, rules, training_flow(), 0, design, workspace)
+    find_transfers(roads, rules, design, workspace, everyone(3))
     return design
 
 

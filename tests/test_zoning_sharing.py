@@ -11,9 +11,9 @@ from automaton.zoning.designs import read_design
 
 def shared(queue: list[int], to: list[int], score: list[int]) -> tuple[list[int], list[int], int]:
     """Queue and direct flag of each part after a round; zones are {1, 2} and {3, 4}."""
-    plan, roads = drawn("1.2.3.4")
+    floor_plan, roads = drawn("1.2.3.4")
     zones = [{"stations": [1, 2]}, {"stations": [3, 4]}]
-    design = read_design(plan, roads, {"zones": zones})
+    design = read_design(floor_plan, roads, {"zones": zones})
     parts = np.array(queue, np.int32), np.array(to, np.int32) - 1
     waiting, direct = np.ones(len(queue), np.uint8), np.zeros(len(queue), np.uint8)
     scores, length = np.array(score, float), np.zeros(2, np.int32)

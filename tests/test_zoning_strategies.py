@@ -18,9 +18,17 @@ from automaton.recording.verification import verify_recording
 from automaton.scenario.resolve import document_of, resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.world.condition import RUNNING
-from automaton.world.state import CARRIED, DELIVERED, LAYERS, NIL, WAIT, WAITING, ZONING
-from automaton.world.waiting import REDESIGN as HALTED
+from automaton.world.observation import CAUSE_REDESIGN as HALTED
+from automaton.world.robot_status import STATUS_UP
+from automaton.world.state import (
+    ACTION_WAIT,
+    LAYER_NAMES,
+    LAYER_ZONING,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+)
 from strategies.zoning.repairing import AnnealedZones
 from strategies.zoning.talk import DEGREES, MEAN, REDESIGN
 
@@ -62,7 +70,7 @@ def hours(run: Simulation) -> float:
 
 def feet(run: Simulation) -> Any:
     """(3,) feet driven by each robot."""
-    return 2.5 * run.world.tally.times[:, 1].sum(axis=1)
+    return 2.5 * run.world.tally.operations[:, 1].sum(axis=1)
 
 
 @pytest.mark.parametrize("scenario", ["factory", "factory-single"])
@@ -70,8 +78,8 @@ def feet(run: Simulation) -> Any:
 def test_all_parts_finish_and_nothing_is_illegal(scenario: str, method: str) -> None:
     for seed in SEEDS.get(method, (1, 2)):
         run = factory(*METHODS[method], seed=seed, scenario=scenario)
-        assert run.finished and set(run.world.orders.state) == {DELIVERED}
-        assert run.world.stations.done.min() > 0
+        assert run.finished and set(run.world.orders.state) == {ORDER_DELIVERED}
+        assert run.world.stations.completion_tick.min() > 0
         assert run.world.tally.illegal.sum() == 0
 
 
@@ -101,24 +109,24 @@ def test_whoever_is_stored_where_decides_the_same() -> None:
 
 def test_without_zones_any_robot_takes_any_order() -> None:
     run = factory("strategy.zoning=none")
-    assert run.finished and not len(run.world.zoning.queue)
+    assert run.finished and not len(run.world.service_zones.queue)
     assert (run.world.orders.legs == 1).all(), "nothing is set down on its way"
 
 
 def test_an_order_into_another_zone_is_set_down_at_a_transfer_station() -> None:
     run = Simulation(resolve("factory", (ALONE,)))
     world = run.world
-    zoning, orders = world.zoning, world.orders
+    service_zones, orders = world.service_zones, world.orders
     seen = set()
     while run.tick < 15_000:
         run.run(until=run.tick + 50)
-        for order in np.flatnonzero((orders.state == WAITING) & (zoning.queue >= 0)):
-            at = int(zoning.station_of[orders.place[order]])
-            stop = int(zoning.station_of[zoning.stop[order]])
-            here, there = zoning.design.zone[at], zoning.design.zone[stop]
-            if orders.place[order] == orders.source[order]:
-                final = zoning.stop[order] == orders.target[order]
-                shared = zoning.design.transfer[zoning.queue[order], :, stop].any()
+        for order in np.flatnonzero((orders.state == ORDER_WAITING) & (service_zones.queue >= 0)):
+            at = int(service_zones.station_of[orders.current_slot[order]])
+            stop = int(service_zones.station_of[service_zones.next_slot[order]])
+            here, there = service_zones.design.zone[at], service_zones.design.zone[stop]
+            if orders.current_slot[order] == orders.source[order]:
+                final = service_zones.next_slot[order] == orders.target[order]
+                shared = service_zones.design.transfer[service_zones.queue[order], :, stop].any()
                 assert final or shared, "it is brought to its target, or to a transfer station"
                 seen.add((int(here), int(there), final))
     assert {final for _, _, final in seen} == {True, False} and len(seen) >= 4
@@ -133,7 +141,7 @@ def test_robots_serve_the_queues_of_their_own_zones_alone() -> None:
         for identity in range(3):
             order = int(world.robots.order[world.robots.at_index[identity]])
             if order != NIL:
-                assert world.zoning.server[world.zoning.queue[order]] == identity
+                assert world.service_zones.server[world.service_zones.queue[order]] == identity
 
 
 def test_one_robot_is_never_out_of_balance() -> None:
@@ -147,7 +155,7 @@ def test_one_robot_is_never_out_of_balance() -> None:
 def test_a_redesign_that_finds_no_zones_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a search that failed has written to the design must not decide who serves what."""
 
-    def fail(self: AnnealedZones, view: Any, design: Any, space: Any) -> bool:
+    def fail(self: AnnealedZones, view: Any, design: Any, workspace: Any) -> bool:
         design.zone[:] = 0
         return False
 
@@ -158,7 +166,7 @@ def test_a_redesign_that_finds_no_zones_changes_nothing(monkeypatch: pytest.Monk
     assert run.counted["redesigns"] == 0
     still = Simulation(resolve("factory", (ALONE,)))
     still.run(until=12_000)
-    for name in ("delivered", "legs", "released"):
+    for name in ("delivered", "legs", "release_tick"):
         assert (
             getattr(run.world.orders, name).tolist() == getattr(still.world.orders, name).tolist()
         )
@@ -190,20 +198,26 @@ def test_redesigns_make_robots_travel_alike(method: str) -> None:
 
 def test_a_redesign_changes_the_zones_and_queues_all_that_waits_anew() -> None:
     run = Simulation(resolve("factory", (ANNEALED,)))
-    zoning, orders = run.world.zoning, run.world.orders
-    before = zoning.design.zone.copy()
-    while np.array_equal(zoning.design.zone, before):
+    service_zones, orders = run.world.service_zones, run.world.orders
+    before = service_zones.design.zone.copy()
+    while np.array_equal(service_zones.design.zone, before):
         run.run(until=run.tick + 1)
         assert run.tick < 8_000
-    waiting = (orders.state == WAITING) & (orders.by == NIL) & (zoning.direct == 0)
+    waiting = (
+        (orders.state == ORDER_WAITING)
+        & (orders.reserved_by == NIL)
+        & (service_zones.skips_transfer == 0)
+    )
     for order in np.flatnonzero(waiting):
-        at = zoning.station_of[orders.place[order]]
-        shares = zoning.design.transfer[zoning.queue[order], :, at].any()
-        assert zoning.queue[order] == zoning.design.zone[at] or shares
-    kept = (orders.state == CARRIED) | ((orders.state == WAITING) & (orders.by != NIL))
+        at = service_zones.station_of[orders.current_slot[order]]
+        shares = service_zones.design.transfer[service_zones.queue[order], :, at].any()
+        assert service_zones.queue[order] == service_zones.design.zone[at] or shares
+    kept = (orders.state == ORDER_CARRIED) | (
+        (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
+    )
     assert kept.any(), "what robots carry or fetch stays theirs"
     for order in np.flatnonzero(kept):
-        assert orders.by[order] == zoning.server[zoning.queue[order]]
+        assert orders.reserved_by[order] == service_zones.server[service_zones.queue[order]]
 
 
 # Robots that negotiate
@@ -212,12 +226,12 @@ def test_a_redesign_changes_the_zones_and_queues_all_that_waits_anew() -> None:
 def test_robots_stand_still_in_a_redesign_and_say_why() -> None:
     stopped = resolve("factory", (ddz(", pause: 300"),))
     run = Simulation(stopped, on_observe=Simulation.empty_observation)
-    while run.world.zoning.said[:, REDESIGN].max() == 0:
+    while run.world.service_zones.messages[:, REDESIGN].max() == 0:
         run.run(until=run.tick + 1)
         assert run.tick < 20_000
     run.run(until=run.tick + 30)  # the signal has spread, and what they did is over
     cells = run.world.robots.cell.copy()
-    assert set(run.world.robots.action) == {WAIT} and set(run.watch.cause) == {HALTED}
+    assert set(run.world.robots.action) == {ACTION_WAIT} and set(run.observation.cause) == {HALTED}
     run.run(until=run.tick + 300)
     assert np.array_equal(run.world.robots.cell, cells)
     run.run(until=run.tick + 300)
@@ -228,13 +242,13 @@ def test_consensus_comes_to_the_mean_of_the_loads() -> None:
     run = Simulation(resolve("factory", (ddz(),)))
     average, rounds = 189, 94  # every 120 s; as many steps as fit into half of that
     run.run(until=20 * average)
-    begun = run.world.zoning.said[:, 0] // DEGREES
+    begun = run.world.service_zones.messages[:, 0] // DEGREES
     sums = set()
     for step in range(1, rounds):
         run.run(until=20 * average + step)
-        sums.add(int((run.world.zoning.said[:, step & 1] // DEGREES).sum()))
+        sums.add(int((run.world.service_zones.messages[:, step & 1] // DEGREES).sum()))
     run.run(until=20 * average + rounds)
-    means = run.memories[ZONING].own[:, MEAN]
+    means = run.memories[LAYER_ZONING].per_robot[:, MEAN]
     assert begun.max() - begun.min() > 1e9, "loads differ by more than a minute"
     assert sums == {int(begun.sum())}, "every step preserves the sum"
     assert abs(means - begun.mean()).max() < 10
@@ -247,40 +261,42 @@ def test_a_strategy_cannot_read_a_robot_beyond_its_range() -> None:
     class Spy(Strategy):
         layer = "zoning"
 
-        def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-            if asked.robot[0] == 0:
-                robots, zoning = view.robots, view.zoning
+        def decide(
+            self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
+        ) -> None:
+            if batch.robot[0] == 0:
+                robots, service_zones = view.robots, view.service_zones
                 seen.update(
                     cell=robots.cell.tolist(),
-                    server=zoning.server.tolist(),
-                    zone=set(zoning.design.zone.tolist()),
-                    said=zoning.said.copy(),
-                    works=view.stations.first.tolist(),
-                    queues=set(zoning.queue[view.orders.state == WAITING].tolist()),
+                    server=service_zones.server.tolist(),
+                    zone=set(service_zones.design.zone.tolist()),
+                    said=service_zones.messages.copy(),
+                    works=view.stations.in_service.tolist(),
+                    queues=set(service_zones.queue[view.orders.state == ORDER_WAITING].tolist()),
                 )
 
     resolved = resolve("factory", (ddz(), NEAR.replace("131", "40")))
     strategies = list(Simulation(resolved)._strategies)
-    strategies[ZONING] = Spy()
+    strategies[LAYER_ZONING] = Spy()
     run = Simulation(resolved, strategies=strategies)
     world = run.world
-    world.zoning.said[:] = 7
+    world.service_zones.messages[:] = 7
     run.run(until=3)
     # Robot 0 begins at WS11, far from the other two.
     assert seen["cell"][1:] == [NIL, NIL] and seen["cell"][0] != NIL
     assert seen["server"] == [0, NIL, NIL] and seen["zone"] == {0, NIL}
     assert set(seen["said"][0]) == {7} and set(seen["said"][1:].reshape(-1)) == {0}
-    mine = world.zoning.design.zone == 0
+    mine = world.service_zones.design.zone == 0
     assert all(work == NIL for work, own in zip(seen["works"], mine, strict=True) if not own)
     assert any(work != NIL for work, own in zip(seen["works"], mine, strict=True) if own)
 
 
 def test_with_limited_sight_a_design_changes_only_between_robots_in_sight() -> None:
     run = Simulation(resolve("factory", (ddz(), NEAR.replace("131", "20"))))
-    before = run.world.zoning.design.zone.copy()
+    before = run.world.service_zones.design.zone.copy()
     run.run(until=20_000)
-    assert run.world.tally.illegal[ZONING] == 0
-    zone = run.world.zoning.design.zone
+    assert run.world.tally.illegal[LAYER_ZONING] == 0
+    zone = run.world.service_zones.design.zone
     assert set(zone.tolist()) == {0, 1, 2} and len(zone) == len(before)
 
 
@@ -309,12 +325,12 @@ def test_the_zone_of_a_broken_robot_is_served_by_another_one(method: str) -> Non
     run = Simulation(resolve("factory", (*METHODS[method], faults)))
     world = run.world
     run.run(until=3400)
-    assert world.robots.status[1] != RUNNING
-    assert world.zoning.server[1] in (0, 2), "somebody else serves its zone"
+    assert world.robots.status[1] != STATUS_UP
+    assert world.service_zones.server[1] in (0, 2), "somebody else serves its zone"
     run.run(until=10_500)
-    assert world.robots.status[1] == RUNNING and world.zoning.server[1] == 1, "it is back"
+    assert world.robots.status[1] == STATUS_UP and world.service_zones.server[1] == 1, "it is back"
     run.run()
-    assert run.finished and set(world.orders.state) == {DELIVERED}
+    assert run.finished and set(world.orders.state) == {ORDER_DELIVERED}
 
 
 def test_what_is_missing_in_the_batteries_counts_as_load() -> None:
@@ -325,7 +341,7 @@ def test_what_is_missing_in_the_batteries_counts_as_load() -> None:
     for given in (battery, full):
         run = Simulation(resolve("factory", (ddz(), given)))
         run.run(until=3_900)
-        loads.append((run.world.zoning.said[:, 0] // DEGREES).max())
+        loads.append((run.world.service_zones.messages[:, 0] // DEGREES).max())
     # 90 % at 0.01 % a tick are 9,000 ticks: some 95 minutes more for one of three robots.
     assert loads[0] - loads[1] > 25e9
 
@@ -347,7 +363,7 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
     run = Simulation(resolve(scenario, settings))
     run.run()
     assert run.finished, f"{scenario}: {metrics_of(run)['delivered']} delivered in {run.tick}"
-    zones = run.world.zoning.design.zone
+    zones = run.world.service_zones.design.zone
     assert set(zones.tolist()) == set(range(len(run.world.robots.cell)))
 
 
@@ -394,13 +410,13 @@ def test_a_design_needs_a_zone_for_each_robot() -> None:
 
 def test_zones_of_a_floor_without_stations_are_groups_of_slots() -> None:
     resolved = resolve("tabletop-1", ("strategy.zoning={name: static, groups: 7}",))
-    zoning = Simulation(resolved).world.zoning
-    slots = zoning.station_of[zoning.station_of != NIL]
-    assert len(zoning.roads.point) == 7 and set(slots.tolist()) == set(range(7))
+    service_zones = Simulation(resolved).world.service_zones
+    slots = service_zones.station_of[service_zones.station_of != NIL]
+    assert len(service_zones.roads.point) == 7 and set(slots.tolist()) == set(range(7))
 
 
 def test_zoning_is_a_layer_like_the_others() -> None:
-    assert LAYERS[ZONING] == "zoning"
+    assert LAYER_NAMES[LAYER_ZONING] == "zoning"
     run = factory(STATIC)
-    assert run.world.tally.asked[ZONING] > 100
+    assert run.world.tally.batches[LAYER_ZONING] > 100
     assert scene is not None

@@ -9,7 +9,7 @@ import pytest
 
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import REDESIGNED, TICK
+from automaton.world.state import CLOCK_TICK, CLOCK_ZONES_REDESIGNED
 from strategies.zoning import monitored, repairing
 
 GOOD, BAD = 0.1, 0.5
@@ -37,12 +37,12 @@ def watched(
 
     def look(self: Any, view: Any, *rest: Any) -> None:
         nonlocal now
-        now = int(view.clock[TICK])
+        now = int(view.clock[CLOCK_TICK])
         log.looks.append(now)
         usual_look(self, view, *rest)
 
     def share(view: Any, *_: Any) -> int:
-        log.shares.append(int(view.clock[TICK]))
+        log.shares.append(int(view.clock[CLOCK_TICK]))
         return 0
 
     def flow(view: Any, window: int, tick: int, found: Any) -> int:
@@ -57,7 +57,7 @@ def watched(
     run = Simulation(resolve("factory", [f"{ZONING}{more}}}", SECONDS, "orders.work=10"]))
     while run.tick < until:
         run.run(until=run.tick + 1)
-        if run.tick > 1 and run.world.clock[REDESIGNED] == run.tick:
+        if run.tick > 1 and run.world.clock[CLOCK_ZONES_REDESIGNED] == run.tick:
             log.redesigns.append(run.tick)
     return log
 

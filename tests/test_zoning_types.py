@@ -19,7 +19,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.world.state import NIL
 from automaton.zoning import annealing, genetic
 from automaton.zoning.abilities import match
@@ -43,38 +43,38 @@ SIGHT = "information={radius: 131, shape: circle, orders: zones}"
 
 def mixed() -> ZoneSpace:
     """Scratch for three zones: robot 0 is slow, does not get to the north, is first at 8 and 11."""
-    space = scratch(factory()[2], 3)
-    space.serves[0, NORTH] = 0
-    space.first[0, [7, 10]] = 1
-    space.pace[0] = 2.0
-    return space
+    workspace = scratch(factory()[2], 3)
+    workspace.serves[0, NORTH] = 0
+    workspace.first[0, [7, 10]] = 1
+    workspace.pace[0] = 2.0
+    return workspace
 
 
-def assert_served(design: Design, space: ZoneSpace, first: bool = True) -> None:
+def assert_served(design: Design, workspace: ZoneSpace, first: bool = True) -> None:
     """Every station is in a zone whose robot serves it, with priority where there is any."""
     zone = np.asarray(design.zone)
-    assert space.serves[zone, np.arange(len(zone))].all()
+    assert workspace.serves[zone, np.arange(len(zone))].all()
     for a, b, station in np.argwhere(np.asarray(design.transfer) == 1):
-        assert space.serves[a, station] and space.serves[b, station]
+        assert workspace.serves[a, station] and workspace.serves[b, station]
     if first:
         assert (zone[[7, 10]] == 0).all()
 
 
 def made(method: str, seed: int) -> tuple[Design, ZoneSpace]:
     """Zones by a method from the flow of training."""
-    roads, space, flow = factory()[2], mixed(), training_flow()
+    roads, workspace, flow = factory()[2], mixed(), training_flow()
     design, rules = design_arrays(roads, 3), factory_rules(roads)
     if method == "annealing":
         assert annealing.repair(
-            roads, rules, flow, *ANNEALED, 3, design, space, everyone(3), seed, 0
+            roads, rules, flow, *ANNEALED, 3, design, workspace, everyone(3), seed, 0
         )
     else:
         limits = (8, genetic.SELECTED, genetic.MUTATION)
         herd = population_for(roads, 20)
         assert genetic.evolve(
-            roads, rules, flow, *limits, herd, design, space, everyone(3), seed, 0
+            roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0
         )
-    return design, space
+    return design, workspace
 
 
 # Speed.
@@ -100,10 +100,19 @@ def test_a_slow_robot_gets_a_smaller_zone() -> None:
     for pace in (1.0, 3.0):
         found = []
         for seed in range(8):
-            design, space = design_arrays(roads, 3), scratch(roads, 3)
-            space.pace[0] = pace
+            design, workspace = design_arrays(roads, 3), scratch(roads, 3)
+            workspace.pace[0] = pace
             annealing.repair(
-                roads, factory_rules(roads), flow, *ANNEALED, 3, design, space, everyone(3), seed, 0
+                roads,
+                factory_rules(roads),
+                flow,
+                *ANNEALED,
+                3,
+                design,
+                workspace,
+                everyone(3),
+                seed,
+                0,
             )
             find_loads(roads, factory_rules(roads), flow, 0, design, scratch(roads, 3))
             found.append(int((design.zone == 0).sum()))
@@ -125,9 +134,9 @@ def test_exchanges_of_a_leader_keep_to_what_robots_serve_and_to_priority() -> No
     roads, rules = factory()[2], ddz_rules()
     moved = 0
     for seed in range(4):
-        design, space = made("annealing", seed)
-        find_loads(roads, rules, training_flow(), 0, design, space)
-        find_transfers(roads, rules, design, space, everyone(3))
+        design, workspace = made("annealing", seed)
+        find_loads(roads, rules, training_flow(), 0, design, workspace)
+        find_transfers(roads, rules, design, workspace, everyone(3))
         parts = parts_for(17)
         parts.count[0] = 17
         parts.at[:], parts.to[:] = range(17), range(1, 18)
@@ -136,10 +145,10 @@ def test_exchanges_of_a_leader_keep_to_what_robots_serve_and_to_priority() -> No
             before = design.zone.copy()
             lead(
                 roads, rules, parts, 4.5, 0.3, 20, 10.0, 0, 10,
-                design, space, turn % 3, everyone(3), 10.0 * turn, seed, turn,
+                design, workspace, turn % 3, everyone(3), 10.0 * turn, seed, turn,
             )  # fmt: skip
             moved += int((design.zone != before).any())
-            assert_served(design, space)
+            assert_served(design, workspace)
     assert moved
 
 
@@ -151,16 +160,16 @@ def renamed(design: Design, name: list[int]) -> None:
 
 
 def test_zones_are_matched_to_robots_one_to_one_or_not_at_all() -> None:
-    design, space = made("annealing", 1)
+    design, workspace = made("annealing", 1)
     renamed(design, [1, 2, 0])
-    assert not space.serves[design.zone, np.arange(18)].all()
-    assert match(design, space)
-    assert_served(design, space)
+    assert not workspace.serves[design.zone, np.arange(18)].all()
+    assert match(design, workspace)
+    assert_served(design, workspace)
     assert set(design.zone.tolist()) == {0, 1, 2}
-    space.serves[1:, 12] = 0
-    space.serves[0, 13] = 0
+    workspace.serves[1:, 12] = 0
+    workspace.serves[0, 13] = 0
     design.zone[12] = design.zone[13] = 1  # no robot serves both
-    assert not match(design, space)
+    assert not match(design, workspace)
 
 
 def test_a_design_with_a_station_that_its_robot_does_not_serve_is_refused() -> None:
@@ -200,10 +209,10 @@ def test_heavy_parts_go_with_the_tug_and_the_north_without_it(method: str) -> No
     world = day(method).world
     heavy = world.orders.weight > 10
     assert heavy.any() and (world.orders.dispatched_type[heavy] == 0).all()
-    zoning = world.zoning
-    assert zoning.serves[zoning.design.zone, np.arange(18)].all()
-    assert (zoning.design.zone[[7, 10]] == 0).all(), "priority"
-    assert not zoning.serves[0, NORTH].any()
+    service_zones = world.service_zones
+    assert service_zones.accessible[service_zones.design.zone, np.arange(18)].all()
+    assert (service_zones.design.zone[[7, 10]] == 0).all(), "priority"
+    assert not service_zones.accessible[0, NORTH].any()
 
 
 def test_a_recorded_day_keeps_the_rules() -> None:

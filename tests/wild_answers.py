@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.strategy.layer import Strategy
 from automaton.struct import Struct
-from automaton.world.state import KEEP, TICK
+from automaton.world.state import CLOCK_TICK, KEEP
 
 ANSWERS: Counter[str] = Counter()  # given in this process, by layer
 EDGES = (0, 1, -1, 2, 3, -2, 4, 255, 256, -32769, 32768, 65536, 10**8, -(10**8), KEEP, 2**31 - 1)
@@ -35,18 +35,18 @@ class Wild(Strategy):
 
     def __init__(self, parameters: Wildness | None = None) -> None:
         super().__init__(parameters)
-        self.every = self.parameters.every
+        self.period = self.parameters.every
 
-    def decide(self, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-        ANSWERS[self.layer] += int(asked.count[0])
-        tick, phase = int(view.clock[TICK]), int(asked.robot[0])
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        ANSWERS[self.layer] += int(batch.count[0])
+        tick, phase = int(view.clock[CLOCK_TICK]), int(batch.robot[0])
         draws = np.random.default_rng([self.parameters.seed, tick, phase, len(self.layer)])
-        small = [len(view.robots.cell), len(view.orders.state), len(view.grid.rule)]
-        self.fill(getattr(answers, self.layer), draws, small)
+        small = [len(view.robots.cell), len(view.orders.state), len(view.grid.cell_flags)]
+        self.fill(getattr(decisions, self.layer), draws, small)
 
-    def fill(self, given: Struct, draws: Any, small: list[int]) -> None:
-        for name in given._fields:
-            field = getattr(given, name)
+    def fill(self, out: Struct, draws: Any, small: list[int]) -> None:
+        for name in out._fields:
+            field = getattr(out, name)
             if isinstance(field, Struct):
                 self.fill(field, draws, small)
             elif field.size and draws.random() < self.parameters.share:

@@ -15,7 +15,7 @@ import numpy as np
 from zoning_scenes import FEET_PER_MINUTE, factory
 from zoning_sharing import share
 
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.zoning.routing import route
 from automaton.zoning.space import space_for
 
@@ -38,7 +38,7 @@ class Run:
         _, _, self.roads = factory()
         self.feet_between = self.roads.between * 2.5
         self.design, self.rule, self.random = design, rule, Random(seed)
-        self.space = space_for(self.roads, len(design.transfer))
+        self.workspace = space_for(self.roads, len(design.transfer))
         parts = len(ROUTES)
         self.at = np.array([stations[0] - 1 for stations in ROUTES], np.int32)
         self.to, self.stop, self.queue = np.zeros((3, parts), np.int32)
@@ -89,7 +89,7 @@ class Run:
 
     def _enqueue(self, part: int, zone: int) -> None:
         at, to = int(self.at[part]), int(self.to[part])
-        known = (self.roads, self.design, self.space, self.rule)
+        known = (self.roads, self.design, self.workspace, self.rule)
         self.queue[part], self.stop[part], _ = route(*known, zone, at, to)
         self.waiting[part] = 1
 

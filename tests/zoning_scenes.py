@@ -11,8 +11,8 @@ import yaml
 
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.reading import SHIPPED_FOLDER
-from automaton.world.partition import Design, Roads
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.service_zones import Design, Roads
 from automaton.zoning.designs import read_design
 from automaton.zoning.roads import roads_of, typical_distance
 from automaton.zoning.space import ZoneSpace, space_for, zone_rules
@@ -52,9 +52,9 @@ FEET_PER_MINUTE = 236.2
 def factory(cell: float = 2.5) -> tuple[Factory, FloorPlan, Roads]:
     """The floor and its roads, read-only as strategies see them: kernels then compile once for both."""
     floor = Factory(cell=cell)
-    plan = floor.build()
-    roads = roads_of(plan, [plan.cell(x, y) for x, y in floor.stations().values()])
-    return floor, plan, roads.read_only()
+    floor_plan = floor.build()
+    roads = roads_of(floor_plan, [floor_plan.cell(x, y) for x, y in floor.stations().values()])
+    return floor, floor_plan, roads.read_only()
 
 
 def training_flow() -> Any:
@@ -69,9 +69,9 @@ def training_flow() -> Any:
 
 def shipped(name: str) -> Design:
     """A design of layouts/zones."""
-    floor, plan, roads = factory()
+    floor, floor_plan, roads = factory()
     data = yaml.safe_load((SHIPPED_FOLDER / "zones" / f"{name}.yaml").read_text())
-    return read_design(plan, roads, data, floor.points())
+    return read_design(floor_plan, roads, data, floor.points())
 
 
 def factory_rules(roads: Roads) -> Any:
@@ -89,14 +89,16 @@ def drawn(picture: str) -> tuple[FloorPlan, Roads]:
     """A floor whose stations are its digits, from 1."""
     rows = picture.split()
     digits = sorted(set(picture) & set("0123456789"))
-    plan = draw_floor("\n".join("".join("t" if c in digits else c for c in row) for row in rows))
+    floor_plan = draw_floor(
+        "\n".join("".join("t" if c in digits else c for c in row) for row in rows)
+    )
     cells = [
-        plan.cell(row.index(digit), y)
+        floor_plan.cell(row.index(digit), y)
         for digit in digits
         for y, row in enumerate(rows)
         if digit in row
     ]
-    return plan, roads_of(plan, cells).read_only()
+    return floor_plan, roads_of(floor_plan, cells).read_only()
 
 
 def scratch(roads: Roads, zones: int) -> ZoneSpace:
@@ -120,10 +122,10 @@ def stations(design: Design) -> list[set[int]]:
     return [set((np.flatnonzero(design.zone == z) + 1).tolist()) for z in zones]
 
 
-def segments(plan: FloorPlan, roads: Roads, design: Design, zone: int) -> list[list[Any]]:
+def segments(floor_plan: FloorPlan, roads: Roads, design: Design, zone: int) -> list[list[Any]]:
     """The segments of a zone as lists of (x, y)."""
     return [
-        [plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
+        [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
         for m in range(int(design.segments[0]))
         if design.owner[m] == zone
     ]

@@ -13,7 +13,7 @@ from zoning_scenes import (
     shipped,
 )
 
-from automaton.world.partition import Design
+from automaton.world.service_zones import Design
 from automaton.zoning import annealing, genetic, negotiation
 from automaton.zoning.designs import design_arrays
 from automaton.zoning.herd import population_for
@@ -25,25 +25,25 @@ ANNEALED = (annealing.HOT, annealing.COLD, annealing.STEPS, annealing.MOST)
 
 def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
     _, _, roads = factory()
-    design, space = design_arrays(roads, zones), scratch(roads, zones)
+    design, workspace = design_arrays(roads, zones), scratch(roads, zones)
     rules, reach = factory_rules(roads), everyone(zones)
     done = annealing.repair(
-        roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, space, reach, seed, 0
+        roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, workspace, reach, seed, 0
     )
     return done, design
 
 
 def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) -> Design:
     _, _, roads = factory()
-    design, space, herd = (
+    design, workspace, herd = (
         design_arrays(roads, 3),
         scratch(roads, 3),
         population_for(roads, individuals),
     )
     rules, reach = factory_rules(roads), everyone(3)
     limits = (generations, genetic.SELECTED, genetic.MUTATION)
-    assert genetic.evolve(roads, rules, flow, *limits, herd, design, space, reach, seed, 0)
-    assert connected(design, space)
+    assert genetic.evolve(roads, rules, flow, *limits, herd, design, workspace, reach, seed, 0)
+    assert connected(design, workspace)
     return design
 
 
@@ -59,18 +59,20 @@ def waiting(legs: list[tuple[int, int]]) -> Parts:
 def south() -> dict[str, Any]:
     """The initial design of DDZ with all the parts in the south."""
     _, _, roads = factory()
-    space, rules, reach = scratch(roads, 3), ddz_rules(), everyone(3)
+    workspace, rules, reach = scratch(roads, 3), ddz_rules(), everyone(3)
     design = shipped("factory-ddz")
-    find_transfers(roads, rules, design, space, reach)
+    find_transfers(roads, rules, design, workspace, reach)
     parts = waiting([(17, 11), (16, 8), (12, 15), (11, 18), (18, 12), (8, 13), (13, 17)] * 3)
-    negotiation.requeue(roads, design, space, parts, reach)
+    negotiation.requeue(roads, design, workspace, parts, reach)
     negotiation.adopt(parts)
     parts.zone[: parts.count[0]] = 2
-    return dict(roads=roads, rules=rules, parts=parts, design=design, space=space, reach=reach)
+    return dict(
+        roads=roads, rules=rules, parts=parts, design=design, workspace=workspace, reach=reach
+    )
 
 
 def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
     limits = (negotiation.HOT, negotiation.COLD, negotiation.STEPS, negotiation.SCALE)
-    known = (scene["design"], scene["space"], leader, scene["reach"], mean, seed, 0)
+    known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, seed, 0)
     before = (scene["roads"], scene["rules"], scene["parts"], *limits, 0, negotiation.ITERATIONS)
     return float(lead(*before, *known))

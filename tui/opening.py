@@ -14,7 +14,7 @@ from automaton.recording.frames import Recording, read_recording
 from automaton.recording.header import resolved_of
 from automaton.scenario.resolve import Resolved
 from automaton.world.cells import SHELF
-from automaton.world.zones import zones_of
+from automaton.world.traffic_zones import traffic_zones_of
 from tui.render.scene import Floor
 from tui.titles import Head, heads_of, title_of
 
@@ -66,7 +66,7 @@ def recorded(*paths: Path) -> Opening:
     resolved = tuple(
         resolved_of(recording.header, with_strategies=False) for recording in recordings
     )
-    if len({one.plan.kind.shape for one in resolved}) > 1:
+    if len({one.floor_plan.kind.shape for one in resolved}) > 1:
         raise InputError("floors of different sizes cannot be compared", str(paths[1]))
 
     def begin() -> list[Run]:
@@ -86,16 +86,16 @@ def recorded(*paths: Path) -> Opening:
 
 def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
-    cells = resolved.plan.slots()
-    endless = (resolved.plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
-    zones = zones_of(resolved.plan, resolved.scenario.world.zones)
+    cells = resolved.floor_plan.slots()
+    endless = (resolved.floor_plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
+    traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.zones)
     scenario = resolved.scenario
     return Floor(
-        resolved.plan,
+        resolved.floor_plan,
         cells,
         endless,
         HEADINGS[scenario.fleet.kinematics],
-        zones,
+        traffic_zones,
         battery=scenario.battery is not None,
         faults=bool(scenario.faults.listed or scenario.faults.rate),
     )

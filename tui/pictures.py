@@ -71,7 +71,7 @@ class Pictures:
         self.glyphs = glyphs
         self.floors = [floor_of(resolved) for resolved in opening.resolved]
         robots = max(one.scenario.fleet.robots for one in opening.resolved)
-        self.camera = Camera(opening.resolved[0].plan, 1, 1, robots)
+        self.camera = Camera(opening.resolved[0].floor_plan, 1, 1, robots)
         self.fitted = True  # the whole floor is to be seen, whatever the size
         self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
 
@@ -118,8 +118,8 @@ class Pictures:
 
     def take_zones(self, resolved: Resolved) -> bool:
         """After a branch of the only run: whether it has other zones."""
-        zones = self.floors[0].zones
-        other = zones is None or zones.mode != resolved.scenario.world.zones
+        traffic_zones = self.floors[0].traffic_zones
+        other = traffic_zones is None or traffic_zones.mode != resolved.scenario.world.zones
         if other:
             self.floors[0] = floor_of(resolved)
         return other

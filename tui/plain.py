@@ -16,7 +16,7 @@ from automaton.recording.header import changed, resolved_of
 from automaton.run_report import print_report
 from automaton.scenario.resolve import Resolved
 from automaton.standstill import stuck, trouble
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 from tui.opening import Opening
 from tui.tally import tally_of
 from tui.titles import branches_of
@@ -98,7 +98,7 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         finished=finished,
         ticks=front.tick,
         orders=len(state),
-        delivered=int((state == DELIVERED).sum()),
+        delivered=int((state == ORDER_DELIVERED).sum()),
         digest=front.digest,
         wall_s=None,
         metrics=metrics_of(front),

@@ -58,9 +58,9 @@ def find(text: str, view: View) -> Found:
     if words == "shelves":
         kind = KIND_BY_NAME["shelf"]
     if kind is not None and kind.code != WALL:
-        cells = np.flatnonzero(view.plan.kind.reshape(-1) == kind.code)
+        cells = np.flatnonzero(view.floor_plan.kind.reshape(-1) == kind.code)
         return Found(words, cells=tuple(cells.tolist()))
-    robots = robots_where(" ".join(text.split()), view.snapshot, view.plan)
+    robots = robots_where(" ".join(text.split()), view.snapshot, view.floor_plan)
     return Found(words, robots=tuple(robots.tolist()))
 
 
@@ -78,17 +78,19 @@ def _order(words: str, number: int, view: View) -> Found:
         raise InputError(
             f"there is no order {number}; orders are numbered from 0 to {len(orders.state) - 1}"
         )
-    if orders.by[number] != NIL:
-        return Found(words, robots=(int(orders.by[number]),))
-    place = orders.place[number] if orders.place[number] != NIL else orders.target[number]
+    if orders.reserved_by[number] != NIL:
+        return Found(words, robots=(int(orders.reserved_by[number]),))
+    place = (
+        orders.current_slot[number] if orders.current_slot[number] != NIL else orders.target[number]
+    )
     return Found(words, cells=() if place == NIL else (int(slots.cell[place]),))
 
 
 def _cell(x: int, y: int, view: View) -> int:
-    plan = view.plan
-    if not plan.holds(x, y) and plan.cell(x, y) not in plan.bays[:, 0]:
+    floor_plan = view.floor_plan
+    if not floor_plan.holds(x, y) and floor_plan.cell(x, y) not in floor_plan.bays[:, 0]:
         raise InputError(
             f"there is no cell ({x}, {y}); the floor goes from (0, 0) "
-            f"to ({plan.width - 1}, {plan.height - 1})"
+            f"to ({floor_plan.width - 1}, {floor_plan.height - 1})"
         )
-    return plan.cell(x, y)
+    return floor_plan.cell(x, y)

@@ -60,5 +60,5 @@ def figures_of(run: Run) -> Figures:
     world = shown.world
     by_identity = world.robots.at_index
     active = executed_ticks(world)[by_identity, 1:].sum((1, 2)) / max(1, shown.tick)
-    operations = world.tally.times[by_identity][:, OPERATIONS].sum((1, 2))
+    operations = world.tally.operations[by_identity][:, OPERATIONS].sum((1, 2))
     return Figures(shown.tick, metrics_of(shown), operations, active)

@@ -25,7 +25,7 @@ class Hit(NamedTuple):
 
 def held_by(points: Sequence[Breakpoint], runs: Sequence[Run]) -> Held:
     """What holds at the ticks that the runs show."""
-    return [[point.test(run.shown, run.plan) for point in points] for run in runs]
+    return [[point.test(run.shown, run.floor_plan) for point in points] for run in runs]
 
 
 def begun(points: Sequence[Breakpoint], before: Held, now: Held) -> list[Hit]:

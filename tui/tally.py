@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from automaton.world.state import DELIVERED, Array
-from automaton.world.waiting import NOT_WAITING, waits
+from automaton.world.observation import CAUSE_NOT_WAITING, is_waiting
+from automaton.world.state import ORDER_DELIVERED, Array
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.history.snapshot import Snapshot
@@ -27,20 +27,22 @@ class Tally(NamedTuple):
 def tally(snapshot: Snapshot) -> Tally:
     """Count them. Who is parked or has no order neither works nor waits."""
     robots = snapshot.robots
-    return _counted(robots.cause, robots.parked, robots.ring, snapshot.orders.state)
+    return _counted(robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders.state)
 
 
 def tally_of(simulation: Simulation) -> Tally:
     """The same of an observed simulation."""
-    world, watch = simulation.world, simulation.watch
-    return _counted(watch.cause, world.robots.parked, watch.ring, world.orders.state)
+    world, observation = simulation.world, simulation.observation
+    return _counted(
+        observation.cause, world.robots.parked, observation.wait_cycle_ticks, world.orders.state
+    )
 
 
 def _counted(cause: Array, parked: Array, ring: Array, orders: Array) -> Tally:
     return Tally(
-        working=int(np.count_nonzero((cause == NOT_WAITING) & (parked == 0))),
-        waiting=int(np.count_nonzero(waits(cause))),
+        working=int(np.count_nonzero((cause == CAUSE_NOT_WAITING) & (parked == 0))),
+        waiting=int(np.count_nonzero(is_waiting(cause))),
         circling=int(np.count_nonzero(ring)),
-        delivered=int(np.count_nonzero(orders == DELIVERED)),
+        delivered=int(np.count_nonzero(orders == ORDER_DELIVERED)),
         orders=len(orders),
     )

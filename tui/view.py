@@ -9,7 +9,7 @@ from textual.message import Message
 
 from automaton.history.run import Run
 from automaton.history.snapshot import Snapshot
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL
 from tui.shot import Shot
 
@@ -37,9 +37,9 @@ class View:
         return self.runs[self.side]
 
     @property
-    def plan(self) -> FloorPlan:
+    def floor_plan(self) -> FloorPlan:
         """Its floor."""
-        return self.run.plan
+        return self.run.floor_plan
 
 
 class RobotChosen(Message):

@@ -14,63 +14,63 @@ NO_EDGE = 1 << 50  # what a pair that may not be costs
 
 
 @kernel
-def linear_sum_assignment(cost, rows, columns, space):
+def linear_sum_assignment(cost, rows, columns, workspace):
     """space.row_of[:columns] = the row of each column, or NIL; rows <= columns.
 
     cost: (>= rows, >= columns) int64, pairs that may not be cost INF; a row that only such pairs
     are left for stays without a column.
     """
     for j in range(columns + 1):
-        space.row_of[j] = NIL
-        space.column_price[j] = 0
+        workspace.row_of[j] = NIL
+        workspace.column_price[j] = 0
     for i in range(rows):
-        space.row_price[i] = 0
+        workspace.row_price[i] = 0
     for i in range(rows):
         # Column `columns` stands for the row that is entered.
-        space.row_of[columns] = i
-        j = augmenting_end(cost, columns, space)
+        workspace.row_of[columns] = i
+        j = augmenting_end(cost, columns, workspace)
         while j != columns:
-            before = np.int64(space.came[j])
-            space.row_of[j] = space.row_of[before]
+            before = np.int64(workspace.came[j])
+            workspace.row_of[j] = workspace.row_of[before]
             j = before
     for j in range(columns):
-        if space.row_of[j] != NIL and cost[space.row_of[j], j] >= INF:
-            space.row_of[j] = NIL
+        if workspace.row_of[j] != NIL and cost[workspace.row_of[j], j] >= INF:
+            workspace.row_of[j] = NIL
 
 
 @kernel
-def augmenting_end(cost, columns, space):
+def augmenting_end(cost, columns, workspace):
     """The free column at which the shortest augmenting path ends; prices are brought up to date."""
     for j in range(columns + 1):
-        space.slack[j] = INF
-        space.seen[j] = 0
+        workspace.slack[j] = INF
+        workspace.seen[j] = 0
     here = np.int64(columns)
-    while space.row_of[here] != NIL:
-        space.seen[here] = 1
-        row = np.int64(space.row_of[here])
+    while workspace.row_of[here] != NIL:
+        workspace.seen[here] = 1
+        row = np.int64(workspace.row_of[here])
         step, then = np.int64(INF), np.int64(NIL)
         for j in range(columns):
-            if space.seen[j] == 1:
+            if workspace.seen[j] == 1:
                 continue
             edge = min(cost[row, j], np.int64(NO_EDGE))
-            reduced = edge - space.row_price[row] - space.column_price[j]
-            if reduced < space.slack[j]:
-                space.slack[j] = reduced
-                space.came[j] = here
-            if space.slack[j] < step:
-                step, then = space.slack[j], np.int64(j)
+            reduced = edge - workspace.row_price[row] - workspace.column_price[j]
+            if reduced < workspace.slack[j]:
+                workspace.slack[j] = reduced
+                workspace.came[j] = here
+            if workspace.slack[j] < step:
+                step, then = workspace.slack[j], np.int64(j)
         for j in range(columns + 1):
-            if space.seen[j] == 1:
-                space.row_price[space.row_of[j]] += step
-                space.column_price[j] -= step
+            if workspace.seen[j] == 1:
+                workspace.row_price[workspace.row_of[j]] += step
+                workspace.column_price[j] -= step
             else:
-                space.slack[j] -= step
+                workspace.slack[j] -= step
         here = then
     return here
 
 
 @kernel
-def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilon):
+def assign_once(work, battery, fleet, scratch, workspace, items, count, rule, epsilon):
     """Give each robot at most one of the items, with the least sum of bids; returns how many.
 
     space: for at least max(robots, count) rows and columns.
@@ -84,13 +84,13 @@ def assign_once(work, battery, fleet, scratch, space, items, count, rule, epsilo
             offer = bid(work, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
             scratch.count[MESSAGES] += fleet.heard[r, items[k]]
             if turned:
-                space.cost[k, r] = offer
+                workspace.cost[k, r] = offer
             else:
-                space.cost[r, k] = offer
-    linear_sum_assignment(space.cost, min(robots, count), max(robots, count), space)
+                workspace.cost[r, k] = offer
+    linear_sum_assignment(workspace.cost, min(robots, count), max(robots, count), workspace)
     given = np.int64(0)
     for j in range(max(robots, count)):
-        i = np.int64(space.row_of[j])
+        i = np.int64(workspace.row_of[j])
         if i == NIL:
             continue
         k, r = (i, np.int64(j)) if turned else (np.int64(j), i)

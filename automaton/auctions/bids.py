@@ -56,10 +56,13 @@ def sum_of_arrivals(work, battery, fleet, scratch, r, order, length):
         task = np.int64(order[i])
         while k < plan.stops[0] and plan.position[k] == i:
             at = np.int64(battery.charger[plan.charger[k]])
-            now += work.ticks[work.kind[0], here, at] + plan.duration[k] + plan.waited[k]
+            now += work.ticks[work.robot_type[0], here, at] + plan.duration[k] + plan.waited[k]
             here = at
             k += 1
-        now += work.ticks[work.kind[0], here, work.begin[task]] + work.inside[work.kind[0], task]
+        now += (
+            work.ticks[work.robot_type[0], here, work.begin[task]]
+            + work.inside[work.robot_type[0], task]
+        )
         total += now
         here = np.int64(work.end[task])
     return total

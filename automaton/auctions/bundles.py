@@ -43,7 +43,7 @@ def build_list(work, fleet, scratch, items, count, r, subset):
             return np.int64(NIL)
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
-        work.kind[0] = fleet.kind[r]
+        work.robot_type[0] = fleet.robot_type[r]
         position, _ = cheapest_insertion(work, place, scratch.order, length, task, first)
         scratch.count[POSITIONS] += length + 1 - first
         insert(scratch.order, length, task, position)

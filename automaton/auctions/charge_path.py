@@ -11,9 +11,9 @@ Ties: fewer ticks from the task before to the charger, then the later position.
 import numpy as np
 
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import FULL, INF, STATES
+from automaton.auctions.market import BATTERY_FULL, INF, STATES
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import RATE
+from automaton.kernels.charging_curve import CURVE_RATE
 from automaton.world.state import NIL
 
 # Places of Scratch.path, while a path is searched.
@@ -32,7 +32,7 @@ def tail_of(battery, place):
     """Units that must be left at the end of a list for the way to a charger; INF: none is there."""
     if battery.end_reach == 0:
         return np.int64(0)
-    return np.int64(battery.reach[battery.kind[0], place])
+    return np.int64(battery.reach[battery.robot_type[0], place])
 
 
 @kernel
@@ -73,14 +73,14 @@ def find_stops(work, battery, scratch, place, charge, order, length):
 @kernel
 def reach_chargers(work, battery, scratch, place, charge, order, i):
     """weight[i], back[i]: the best ways to the chargers before task i, from the start or a stop."""
-    rate = np.int64(battery.curve[0, RATE])
+    rate = np.int64(battery.curve[0, CURVE_RATE])
     before = place_before(work, place, order, i)
     for c in range(battery.charger.shape[0]):
         at = np.int64(battery.charger[c])
-        into_energy = work.energy[work.kind[0], before, at] + scratch.done_energy[i]
+        into_energy = work.energy[work.robot_type[0], before, at] + scratch.done_energy[i]
         best = np.int64(INF)
         if into_energy <= charge - battery.reserve:
-            into_ticks = work.ticks[work.kind[0], before, at] + scratch.done_ticks[i]
+            into_ticks = work.ticks[work.robot_type[0], before, at] + scratch.done_ticks[i]
             into_ticks += waiting_at(battery, scratch, c, into_ticks)
             best = rate * into_ticks + into_energy
         scratch.weight[i, c] = best
@@ -93,11 +93,11 @@ def reach_chargers(work, battery, scratch, place, charge, order, i):
 def come_from_stops(work, battery, scratch, before, order, i, c):
     """Improve weight[i, c], back[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, RATE])
+    rate = np.int64(battery.curve[0, CURVE_RATE])
     at = np.int64(battery.charger[c])
-    into_ticks = work.ticks[work.kind[0], before, at] + scratch.done_ticks[i]
+    into_ticks = work.ticks[work.robot_type[0], before, at] + scratch.done_ticks[i]
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
-    into_energy = work.energy[work.kind[0], before, at] + scratch.done_energy[i]
+    into_energy = work.energy[work.robot_type[0], before, at] + scratch.done_energy[i]
     best, back = scratch.weight[i, c], np.int64(NIL)
     for node in range(scratch.path[NODES]):
         k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
@@ -105,10 +105,12 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
             continue
         stop = np.int64(battery.charger[b])
         after = np.int64(work.begin[order[k]])
-        energy = work.energy[work.kind[0], stop, after] + into_energy - scratch.begun_energy[k]
-        if energy > FULL - battery.reserve:
+        energy = (
+            work.energy[work.robot_type[0], stop, after] + into_energy - scratch.begun_energy[k]
+        )
+        if energy > BATTERY_FULL - battery.reserve:
             continue
-        ticks = work.ticks[work.kind[0], stop, after] + into_ticks - scratch.begun_ticks[k]
+        ticks = work.ticks[work.robot_type[0], stop, after] + into_ticks - scratch.begun_ticks[k]
         weight = scratch.weight[k, b] + rate * ticks + energy
         if weight <= best:
             best, back = weight, np.int64(k * chargers + b)
@@ -120,7 +122,7 @@ def come_from_stops(work, battery, scratch, before, order, i, c):
 def finish(work, battery, scratch, place, order, i):
     """Drive on to the end from each charger before task i, or note it as one to go on from."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, RATE])
+    rate = np.int64(battery.curve[0, CURVE_RATE])
     path = scratch.path
     before = place_before(work, place, order, i)
     after = np.int64(work.begin[order[i]])
@@ -129,16 +131,16 @@ def finish(work, battery, scratch, place, order, i):
     for c in range(chargers):
         so_far = scratch.weight[i, c]
         at = np.int64(battery.charger[c])
-        energy = work.energy[work.kind[0], at, after] + rest_energy
-        total = so_far + rate * (work.ticks[work.kind[0], at, after] + rest_ticks) + energy
+        energy = work.energy[work.robot_type[0], at, after] + rest_energy
+        total = so_far + rate * (work.ticks[work.robot_type[0], at, after] + rest_ticks) + energy
         if so_far >= INF or total > path[BEST]:
             continue  # what goes on from here is no better than the best that is known
-        if energy > FULL - battery.reserve:
+        if energy > BATTERY_FULL - battery.reserve:
             scratch.node[path[NODES]] = i * chargers + c
             path[NODES] += 1
             continue
         # The end is in reach: another stop would only make the way longer.
-        detour = np.int64(work.ticks[work.kind[0], before, at])
+        detour = np.int64(work.ticks[work.robot_type[0], before, at])
         later = detour == path[NEAREST] and path[AT] != i
         if total < path[BEST] or detour < path[NEAREST] or later:
             path[BEST], path[NEAREST], path[LAST] = total, detour, i * chargers + c
@@ -149,7 +151,7 @@ def finish(work, battery, scratch, place, order, i):
 def hop(work, battery, scratch, i):
     """Ways from one charger straight to another, where the way between tasks is long; found any?"""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[0, RATE])
+    rate = np.int64(battery.curve[0, CURVE_RATE])
     found = False
     changed = True
     while changed:
@@ -159,12 +161,18 @@ def hop(work, battery, scratch, i):
                 continue
             for c in range(chargers):
                 between = np.int64(
-                    work.energy[work.kind[0], battery.charger[b], battery.charger[c]]
+                    work.energy[work.robot_type[0], battery.charger[b], battery.charger[c]]
                 )
-                ticks = np.int64(work.ticks[work.kind[0], battery.charger[b], battery.charger[c]])
+                ticks = np.int64(
+                    work.ticks[work.robot_type[0], battery.charger[b], battery.charger[c]]
+                )
                 ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
                 weight = scratch.weight[i, b] + rate * ticks + between
-                if c != b and between <= FULL - battery.reserve and weight < scratch.weight[i, c]:
+                if (
+                    c != b
+                    and between <= BATTERY_FULL - battery.reserve
+                    and weight < scratch.weight[i, c]
+                ):
                     scratch.weight[i, c] = weight
                     scratch.back[i, c] = i * chargers + b
                     changed = True

@@ -9,11 +9,11 @@ import numpy as np
 from automaton.auctions.charge_path import find_stops, note_stops, tail_of, waiting_at
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import (
+    BATTERY_FULL,
     CHARGING,
     COST,
     END,
     FIGURES,
-    FULL,
     GROSS,
     INF,
     LOWEST,
@@ -78,12 +78,14 @@ def stretch(work, battery, scratch, place, order, length, k):
             ticks, energy, here = np.int64(0), np.int64(0), here_before
         else:
             after = np.int64(work.begin[order[begun]])
-            ticks += work.ticks[work.kind[0], here_before, after] - scratch.begun_ticks[begun]
-            energy += work.energy[work.kind[0], here_before, after] - scratch.begun_energy[begun]
+            ticks += work.ticks[work.robot_type[0], here_before, after] - scratch.begun_ticks[begun]
+            energy += (
+                work.energy[work.robot_type[0], here_before, after] - scratch.begun_energy[begun]
+            )
     if k < plan.stops[0]:
         at = np.int64(battery.charger[plan.charger[k]])
-        ticks += work.ticks[work.kind[0], here, at]
-        energy += work.energy[work.kind[0], here, at]
+        ticks += work.ticks[work.robot_type[0], here, at]
+        energy += work.energy[work.robot_type[0], here, at]
     return ticks, energy
 
 
@@ -95,7 +97,7 @@ def charge_just_enough(work, battery, scratch, place, charge, order, length):
     ticks, energy = stretch(work, battery, scratch, place, order, length, 0)
     level = np.int64(charge)
     plan.figures[COST] = ticks
-    plan.figures[LOWEST] = FULL
+    plan.figures[LOWEST] = BATTERY_FULL
     for k in range(plan.stops[0]):
         level -= energy
         ticks, energy = stretch(work, battery, scratch, place, order, length, k + 1)
@@ -117,7 +119,7 @@ def stop_at(battery, plan, k, level, goal, wait):
     plan.waited[k] = wait
     plan.arrival[k] = level
     plan.duration[k] = duration
-    plan.level[k] = level_after(battery.curve, level, duration, FULL)
+    plan.level[k] = level_after(battery.curve, level, duration, BATTERY_FULL)
     plan.figures[LOWEST] = min(plan.figures[LOWEST], level)
     plan.figures[CHARGING] += duration
     plan.figures[WAITING] += wait
@@ -137,9 +139,9 @@ def add_detours(work, battery, scratch, place, order):
         if k > 0 and plan.position[k - 1] == i:
             before = np.int64(battery.charger[plan.charger[k - 1]])
         else:
-            plan.figures[NET] -= work.ticks[work.kind[0], before, after]
-        gross = plan.duration[k] + plan.waited[k] + work.ticks[work.kind[0], before, at]
+            plan.figures[NET] -= work.ticks[work.robot_type[0], before, after]
+        gross = plan.duration[k] + plan.waited[k] + work.ticks[work.robot_type[0], before, at]
         if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
-            gross += work.ticks[work.kind[0], at, after]
+            gross += work.ticks[work.robot_type[0], at, after]
         plan.figures[GROSS] += gross
         plan.figures[NET] += gross

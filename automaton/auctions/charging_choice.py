@@ -12,49 +12,58 @@ from automaton.auctions.site import count_queues, enter_task, survey
 from automaton.compiled import kernel
 from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.operations import first_cell
-from automaton.world.condition import FULL
-from automaton.world.state import FREE, GOAL_CHARGE, NIL, PERIODIC, WAIT, WAITING
+from automaton.world.robot_status import BATTERY_FULL
+from automaton.world.state import (
+    ACTION_WAIT,
+    GOAL_CHARGE,
+    NIL,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_PERIODIC,
+)
 
-PATIENCE = FULL // 20  # what an idle robot keeps beyond the way to a charger, where waiting costs
+PATIENCE = (
+    BATTERY_FULL // 20
+)  # what an idle robot keeps beyond the way to a charger, where waiting costs
 
 
 @kernel
-def choose_charging(view, asked, given, site, space, idle_below):
-    """Answer a batch; idle robots below `idle_below` go to a free charger and may be called away."""
+def choose_charging(view, batch, out, site, workspace, idle_below):
+    """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
     robots = view.robots
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        if robots.load[i] != NIL or robots.goal[i] == GOAL_CHARGE or robots.withdrawing[i]:
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
             continue
-        tasks = enter_list(view, space, site, i)
-        if asked.reason[k] == PERIODIC and (tasks or robots.busy[i]):
+        tasks = enter_list(view, workspace, site, i)
+        if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
             continue
         home = site.work.begin[0]
         if tasks == 0:
-            kind = site.work.kind[0]
-            site.cell[kind, home] = robots.home[i]
-            site.cell[kind, home + 1] = robots.home[i]
-        survey(view, space, site, robots.type[i], 1, max(tasks, 1))
+            robot_type = site.work.robot_type[0]
+            site.cell[robot_type, home] = robots.home[i]
+            site.cell[robot_type, home + 1] = robots.home[i]
+        survey(view, workspace, site, robots.type[i], 1, max(tasks, 1))
         count_queues(view, site, i)
-        count_earlier(view, asked, given, site, k)
+        count_earlier(view, batch, out, site, k)
         compare_queues(site.battery.wait)
         if tasks:
-            charge_for_list(view, given, site, k, tasks)
-        elif asked.reason[k] != FREE or idle_below > 0:
-            charge_when_idle(view, given, site, k, np.int64(home), idle_below)
+            charge_for_list(view, out, site, k, tasks)
+        elif batch.reason[k] != REASON_IDLE or idle_below > 0:
+            charge_when_idle(view, out, site, k, np.int64(home), idle_below)
 
 
 @kernel
-def count_earlier(view, asked, given, site, k):
-    """Whom earlier answers of the batch send to a charger comes before robot k of it, too."""
+def count_earlier(view, batch, out, site, k):
+    """Whom earlier decisions of the batch send to a charger comes before robot k of it, too."""
     if site.queues == 0:
         return
     for earlier in range(k):
-        if given.stand[earlier] >= 0:
-            j = np.int64(asked.robot[earlier])
-            level = np.int64(given.level[earlier])
-            site.battery.wait[view.chargers.at[given.stand[earlier]]] += charging_ticks(
-                view.rules.curve, np.int64(view.robots.charge[j]), level
+        if out.goal_cell[earlier] >= 0:
+            j = np.int64(batch.robot[earlier])
+            charge_target = np.int64(out.charge_target[earlier])
+            site.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
+                view.rules.curve, np.int64(view.robots.charge[j]), charge_target
             )
 
 
@@ -62,7 +71,10 @@ def count_earlier(view, asked, given, site, k):
 def best_charger(site, charge):
     """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
     best, least = np.int64(NIL), np.int64(INF)
-    ticks, energy = site.work.ticks[site.work.kind[0]], site.work.energy[site.work.kind[0]]
+    ticks, energy = (
+        site.work.ticks[site.work.robot_type[0]],
+        site.work.energy[site.work.robot_type[0]],
+    )
     for c in range(site.battery.charger.shape[0]):
         place = site.battery.charger[c]
         soonest = np.int64(ticks[0, place]) + site.battery.wait[c]
@@ -88,7 +100,7 @@ def compare_queues(wait):
 
 
 @kernel
-def enter_list(view, space, site, i):
+def enter_list(view, workspace, site, i):
     """Make the market one of robot i and its list; returns how many tasks that has."""
     robots, orders = view.robots, view.orders
     site.robot[0] = i
@@ -97,13 +109,13 @@ def enter_list(view, space, site, i):
     site.fleet.charge[0] = robots.charge[i]
     tasks = np.int64(0)
     if robots.order[i] != NIL:
-        enter_task(view, space, site, robots.type[i], tasks, np.int64(robots.order[i]))
+        enter_task(view, workspace, site, robots.type[i], tasks, np.int64(robots.order[i]))
         tasks += 1
-    for p in range(robots.planned[i]):
-        order = np.int64(robots.plan[i, p])
-        waits = orders.state[order] == WAITING and orders.by[order] == NIL
+    for p in range(robots.order_queue_length[i]):
+        order = np.int64(robots.order_queue[i, p])
+        waits = orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
         if waits and tasks < site.order.shape[0]:
-            enter_task(view, space, site, robots.type[i], tasks, order)
+            enter_task(view, workspace, site, robots.type[i], tasks, order)
             tasks += 1
     for task in range(tasks):
         site.fleet.order[0, task] = task
@@ -111,8 +123,8 @@ def enter_list(view, space, site, i):
 
 
 @kernel
-def charge_for_list(view, given, site, k, tasks):
-    """Answer k: to a charger if the quote of the list begins with a stop."""
+def charge_for_list(view, out, site, k, tasks):
+    """Decision k: to a charger if the quote of the list begins with a stop."""
     charge = np.int64(site.fleet.charge[0])
     order = site.fleet.order[0]
     plan = site.scratch.plan
@@ -123,61 +135,67 @@ def charge_for_list(view, given, site, k, tasks):
         cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
     if cost >= INF:
         nearest = best_charger(site, charge)
-        if nearest != NIL and charge < FULL:
-            send(view, given, k, nearest, FULL, 0)
+        if nearest != NIL and charge < BATTERY_FULL:
+            send(view, out, k, nearest, BATTERY_FULL, 0)
     elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
-        send(view, given, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
+        send(view, out, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
 
 
 @kernel
-def charge_when_idle(view, given, site, k, home, idle_below):
-    """Answer k: a robot without orders charges where nobody is, or before it cannot any more.
+def charge_when_idle(view, out, site, k, home, idle_below):
+    """Decision k: a robot without orders charges where nobody is, or before it cannot any more.
 
     It is about to drive home, or is there: from there it must still get to a charger.
     """
-    battery, kind = site.battery, site.work.kind[0]
-    ticks, energy, reach = site.work.ticks[kind], site.work.energy[kind], battery.reach[kind]
+    battery, robot_type = site.battery, site.work.robot_type[0]
+    ticks, energy, reach = (
+        site.work.ticks[robot_type],
+        site.work.energy[robot_type],
+        battery.reach[robot_type],
+    )
     charge = np.int64(site.fleet.charge[0])
     nearest = best_charger(site, charge)
     if nearest == NIL or battery.policy == NO_CHARGING:
         return
-    low = battery.reserve + (PATIENCE if view.rules.drain[WAIT, 0] > 0 else 0)
+    low = battery.reserve + (PATIENCE if view.rules.drain[ACTION_WAIT, 0] > 0 else 0)
     later = charge - energy[0, home] - reach[home]
     now = charge - reach[0]
-    filled = FULL - energy[battery.charger[nearest], home] - reach[home]
+    filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
     at_home = energy[0, home] == 0
     stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
     worth_it = not at_home or filled >= low  # else it would be back as empty as it is
-    if charge < FULL and (stands_there or (min(later, now) < low and worth_it)):
-        send(view, given, k, nearest, FULL, 1)
+    if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
+        send(view, out, k, nearest, BATTERY_FULL, 1)
     elif charge < idle_below:
-        free = free_charger(view, given, site, k)
+        free = free_charger(view, out, site, k)
         if free != NIL:
-            send(view, given, k, free, FULL, 1)
+            send(view, out, k, free, BATTERY_FULL, 1)
 
 
 @kernel
-def free_charger(view, given, site, k):
+def free_charger(view, out, site, k):
     """The nearest charger to which no robot was sent, NIL if there is none."""
-    robots, chargers, kind = view.robots, view.chargers, site.work.kind[0]
+    robots, chargers, robot_type = view.robots, view.chargers, site.work.robot_type[0]
     best, least = np.int64(NIL), np.int64(INF)
     for c in range(chargers.cell.shape[0]):
         taken = False
         for j in range(robots.cell.shape[0]):
-            taken = taken or (robots.goal[j] == GOAL_CHARGE and robots.stand[j] == chargers.cell[c])
+            taken = taken or (
+                robots.goal_type[j] == GOAL_CHARGE and robots.goal_cell[j] == chargers.cell[c]
+            )
         for earlier in range(k):
-            taken = taken or given.stand[earlier] == chargers.cell[c]
+            taken = taken or out.goal_cell[earlier] == chargers.cell[c]
         place = site.battery.charger[c]
-        ticks = np.int64(site.work.ticks[kind, 0, place])
-        enough = site.work.energy[kind, 0, place] <= view.robots.charge[site.robot[0]]
+        ticks = np.int64(site.work.ticks[robot_type, 0, place])
+        enough = site.work.energy[robot_type, 0, place] <= view.robots.charge[site.robot[0]]
         if not taken and enough and ticks < least:
             best, least = np.int64(c), ticks
     return best
 
 
 @kernel
-def send(view, given, k, charger, level, yields):
-    """Answer k: charge there up to a level."""
-    given.stand[k] = view.chargers.cell[charger]
-    given.level[k] = level
-    given.yields[k] = yields
+def send(view, out, k, charger, level, yields):
+    """Decision k: charge there up to a level."""
+    out.goal_cell[k] = view.chargers.cell[charger]
+    out.charge_target[k] = level
+    out.charging_interruptible[k] = yields

@@ -11,7 +11,7 @@ from automaton.auctions.quotes import settle
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
-FAR = (1 << 31) - 1
+INFEASIBLE = (1 << 31) - 1
 
 
 @kernel
@@ -20,14 +20,15 @@ def shortest_paths(work, bundles, place, items, count):
     for k in range(count):
         task = np.int64(items[k])
         for subset in range(1 << count):
-            bundles.ends[subset, k] = FAR
+            bundles.ends[subset, k] = INFEASIBLE
         bundles.ends[1 << k, k] = (
-            work.ticks[work.kind[0], place, work.begin[task]] + work.inside[work.kind[0], task]
+            work.ticks[work.robot_type[0], place, work.begin[task]]
+            + work.inside[work.robot_type[0], task]
         )
     for subset in range(1, 1 << count):
         for k in range(count):
             ticks = np.int64(bundles.ends[subset, k])
-            if ticks == FAR:
+            if ticks == INFEASIBLE:
                 continue
             here = np.int64(work.end[items[k]])
             for j in range(count):
@@ -36,8 +37,8 @@ def shortest_paths(work, bundles, place, items, count):
                 task = np.int64(items[j])
                 then = (
                     ticks
-                    + work.ticks[work.kind[0], here, work.begin[task]]
-                    + work.inside[work.kind[0], task]
+                    + work.ticks[work.robot_type[0], here, work.begin[task]]
+                    + work.inside[work.robot_type[0], task]
                 )
                 if then < bundles.ends[subset | (1 << j), j]:
                     bundles.ends[subset | (1 << j), j] = then
@@ -47,11 +48,11 @@ def shortest_paths(work, bundles, place, items, count):
 def bid_by_shortest_paths(work, fleet, bundles, items, count):
     """bundles.cost of every robot and subset, by the best sequence."""
     for r in range(fleet.place.shape[0]):
-        work.kind[0] = fleet.kind[r]
+        work.robot_type[0] = fleet.robot_type[r]
         shortest_paths(work, bundles, np.int64(fleet.place[r]), items, count)
         bundles.cost[r, 0] = fleet.ready[r]
         for subset in range(1, 1 << count):
-            least = np.int64(FAR)
+            least = np.int64(INFEASIBLE)
             size = 0
             for k in range(count):
                 least = min(least, np.int64(bundles.ends[subset, k]))
@@ -80,7 +81,7 @@ def write_path(work, bundles, items, count, subset, order):
             if (left >> k) & 1 == 0:
                 continue
             if after != NIL:
-                ticks += work.ticks[work.kind[0], work.end[items[k]], work.begin[after]]
+                ticks += work.ticks[work.robot_type[0], work.end[items[k]], work.begin[after]]
             if ticks < best:
                 best, item = ticks, np.int64(k)
         after = np.int64(items[item])
@@ -99,7 +100,7 @@ def exact(work, battery, fleet, scratch, bundles, items, count, epsilon):
     if value >= INF:
         return value
     for r in range(robots):
-        work.kind[0] = fleet.kind[r]
+        work.robot_type[0] = fleet.robot_type[r]
         shortest_paths(work, bundles, np.int64(fleet.place[r]), items, count)
         chosen = np.int64(bundles.chosen[r])
         fleet.length[r] = write_path(work, bundles, items, count, chosen, fleet.order[r])

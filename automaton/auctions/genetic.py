@@ -13,7 +13,7 @@ from automaton.auctions.market import INF, POSITIONS
 from automaton.auctions.quotes import settle
 from automaton.auctions.sequential import objective
 from automaton.compiled import kernel
-from automaton.kernels.draws import GENES, draw_between
+from automaton.kernels.random_numbers import STREAM_GENES, random_between
 
 DRAWS = 8  # addresses of a child besides those of its genes
 TURNS = 1 << 20  # addresses of an auction: one for each generation, of which there are fewer
@@ -36,7 +36,9 @@ def genetic(
     keep_lists(fleet, population)
     for i in range(size):
         for k in range(count):
-            population.genes[i, k] = draw_between(0, robots - 1, seed, GENES, turn, i * count + k)
+            population.genes[i, k] = random_between(
+                0, robots - 1, seed, STREAM_GENES, turn, i * count + k
+            )
     for generation in range(1, generations + 1):
         judge(work, battery, fleet, scratch, population, items, count, epsilon)
         breed(population, robots, count, each_gene, seed, turn + generation)
@@ -74,7 +76,7 @@ def decode(work, battery, fleet, scratch, population, items, count, individual):
             continue
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
-        work.kind[0] = fleet.kind[r]
+        work.robot_type[0] = fleet.robot_type[r]
         position, _ = cheapest_insertion(work, place, fleet.order[r], length, task, first)
         scratch.count[POSITIONS] += length + 1 - first
         insert(fleet.order[r], length, task, position)
@@ -116,7 +118,7 @@ def breed(population, robots, count, each_gene, seed, turn):
         father = spin(population, size, seed, turn, address + 1)
         cut = np.int64(0)
         if count > 1:
-            cut = draw_between(1, count - 1, seed, GENES, turn, address + 2)
+            cut = random_between(1, count - 1, seed, STREAM_GENES, turn, address + 2)
         for k in range(count):
             child[k] = population.genes[mother if k < cut else father, k]
         mutate(child, robots, count, each_gene, seed, turn, address + 3)
@@ -129,7 +131,7 @@ def breed(population, robots, count, each_gene, seed, turn):
 def spin(population, size, seed, turn, address):
     """An individual by roulette: the best of N has N shares, the worst one."""
     shares = size * (size + 1) // 2
-    left = draw_between(0, shares - 1, seed, GENES, turn, address)
+    left = random_between(0, shares - 1, seed, STREAM_GENES, turn, address)
     place = np.int64(0)
     while left >= size - place:
         left -= size - place
@@ -142,10 +144,10 @@ def mutate(child, robots, count, each_gene, seed, turn, address):
     """Reset one gene with probability 1/2; or each gene with probability 1/2."""
     if each_gene == 1:
         for k in range(count):
-            coin = draw_between(0, 2 * robots - 1, seed, GENES, turn, address + k)
+            coin = random_between(0, 2 * robots - 1, seed, STREAM_GENES, turn, address + k)
             if coin < robots:
                 child[k] = coin
         return
-    if draw_between(0, 1, seed, GENES, turn, address) == 1:
-        gene = draw_between(0, count - 1, seed, GENES, turn, address + 1)
-        child[gene] = draw_between(0, robots - 1, seed, GENES, turn, address + 2)
+    if random_between(0, 1, seed, STREAM_GENES, turn, address) == 1:
+        gene = random_between(0, count - 1, seed, STREAM_GENES, turn, address + 1)
+        child[gene] = random_between(0, robots - 1, seed, STREAM_GENES, turn, address + 2)

@@ -25,7 +25,7 @@ def cheapest_insertion(work, place, order, length, task, first):
 
     Positions below `first` stay as they are (1: the robot is on its way to its first task).
     """
-    ticks = work.ticks[work.kind[0]]
+    ticks = work.ticks[work.robot_type[0]]
     enter, leave = np.int64(work.begin[task]), np.int64(work.end[task])
     before = np.int64(place)
     at, least = NIL, INF
@@ -38,15 +38,15 @@ def cheapest_insertion(work, place, order, length, task, first):
     added = np.int64(ticks[before, enter])
     if added <= least:
         at, least = length, added
-    return at, least + work.inside[work.kind[0], task]
+    return at, least + work.inside[work.robot_type[0], task]
 
 
 @kernel
 def energy_added(work, place, order, length, task, position):
     """Units that `task` adds to the list at this position."""
-    energy, kind = work.energy[work.kind[0]], work.kind[0]
+    energy, robot_type = work.energy[work.robot_type[0]], work.robot_type[0]
     before = place_before(work, place, order, position)
-    added = np.int64(energy[before, work.begin[task]]) + work.use[kind, task]
+    added = np.int64(energy[before, work.begin[task]]) + work.use[robot_type, task]
     if position < length:
         after = work.begin[order[position]]
         added += energy[work.end[task], after] - energy[before, after]
@@ -81,9 +81,9 @@ def remove(order, length, position):
 @kernel
 def measure(work, scratch, place, order, length):
     """Ticks and energy along the list, without charging, into done_* and begun_* of the scratch."""
-    kind = work.kind[0]
-    ticks_to, energy_to = work.ticks[kind], work.energy[kind]
-    inside, use = work.inside[kind], work.use[kind]
+    robot_type = work.robot_type[0]
+    ticks_to, energy_to = work.ticks[robot_type], work.energy[robot_type]
+    inside, use = work.inside[robot_type], work.use[robot_type]
     ticks, energy = np.int64(0), np.int64(0)
     before = np.int64(place)
     for i in range(length):

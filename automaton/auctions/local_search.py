@@ -87,7 +87,7 @@ def cost_inserted(work, battery, fleet, scratch, r, length, task):
     """(position, quote) of scratch.order[:length] with the task inserted; the list is left there."""
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])
-    work.kind[0] = fleet.kind[r]
+    work.robot_type[0] = fleet.robot_type[r]
     position, _ = cheapest_insertion(work, place, scratch.order, length, task, first)
     insert(scratch.order, length, task, position)
     return position, quote_list(work, battery, fleet, scratch, r, scratch.order, length + 1)

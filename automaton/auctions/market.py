@@ -17,7 +17,7 @@ from automaton.struct import Struct
 
 Array = NDArray[Any]
 
-FULL: Final = 1_000_000  # units of a full battery
+BATTERY_FULL: Final = 1_000_000  # units of a full battery
 INF: Final = 1 << 60  # a cost or bid that stands for "not at all"
 MIXED: Final = 1000  # epsilon is counted in thousandths; so are bids: 1000 of them are a tick
 
@@ -33,7 +33,7 @@ SAFE: Final = 5  # as LOOK, and before a task from whose end no charger could be
 class Work(Struct):
     """T tasks and P places, as robots of each of K types find them."""
 
-    kind: Array  # (1,) int64: the type of the robot that is reckoned with
+    robot_type: Array  # (1,) int64: the type of the robot that is reckoned with
     ticks: Array  # (K, P, P) int32: from place to place
     energy: Array  # (K, P, P) int32 units: from place to place
     begin: Array  # (T,) int32: place at which a task begins
@@ -45,7 +45,7 @@ class Work(Struct):
 class Battery(Struct):
     """The rules of energy, the same for all robots; C chargers, K pieces of the charging curve."""
 
-    kind: Array  # (1,) int64: the type of the robot that is reckoned with
+    robot_type: Array  # (1,) int64: the type of the robot that is reckoned with
     charger: Array  # (C,) int32: its place
     wait: Array  # (C,) int32 ticks until it is free of the robots that come before
     nearest: Array  # (K, P) int32: the charger that takes least energy to reach; NIL: none
@@ -61,7 +61,7 @@ class Battery(Struct):
 class Fleet(Struct):
     """R robots and their lists of at most L tasks."""
 
-    kind: Array  # (R,) uint8: the robot's type
+    robot_type: Array  # (R,) uint8: the robot's type
     place: Array  # (R,) int32: where the list starts
     ready: Array  # (R,) int32 ticks until the robot is there
     charge: Array  # (R,) int32 units that it has then

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from automaton.auctions.market import (
+    BATTERY_FULL,
     COUNTS,
     FIGURES,
-    FULL,
     INF,
     NO_CHARGING,
     Array,
@@ -44,7 +44,7 @@ def deliveries(
         return found if found.ndim >= by_type else found[None]
 
     return Work(
-        kind=np.zeros(1, np.int64),
+        robot_type=np.zeros(1, np.int64),
         ticks=numbers(ticks, 3),
         energy=numbers(energy, 3),
         begin=numbers(begin),
@@ -62,7 +62,7 @@ def battery_of(
     end_reach: bool = False,
     policy: int = NO_CHARGING,
     threshold: int = 0,
-    target: int = FULL,
+    target: int = BATTERY_FULL,
 ) -> Battery:
     """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick)."""
     between = np.asarray(energy, np.int64)
@@ -71,7 +71,7 @@ def battery_of(
     to = between[:, :, at]
     none, shape = at.size == 0, between.shape[:2]
     return Battery(
-        kind=np.zeros(1, np.int64),
+        robot_type=np.zeros(1, np.int64),
         charger=at,
         wait=np.zeros(at.size, np.int32),
         nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
@@ -86,7 +86,7 @@ def battery_of(
 
 
 def fleet_of(
-    places: ArrayLike, tasks: int, charge: ArrayLike = FULL, longest: int | None = None
+    places: ArrayLike, tasks: int, charge: ArrayLike = BATTERY_FULL, longest: int | None = None
 ) -> Fleet:
     """Robots at these places with empty lists, at most `longest` tasks in each."""
     at = np.asarray(places, np.int32).copy()
@@ -97,7 +97,7 @@ def fleet_of(
         return np.full(robots, value, kind)
 
     return Fleet(
-        kind=numbers(kind=np.uint8),
+        robot_type=numbers(kind=np.uint8),
         place=at,
         ready=numbers(),
         charge=numbers(charge),

@@ -27,10 +27,10 @@ from automaton.world.state import NIL
 
 
 @kernel
-def look_at(work, battery, kind):
+def look_at(work, battery, robot_type):
     """Reckon with robots of a type from now on."""
-    work.kind[0] = kind
-    battery.kind[0] = kind
+    work.robot_type[0] = robot_type
+    battery.robot_type[0] = robot_type
 
 
 @kernel
@@ -61,7 +61,7 @@ def quote(work, battery, scratch, place, ready, charge, order, length):
 @kernel
 def quote_list(work, battery, fleet, scratch, r, order, length):
     """The quote of robot r for order[:length]."""
-    look_at(work, battery, fleet.kind[r])
+    look_at(work, battery, fleet.robot_type[r])
     place, ready = np.int64(fleet.place[r]), np.int64(fleet.ready[r])
     charge = np.int64(fleet.charge[r])
     return quote(work, battery, scratch, place, ready, charge, order, length)
@@ -92,7 +92,7 @@ def insertion_quote(work, battery, fleet, scratch, r, task):
     length = np.int64(fleet.length[r])
     if length >= fleet.room[r] or fleet.cost[r] >= INF:
         return np.int64(NIL), np.int64(INF)
-    look_at(work, battery, fleet.kind[r])
+    look_at(work, battery, fleet.robot_type[r])
     order = fleet.order[r]
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])

@@ -1,7 +1,7 @@
 """One auction over a running world: which orders are for sale, what robots have, and what they get.
 
-Lists are plans of the world (robots.plan). `given` are allocation's answers, into which new plans go;
-what an earlier session of the same tick has put there counts.
+Lists are those of the world (robots.order_queue). `out` are allocation's decisions, which take new
+lists; what an earlier session of the same tick has put there counts.
 """
 
 import numpy as np
@@ -10,59 +10,61 @@ from automaton.auctions.market import INF
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.site import count_queues, enter_robot, enter_task, survey
 from automaton.compiled import kernel
-from automaton.kernels.stands import can_do
-from automaton.world.condition import RUNNING
-from automaton.world.state import KEEP, NEXT_ORDER, NIL, TICK, WAITING
+from automaton.kernels.slot_access import can_do
+from automaton.world.robot_status import STATUS_UP
+from automaton.world.state import CLOCK_NEXT_RELEASE, CLOCK_TICK, KEEP, NIL, ORDER_WAITING
 
 PLANNED = 2  # in given.order_taken: it is in a robot's plan
 
 
 @kernel
-def planned_count(view, given, i):
+def planned_count(view, out, i):
     """How many orders robot i has ahead of it."""
-    if given.planned[i] != KEEP:
-        return np.int64(given.planned[i])
-    return np.int64(view.robots.planned[i])
+    if out.order_queue_length[i] != KEEP:
+        return np.int64(out.order_queue_length[i])
+    return np.int64(view.robots.order_queue_length[i])
 
 
 @kernel
-def planned_order(view, given, i, k):
-    if given.planned[i] != KEEP:
-        return np.int64(given.plan[i, k])
-    return np.int64(view.robots.plan[i, k])
+def planned_order(view, out, i, k):
+    if out.order_queue_length[i] != KEEP:
+        return np.int64(out.order_queue[i, k])
+    return np.int64(view.robots.order_queue[i, k])
 
 
 @kernel
-def mark_planned(view, given):
+def mark_planned(view, out):
     """Mark the orders that are in plans."""
     for i in range(view.robots.cell.shape[0]):
-        for k in range(planned_count(view, given, i)):
-            given.order_taken[planned_order(view, given, i, k)] = PLANNED
+        for k in range(planned_count(view, out, i)):
+            out.order_taken[planned_order(view, out, i, k)] = PLANNED
 
 
 @kernel
-def is_for_sale(view, given, order):
+def is_for_sale(view, out, order):
     """Whether an order waits, and nobody has it or plans to do it."""
     orders = view.orders
     return (
-        orders.state[order] == WAITING and orders.by[order] == NIL and given.order_taken[order] == 0
+        orders.state[order] == ORDER_WAITING
+        and orders.reserved_by[order] == NIL
+        and out.order_taken[order] == 0
     )
 
 
 @kernel
-def find_items(view, given, since, out):
+def find_items(view, allocation, since, out):
     """Orders for sale, by their coming, into out; returns (how many, where to begin next time).
 
-    `since`: entries of orders.coming before it are all delivered.
+    `since`: entries of orders.release_sequence before it are all delivered.
     """
     found = np.int64(0)
     first = np.int64(since)
     done = True
-    for k in range(since, view.clock[NEXT_ORDER]):
-        order = np.int64(view.orders.coming[k])
+    for k in range(since, view.clock[CLOCK_NEXT_RELEASE]):
+        order = np.int64(view.orders.release_sequence[k])
         done = done and view.orders.delivered[order] != NIL
         first = k + 1 if done else first
-        if is_for_sale(view, given, order):
+        if is_for_sale(view, allocation, order):
             out[found] = order
             found += 1
             if found == out.shape[0]:
@@ -71,7 +73,7 @@ def find_items(view, given, since, out):
 
 
 @kernel
-def open_session(view, given, space, site, sellable, count):
+def open_session(view, out, workspace, site, sellable, count):
     """Fill the market: robots in order, their plans as lists, and sellable[:count] as items.
 
     Returns how many robots take part.
@@ -82,13 +84,13 @@ def open_session(view, given, space, site, sellable, count):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         hidden = robots.cell[i] == NIL and robots.home[i] == NIL  # beyond what may be seen
-        if robots.status[i] != RUNNING or hidden:
+        if robots.status[i] != STATUS_UP or hidden:
             continue
         r = taking_part
-        enter_robot(view, space, site, r, i)
-        for k in range(planned_count(view, given, i)):
-            for kind in range(view.grid.ways.shape[0]):
-                enter_task(view, space, site, kind, tasks, planned_order(view, given, i, k))
+        enter_robot(view, workspace, site, r, i)
+        for k in range(planned_count(view, out, i)):
+            for robot_type in range(view.grid.type_cell_flags.shape[0]):
+                enter_task(view, workspace, site, robot_type, tasks, planned_order(view, out, i, k))
             fleet.order[r, k] = tasks
             fleet.length[r] = k + 1
             tasks += 1
@@ -98,22 +100,22 @@ def open_session(view, given, space, site, sellable, count):
         fleet.ready[r] = 0
         fleet.heard[r, :] = 0
     for k in range(count):
-        for kind in range(view.grid.ways.shape[0]):
-            enter_task(view, space, site, kind, tasks, np.int64(sellable[k]))
+        for robot_type in range(view.grid.type_cell_flags.shape[0]):
+            enter_task(view, workspace, site, robot_type, tasks, np.int64(sellable[k]))
         site.item[k] = tasks
         tasks += 1
     for r in range(taking_part):
         for task in range(tasks):
             fleet.heard[r, task] = can_do(view, site.robot[r], site.order[task])
-    for kind in range(view.grid.ways.shape[0]):
-        survey(view, space, site, kind, taking_part, tasks)
+    for robot_type in range(view.grid.type_cell_flags.shape[0]):
+        survey(view, workspace, site, robot_type, taking_part, tasks)
     count_queues(view, site, NIL)
     settle_all(site.work, site.battery, fleet, site.scratch)
     return taking_part
 
 
 @kernel
-def enter_plans(view, given, site, robots, memory, due, asked):
+def enter_plans(view, out, site, robots, memory, due, batch):
     """Write the lists of the market into the plans, and when each is to be done.
 
     With limited sight the robot that is asked remembers its own alone.
@@ -122,14 +124,14 @@ def enter_plans(view, given, site, robots, memory, due, asked):
     for r in range(robots):
         i = np.int64(site.robot[r])
         length = np.int64(fleet.length[r])
-        given.planned[i] = length
+        out.order_queue_length[i] = length
         for k in range(length):
             order = np.int64(site.order[fleet.order[r, k]])
-            given.plan[i, k] = order
-            given.order_taken[order] = PLANNED
-        if view.rules.radius == NIL or i == asked:
+            out.order_queue[i, k] = order
+            out.order_taken[order] = PLANNED
+        if view.rules.radius == NIL or i == batch:
             known = length > 0 and fleet.cost[r] < INF
-            memory.own[i, due] = view.clock[TICK] + fleet.cost[r] if known else 0
+            memory.per_robot[i, due] = view.clock[CLOCK_TICK] + fleet.cost[r] if known else 0
 
 
 @kernel
@@ -147,7 +149,7 @@ def hear(view, site, robots, count, center, radius):
             task = site.item[k]
             at = center
             if center == NIL:
-                at = np.int64(site.cell[site.fleet.kind[r], site.work.begin[task]])
+                at = np.int64(site.cell[site.fleet.robot_type[r], site.work.begin[task]])
             across, down = abs(cell % width - at % width), abs(cell // width - at // width)
             near = radius == NIL or max(across, down) <= radius
             able = can_do(view, i, site.order[task])

@@ -19,9 +19,9 @@ from automaton.auctions.charge_plan import (
     stop_at,
 )
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, STATES
+from automaton.auctions.market import BATTERY_FULL, COST, END, INF, LOWEST, PLANS, STATES
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import RATE, charging_ticks, level_after
+from automaton.kernels.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.world.state import NIL
 
 
@@ -47,20 +47,22 @@ def plan_single_stop(work, battery, scratch, place, charge, order, length, fill)
     at = np.int64(battery.charger[charger])
     before = place_before(work, place, order, position)
     after = np.int64(work.begin[order[position]])
-    arrival = charge - scratch.done_energy[position] - work.energy[work.kind[0], before, at]
+    arrival = charge - scratch.done_energy[position] - work.energy[work.robot_type[0], before, at]
     rest = (
-        work.energy[work.kind[0], at, after]
+        work.energy[work.robot_type[0], at, after]
         + scratch.done_energy[length]
         - scratch.begun_energy[position]
     )
     tail = tail_of(battery, work.end[order[length - 1]])
-    plan.figures[COST] += work.ticks[work.kind[0], before, at] + work.ticks[work.kind[0], at, after]
-    plan.figures[COST] -= work.ticks[work.kind[0], before, after]
+    plan.figures[COST] += (
+        work.ticks[work.robot_type[0], before, at] + work.ticks[work.robot_type[0], at, after]
+    )
+    plan.figures[COST] -= work.ticks[work.robot_type[0], before, after]
     wait = waiting_at(
         battery,
         scratch,
         charger,
-        scratch.done_ticks[position] + work.ticks[work.kind[0], before, at],
+        scratch.done_ticks[position] + work.ticks[work.robot_type[0], before, at],
     )
     goal = goal_of(battery, arrival, rest + tail, fill)
     level = stop_at(battery, plan, 0, arrival, goal, wait)
@@ -81,7 +83,7 @@ def goal_of(battery, arrival, rest, fill):
 def find_stop(work, battery, scratch, place, charge, order, length, fill):
     """(position, charger) of the best single stop, or (NIL, NIL)."""
     tail = tail_of(battery, work.end[order[length - 1]])
-    rate = np.int64(battery.curve[0, RATE])
+    rate = np.int64(battery.curve[0, CURVE_RATE])
     best, nearest = np.int64(INF), np.int64(INF)
     position, charger = np.int64(NIL), np.int64(NIL)
     if tail >= INF:
@@ -92,24 +94,26 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
         scratch.count[STATES] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
-            into = np.int64(work.ticks[work.kind[0], before, at])
-            arrival = charge - scratch.done_energy[i] - work.energy[work.kind[0], before, at]
+            into = np.int64(work.ticks[work.robot_type[0], before, at])
+            arrival = charge - scratch.done_energy[i] - work.energy[work.robot_type[0], before, at]
             rest = (
-                work.energy[work.kind[0], at, after]
+                work.energy[work.robot_type[0], at, after]
                 + scratch.done_energy[length]
                 - scratch.begun_energy[i]
             )
-            if arrival < battery.reserve or rest + tail + battery.reserve > FULL:
+            if arrival < battery.reserve or rest + tail + battery.reserve > BATTERY_FULL:
                 continue
             goal = goal_of(battery, arrival, rest + tail, fill)
             duration = charging_ticks(battery.curve, arrival, goal)
-            ticks = scratch.done_ticks[length] + into + work.ticks[work.kind[0], at, after]
-            ticks += duration - work.ticks[work.kind[0], before, after]
+            ticks = scratch.done_ticks[length] + into + work.ticks[work.robot_type[0], at, after]
+            ticks += duration - work.ticks[work.robot_type[0], before, after]
             ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:
                 score -= (
-                    level_after(battery.curve, arrival, duration, FULL) - rest - battery.reserve
+                    level_after(battery.curve, arrival, duration, BATTERY_FULL)
+                    - rest
+                    - battery.reserve
                 )
             later = into == nearest and i > position
             if score < best or (score == best and (into < nearest or later)):

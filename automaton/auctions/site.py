@@ -19,10 +19,18 @@ from automaton.compiled import kernel
 from automaton.kernels.charging_curve import charging_ticks
 from automaton.kernels.operations import first_cell
 from automaton.kernels.search import distance
-from automaton.kernels.stands import drop_stand, pick_stand
+from automaton.kernels.slot_access import dropoff_cell, pickup_cell
 from automaton.struct import Struct
-from automaton.world.condition import RUNNING
-from automaton.world.state import DROP, GOAL_CHARGE, GOAL_PICK, MOVE, NIL, PICK, TURN
+from automaton.world.robot_status import STATUS_UP
+from automaton.world.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_TURN,
+    GOAL_CHARGE,
+    GOAL_PICK,
+    NIL,
+)
 
 Array = NDArray[Any]
 
@@ -49,7 +57,7 @@ def site_for(
     """Room for so many robots and tasks; `policy`: policy, end_reach, threshold and target."""
     chargers = view.chargers.cell
     places = robots + len(chargers) + 2 * tasks
-    types = len(view.grid.ways)
+    types = len(view.grid.type_cell_flags)
     nothing, none = np.zeros((types, places, places), np.int32), np.zeros((types, tasks), np.int32)
     curve = tuple((int(since), int(rate)) for since, rate in view.rules.curve)
     battery = battery_of(
@@ -79,96 +87,103 @@ def site_for(
 
 
 @kernel
-def longest_way(view, space, kind, start, end):
+def longest_way(view, workspace, robot_type, start, end):
     """Ticks of robots of a type from one cell to another in the worst heading at the start."""
     most = 0
     for heading in range(view.grid.headings):
-        most = max(most, distance(view, space, kind, start, heading, end))
+        most = max(most, distance(view, workspace, robot_type, start, heading, end))
     return min(most, CAPPED)
 
 
 @kernel
-def way_from(view, space, i, end):
+def way_from(view, workspace, i, end):
     """Ticks from where robot i is, as it stands there."""
     robots = view.robots
     start, heading = first_cell(robots, i), np.int64(robots.heading[i])
-    return min(distance(view, space, robots.type[i], start, heading, end), CAPPED)
+    return min(distance(view, workspace, robots.type[i], start, heading, end), CAPPED)
 
 
 @kernel
 def rate_of_driving(rules, headings, loaded):
     """Units that a tick on the way takes at most."""
-    rate = np.int64(rules.drain[MOVE, loaded])
+    rate = np.int64(rules.drain[ACTION_MOVE, loaded])
     if headings > 1:
-        rate = max(rate, np.int64(rules.drain[TURN, loaded]))
+        rate = max(rate, np.int64(rules.drain[ACTION_TURN, loaded]))
     return rate
 
 
 @kernel
-def enter_task(view, space, site, kind, task, order):
+def enter_task(view, workspace, site, robot_type, task, order):
     """Task number `task` of the site is to carry this order to its target, by robots of a type."""
-    work, duration, drain = site.work, view.rules.duration[kind], view.rules.drain
-    slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
-    if view.zoning.queue.shape[0] and drop_stand(view, kind, target) == NIL:
-        target = np.int64(view.zoning.stop[order])  # the robot hands it over there
-    begin = pick_stand(view, kind, slot)
-    end = begin if slot == target or target == NIL else drop_stand(view, kind, target)
+    work, duration, drain = site.work, view.rules.duration[robot_type], view.rules.drain
+    slot, target = np.int64(view.orders.current_slot[order]), np.int64(view.orders.target[order])
+    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target) == NIL:
+        target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
+    begin = pickup_cell(view, robot_type, slot)
+    end = begin if slot == target or target == NIL else dropoff_cell(view, robot_type, target)
     site.order[task] = order
-    site.cell[kind, work.begin[task]] = begin
-    site.cell[kind, work.end[task]] = end
+    site.cell[robot_type, work.begin[task]] = begin
+    site.cell[robot_type, work.end[task]] = end
     if begin == NIL or end == NIL:
-        work.inside[kind, task] = CAPPED
-        work.use[kind, task] = CAPPED
+        work.inside[robot_type, task] = CAPPED
+        work.use[robot_type, task] = CAPPED
         return
-    drive = longest_way(view, space, kind, begin, end) if slot != target else 0
+    drive = longest_way(view, workspace, robot_type, begin, end) if slot != target else 0
     loaded = rate_of_driving(view.rules, view.grid.headings, 1)
-    picking, dropping = np.int64(duration[PICK]), np.int64(duration[DROP])
-    work.inside[kind, task] = min(drive + picking + (dropping if slot != target else 0), CAPPED)
-    energy = drive * loaded + max(picking, 1) * drain[PICK, 0]
+    picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
+    work.inside[robot_type, task] = min(
+        drive + picking + (dropping if slot != target else 0), CAPPED
+    )
+    energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
     if slot != target:
-        energy += max(dropping, 1) * drain[DROP, 1]
-    work.use[kind, task] = min(energy, CAPPED)
+        energy += max(dropping, 1) * drain[ACTION_DROP, 1]
+    work.use[robot_type, task] = min(energy, CAPPED)
 
 
 @kernel
-def enter_robot(view, space, site, r, i):
+def enter_robot(view, workspace, site, r, i):
     """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
     robots, fleet, rules = view.robots, site.fleet, view.rules
-    kind = np.int64(robots.type[i])
-    duration = rules.duration[kind]
+    robot_type = np.int64(robots.type[i])
+    duration = rules.duration[robot_type]
     empty = rate_of_driving(rules, view.grid.headings, 0)
     loaded = rate_of_driving(rules, view.grid.headings, 1)
     place, ready = first_cell(robots, i), np.int64(robots.busy[i])
     charge = np.int64(robots.charge[i])
     order = np.int64(robots.order[i])
-    if robots.goal[i] == GOAL_CHARGE and robots.yields[i] == 0:
-        place = np.int64(robots.stand[i])
-        drive = way_from(view, space, i, place)
+    if robots.goal_type[i] == GOAL_CHARGE and robots.charging_interruptible[i] == 0:
+        place = np.int64(robots.goal_cell[i])
+        drive = way_from(view, workspace, i, place)
         charge -= drive * empty
-        ready += drive + charging_ticks(rules.curve, charge, np.int64(robots.level[i]))
+        ready += drive + charging_ticks(rules.curve, charge, np.int64(robots.charge_target[i]))
         if site.queues:
             ready += max(np.int64(0), line_ahead(view, i) - drive)
-        charge = max(charge, np.int64(robots.level[i]))
+        charge = max(charge, np.int64(robots.charge_target[i]))
     elif robots.load[i] != NIL:
-        place = drop_stand(view, kind, np.int64(view.orders.target[robots.load[i]]))
+        place = dropoff_cell(view, robot_type, np.int64(view.orders.target[robots.load[i]]))
         if place == NIL:
             place = first_cell(robots, i)
-        drive = way_from(view, space, i, place)
-        ready += drive + duration[DROP]
-        charge -= drive * loaded + max(np.int64(duration[DROP]), 1) * rules.drain[DROP, 1]
-    elif order != NIL and robots.goal[i] == GOAL_PICK:
-        slot, target = np.int64(view.orders.place[order]), np.int64(view.orders.target[order])
-        begin = np.int64(robots.stand[i])
-        drive = way_from(view, space, i, begin)
-        place = begin if slot == target else drop_stand(view, kind, target)
-        inside = longest_way(view, space, kind, begin, place) if slot != target else 0
-        ready += drive + inside + duration[PICK] + duration[DROP]
+        drive = way_from(view, workspace, i, place)
+        ready += drive + duration[ACTION_DROP]
+        charge -= (
+            drive * loaded + max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
+        )
+    elif order != NIL and robots.goal_type[i] == GOAL_PICK:
+        slot, target = (
+            np.int64(view.orders.current_slot[order]),
+            np.int64(view.orders.target[order]),
+        )
+        begin = np.int64(robots.goal_cell[i])
+        drive = way_from(view, workspace, i, begin)
+        place = begin if slot == target else dropoff_cell(view, robot_type, target)
+        inside = longest_way(view, workspace, robot_type, begin, place) if slot != target else 0
+        ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
         charge -= drive * empty + inside * loaded
-        charge -= max(np.int64(duration[PICK]), 1) * rules.drain[PICK, 0]
-        charge -= max(np.int64(duration[DROP]), 1) * rules.drain[DROP, 1]
+        charge -= max(np.int64(duration[ACTION_PICK]), 1) * rules.drain[ACTION_PICK, 0]
+        charge -= max(np.int64(duration[ACTION_DROP]), 1) * rules.drain[ACTION_DROP, 1]
     site.robot[r] = i
-    fleet.kind[r] = kind
-    site.cell[kind, r] = place
+    fleet.robot_type[r] = robot_type
+    site.cell[robot_type, r] = place
     fleet.ready[r] = min(ready, CAPPED)
     fleet.charge[r] = charge
     fleet.first[r] = 0
@@ -179,7 +194,9 @@ def enter_robot(view, space, site, r, i):
 def ticks_to_level(view, j):
     """Ticks at a charger until robot j has the charge that it was sent there for."""
     robots = view.robots
-    return charging_ticks(view.rules.curve, np.int64(robots.charge[j]), np.int64(robots.level[j]))
+    return charging_ticks(
+        view.rules.curve, np.int64(robots.charge[j]), np.int64(robots.charge_target[j])
+    )
 
 
 @kernel
@@ -188,19 +205,23 @@ def line_ahead(view, i):
     robots = view.robots
     ticks = np.int64(0)
     for j in range(robots.cell.shape[0]):
-        if j == i or robots.goal[j] != GOAL_CHARGE or robots.stand[j] != robots.stand[i]:
+        if (
+            j == i
+            or robots.goal_type[j] != GOAL_CHARGE
+            or robots.goal_cell[j] != robots.goal_cell[i]
+        ):
             continue
-        there = robots.cell[j] == robots.stand[j]
+        there = robots.cell[j] == robots.goal_cell[j]
         before = robots.ticket[j] != 0 and (
             robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
         )
-        if robots.yields[j] == 0 and (there or before):
+        if robots.charging_interruptible[j] == 0 and (there or before):
             ticks += ticks_to_level(view, j)
     return ticks
 
 
 @kernel
-def survey(view, space, site, kind, robots, tasks):
+def survey(view, workspace, site, robot_type, robots, tasks):
     """Measure a type's ways between the first so many robots' places, the chargers, and so many tasks'.
 
     Places that robots of the type do not get to are out of reach.
@@ -210,25 +231,25 @@ def survey(view, space, site, kind, robots, tasks):
     first_task = site.fleet.place.shape[0] + chargers
     rate = rate_of_driving(view.rules, view.grid.headings, 0)
     places = first_task + 2 * tasks
-    cell, ticks, energy = site.cell[kind], work.ticks[kind], work.energy[kind]
+    cell, ticks, energy = site.cell[robot_type], work.ticks[robot_type], work.energy[robot_type]
     for b in range(site.fleet.place.shape[0], places):  # one distance field after another
         end = np.int64(cell[b])
         for a in range(places):
             if a < robots or a >= site.fleet.place.shape[0]:
                 known = cell[a] != NIL and end != NIL
-                way = longest_way(view, space, kind, cell[a], end) if known else CAPPED
+                way = longest_way(view, workspace, robot_type, cell[a], end) if known else CAPPED
                 ticks[a, b] = way
                 energy[a, b] = min(way * rate, CAPPED)
     for a in range(places):
-        battery.nearest[kind, a] = NIL
-        battery.reach[kind, a] = INF
+        battery.nearest[robot_type, a] = NIL
+        battery.reach[robot_type, a] = INF
         if robots <= a < site.fleet.place.shape[0]:
             continue
         for c in range(chargers):
             units = np.int64(energy[a, battery.charger[c]])
-            if units < battery.reach[kind, a] and units < CAPPED:
-                battery.nearest[kind, a] = c
-                battery.reach[kind, a] = units
+            if units < battery.reach[robot_type, a] and units < CAPPED:
+                battery.nearest[robot_type, a] = c
+                battery.reach[robot_type, a] = units
 
 
 @kernel
@@ -240,8 +261,8 @@ def count_queues(view, site, besides):
     if site.queues == 0:
         return
     for j in range(robots.cell.shape[0]):
-        if j == besides or robots.goal[j] != GOAL_CHARGE or robots.status[j] != RUNNING:
+        if j == besides or robots.goal_type[j] != GOAL_CHARGE or robots.status[j] != STATUS_UP:
             continue
-        stand = np.int64(robots.stand[j])
-        if stand != NIL and robots.yields[j] == 0:
-            wait[view.chargers.at[stand]] += ticks_to_level(view, j)
+        goal_cell = np.int64(robots.goal_cell[j])
+        if goal_cell != NIL and robots.charging_interruptible[j] == 0:
+            wait[view.chargers.charger_at[goal_cell]] += ticks_to_level(view, j)

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.auctions.charge_path import waiting_at
 from automaton.auctions.charge_plan import add_detours, clear, stop_at
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import COST, END, FULL, INF, LOWEST, PLANS, SAFE, STATES
+from automaton.auctions.market import BATTERY_FULL, COST, END, INF, LOWEST, PLANS, SAFE, STATES
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
@@ -33,10 +33,12 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
         task = np.int64(order[i])
         here = place_before(work, place, order, i)
         then = (
-            level - work.energy[work.kind[0], here, work.begin[task]] - work.use[work.kind[0], task]
+            level
+            - work.energy[work.robot_type[0], here, work.begin[task]]
+            - work.use[work.robot_type[0], task]
         )
         if is_low(battery, then, np.int64(work.end[task])):
-            charger = np.int64(battery.nearest[battery.kind[0], here])
+            charger = np.int64(battery.nearest[battery.robot_type[0], here])
             if charger == NIL:
                 plan.figures[COST] = INF
                 return INF
@@ -46,15 +48,21 @@ def plan_threshold(work, battery, scratch, place, charge, order, length):
             plan.position[k] = i
             plan.charger[k] = charger
             done = plan.figures[COST] - scratch.done_ticks[length] + scratch.done_ticks[i]
-            wait = waiting_at(battery, scratch, charger, done + work.ticks[work.kind[0], here, at])
-            arrival = level - work.energy[work.kind[0], here, at]
-            level = stop_at(battery, plan, k, arrival, np.int64(FULL), wait)
-            plan.figures[COST] += (
-                work.ticks[work.kind[0], here, at] + work.ticks[work.kind[0], at, work.begin[task]]
+            wait = waiting_at(
+                battery, scratch, charger, done + work.ticks[work.robot_type[0], here, at]
             )
-            plan.figures[COST] -= work.ticks[work.kind[0], here, work.begin[task]]
+            arrival = level - work.energy[work.robot_type[0], here, at]
+            level = stop_at(battery, plan, k, arrival, np.int64(BATTERY_FULL), wait)
+            plan.figures[COST] += (
+                work.ticks[work.robot_type[0], here, at]
+                + work.ticks[work.robot_type[0], at, work.begin[task]]
+            )
+            plan.figures[COST] -= work.ticks[work.robot_type[0], here, work.begin[task]]
             here = at
-        level -= work.energy[work.kind[0], here, work.begin[task]] + work.use[work.kind[0], task]
+        level -= (
+            work.energy[work.robot_type[0], here, work.begin[task]]
+            + work.use[work.robot_type[0], task]
+        )
         plan.figures[LOWEST] = min(plan.figures[LOWEST], level)
     plan.figures[END] = level
     if plan.stops[0] > 0:
@@ -68,4 +76,4 @@ def is_low(battery, level, place):
     """Whether a robot that would be at this place with this level charges first."""
     if level < battery.threshold:
         return True
-    return battery.policy == SAFE and level < battery.reach[battery.kind[0], place]
+    return battery.policy == SAFE and level < battery.reach[battery.robot_type[0], place]

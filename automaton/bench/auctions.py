@@ -16,8 +16,8 @@ from automaton.auctions import exact, genetic, local_search, quotes, sequential
 from automaton.auctions.bids import MIX
 from automaton.auctions.bundle_space import bundles_for, generations, population_for
 from automaton.auctions.market import (
+    BATTERY_FULL,
     FILL_UP,
-    FULL,
     HIERARCHICAL,
     JOINT,
     NO_CHARGING,
@@ -59,9 +59,9 @@ def market(robots: int, tasks: int, policy: int = NO_CHARGING, seed: int = 1) ->
     at = rng.integers(0, SIDE, (robots + tasks + CHARGERS, 2))
     ticks = np.abs(at[:, None] - at[None]).sum(2)
     chargers = np.arange(robots + tasks, len(at))
-    rules = {"policy": policy, "end_reach": policy != NO_CHARGING, "threshold": FULL // 5}
+    rules = {"policy": policy, "end_reach": policy != NO_CHARGING, "threshold": BATTERY_FULL // 5}
     battery = battery_of(ticks * DRAIN, chargers, ((0, RATE),), **rules)  # type: ignore[arg-type]
-    fleet = fleet_of(np.arange(robots), tasks, FULL // 2)
+    fleet = fleet_of(np.arange(robots), tasks, BATTERY_FULL // 2)
     scratch = scratch_for(robots, tasks, tasks, CHARGERS)
     work = visits(ticks, ticks * DRAIN, np.arange(robots, robots + tasks))
     return Market(work, battery, fleet, scratch, np.arange(tasks, dtype=np.int32))
@@ -164,11 +164,11 @@ def others() -> list[Measurement]:
 
 def prepare_optimum(robots: int) -> Sample:
     """Milliseconds of the optimum of ten tasks."""
-    space = bundles_for(robots, 10)
+    workspace = bundles_for(robots, 10)
 
     def work(one: Market) -> None:
         *rest, items = one
-        exact.exact(*rest, space, items, len(items), 0)
+        exact.exact(*rest, workspace, items, len(items), 0)
 
     return timed((robots, 10), NO_CHARGING, work, 5)
 
@@ -201,6 +201,6 @@ def prepare_plan(policy: int, calls: int = 200) -> Sample:
 
     def quote_often() -> None:
         for _ in range(calls):
-            quotes.quote(one.work, one.battery, one.scratch, 0, 0, FULL, order, 10)
+            quotes.quote(one.work, one.battery, one.scratch, 0, 0, BATTERY_FULL, order, 10)
 
     return lambda: 1e6 * cpu_seconds(quote_often) / calls

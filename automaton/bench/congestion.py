@@ -10,11 +10,11 @@ from functools import partial
 
 from automaton.bench.legs import plan_in_time
 from automaton.bench.measurement import US, Measurement, Sample, cpu_seconds
-from automaton.kernels.routes.forecast import foresee
-from automaton.kernels.routes.presence import forget_all
+from automaton.kernels.routes.forecast import forecast_all
+from automaton.kernels.routes.zone_forecast import forget_all
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.world.state import ROUTING
+from automaton.world.state import LAYER_ROUTING
 
 SIDES = (100, 300, 1000)  # cells
 ROBOTS = 100
@@ -47,11 +47,15 @@ def fleet(side: int, robots: int) -> Simulation:
 def prepare_legs(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a leg, over all robots one after another."""
     simulation = fleet(side, robots)
-    view, space, memory = simulation.view, simulation.space, simulation.memories[ROUTING]
+    view, workspace, memory = (
+        simulation.view,
+        simulation.workspace,
+        simulation.memories[LAYER_ROUTING],
+    )
 
     def sample() -> float:
-        foresee(view, space, memory)
-        seconds = cpu_seconds(lambda: plan_in_time(view, space, memory, BETA))
+        forecast_all(view, workspace, memory)
+        seconds = cpu_seconds(lambda: plan_in_time(view, workspace, memory, BETA))
         forget_all(memory)
         return 1e6 * seconds / robots
 
@@ -61,10 +65,14 @@ def prepare_legs(side: int, robots: int = ROBOTS) -> Sample:
 def prepare_forecast(side: int, robots: int = ROBOTS) -> Sample:
     """A sampler: us for a forecast, and for clearing it away."""
     simulation = fleet(side, robots)
-    view, space, memory = simulation.view, simulation.space, simulation.memories[ROUTING]
+    view, workspace, memory = (
+        simulation.view,
+        simulation.workspace,
+        simulation.memories[LAYER_ROUTING],
+    )
 
     def sample() -> float:
-        begun = cpu_seconds(lambda: foresee(view, space, memory))
+        begun = cpu_seconds(lambda: forecast_all(view, workspace, memory))
         return 1e6 * (begun + cpu_seconds(lambda: forget_all(memory)))
 
     return sample

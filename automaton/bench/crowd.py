@@ -13,7 +13,7 @@ from automaton.bench.floors import open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.bench.step import Case, walking_fleet
 from automaton.kernels.holders import enter_holders, remove_holders
-from automaton.scenario.resolve import Pick
+from automaton.scenario.resolve import StrategyChoice
 from automaton.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.world.state import NIL
@@ -61,7 +61,7 @@ def prepare_crowd(robots: int, ticks: int = TICKS) -> Sample:
     def sample() -> float:
         until = simulation.tick + ticks
         seconds = cpu_seconds(lambda: simulation.run(until))
-        if (world.robots.cell == NIL).any() or world.tally.times.any():
+        if (world.robots.cell == NIL).any() or world.tally.operations.any():
             raise AssertionError("the crowd did not stand still")
         return 1e9 * seconds / (robots * ticks)
 
@@ -73,7 +73,7 @@ def idle_crowd(robots: int) -> Simulation:
     side = round((1.02 * robots) ** 0.5)
     resolved = scene(open_floor(side, -(-102 * robots // (100 * side))), robots)
     parameters = lookup.parameters_type("right_of_way", "withdraw")(give_way=True)
-    picks = resolved.picks | {"right_of_way": Pick("withdraw", parameters)}
-    simulation = Simulation(replace(resolved, picks=picks))
+    strategies = resolved.strategies | {"right_of_way": StrategyChoice("withdraw", parameters)}
+    simulation = Simulation(replace(resolved, strategies=strategies))
     simulation.run(1)
     return simulation

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.scenario.resolve import Pick, Resolved
-from automaton.scenario.schema import LAYERS, Fleet, Scenario, Stop, Strategies
+from automaton.scenario.resolve import Resolved, StrategyChoice
+from automaton.scenario.schema import LAYER_NAMES, Fleet, Scenario, Stop, Strategies
 from automaton.strategy import lookup
 from automaton.world.cells import ALL_EXITS, FLOOR, UNLIMITED
-from automaton.world.plan import FloorPlan, bordered, floor_plan
+from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
 NEVER_ENDS = Stop(when="never", at_most=2_000_000_000)
 IDLE = "automaton.bench.strategies:Idle"
@@ -18,7 +18,7 @@ def open_floor(width: int, height: int) -> FloorPlan:
     """Free floor, one robot to a cell."""
     kind, leave = bordered(height, width), bordered(height, width)
     kind[1:-1, 1:-1], leave[1:-1, 1:-1] = FLOOR, ALL_EXITS
-    return floor_plan(kind, leave)
+    return make_floor_plan(kind, leave)
 
 
 def mixed_floor(width: int, height: int) -> FloorPlan:
@@ -27,10 +27,10 @@ def mixed_floor(width: int, height: int) -> FloorPlan:
     capacity = bordered(height, width)
     choice = np.random.default_rng(1).choice([1, 2, UNLIMITED], (height, width))
     capacity[1:-1, 1:-1] = choice
-    return floor_plan(plain.kind, plain.exits, capacity)
+    return make_floor_plan(plain.kind, plain.exits, capacity)
 
 
-def scene(plan: FloorPlan, robots: int) -> Resolved:
+def scene(floor_plan: FloorPlan, robots: int) -> Resolved:
     """Omnidirectional robots in random cells of a floor, no orders, nobody asked for decisions."""
     scenario = Scenario(
         name="bench",
@@ -39,8 +39,8 @@ def scene(plan: FloorPlan, robots: int) -> Resolved:
         strategy=Strategies(allocation=IDLE, right_of_way="wait"),
         stop=NEVER_ENDS,
     )
-    picks = {}
-    for layer in LAYERS:
+    strategies = {}
+    for layer in LAYER_NAMES:
         name = getattr(scenario.strategy, layer)
-        picks[layer] = Pick(name, lookup.parameters_type(layer, name)())
-    return Resolved(scenario, plan, picks, start="random", source="")
+        strategies[layer] = StrategyChoice(name, lookup.parameters_type(layer, name)())
+    return Resolved(scenario, floor_plan, strategies, start="random", source="")

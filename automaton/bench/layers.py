@@ -6,7 +6,7 @@ from functools import partial
 
 from automaton.bench.loop import idle_fleet, seconds_of
 from automaton.bench.measurement import US_PER_TICK, Measurement, Sample
-from automaton.world.state import ZONING
+from automaton.world.state import LAYER_ZONING
 
 COMPILED = "automaton.bench.strategies:EveryTick"
 IN_PYTHON = "automaton.bench.strategies:EveryTickInPython"
@@ -34,10 +34,10 @@ def prepare(strategy: str, ticks: int) -> Sample:
     without, asked = idle_fleet(), idle_fleet(strategy)
 
     def sample() -> float:
-        before = int(asked.world.tally.asked[ZONING])
+        before = int(asked.world.tally.batches[LAYER_ZONING])
         base = seconds_of(without, ticks)
         difference = seconds_of(asked, ticks) - base
-        if asked.world.tally.asked[ZONING] - before != ticks:
+        if asked.world.tally.batches[LAYER_ZONING] - before != ticks:
             raise AssertionError("the layer was not asked every tick")
         return 1e6 * difference / ticks
 

@@ -57,7 +57,7 @@ def seconds_of_driving(simulation: Simulation, ticks: int, seed: int | None) -> 
         robots = world.robots
         draws = np.random.default_rng(seed).integers(0, 4, (len(robots.cell), ticks))
         robots.route[:, :ticks] = draws
-        robots.length[:], robots.at[:] = ticks, 0
-        robots.goal[:], robots.stand[:] = GOAL_CHARGE, NIL
+        robots.route_length[:], robots.route_index[:] = ticks, 0
+        robots.goal_type[:], robots.goal_cell[:] = GOAL_CHARGE, NIL
     until = simulation.tick + ticks
     return cpu_seconds(lambda: simulation.run(until))

@@ -35,7 +35,7 @@ def prepare_legs(side: int, ties: int, plans: int) -> Sample:
     """A sampler: us for a leg; a plan has two."""
     where = warehouse(side)
     tasks = tasks_of(where, SEED, plans)[:, 0].copy()
-    arguments = (where.grid, where.duration, where.space, ties, tasks, where.trial.plain)
+    arguments = (where.grid, where.duration, where.workspace, ties, tasks, where.trial.plain)
     return lambda: 1e6 * cpu_seconds(lambda: plan_legs(*arguments)) / (2 * plans)
 
 
@@ -44,5 +44,5 @@ def prepare_avoidance(side: int, plans: int) -> Sample:
     where = warehouse(side)
     tasks = tasks_of(where, SEED, plans)
     foreseen = exact(where, SEED, tasks)
-    arguments = (where.grid, where.duration, where.space, tasks, foreseen, where.trial.plain)
+    arguments = (where.grid, where.duration, where.workspace, tasks, foreseen, where.trial.plain)
     return lambda: 1e6 * cpu_seconds(lambda: plan_avoiding(*arguments)) / plans

@@ -3,8 +3,8 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import mix
 from automaton.kernels.motion import LIVE, U, move_all
+from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import World
 
 
@@ -15,9 +15,9 @@ def random_walk(world: World, first: int, last: int) -> None:
     for tick in range(first, last):
         base = np.uint64(tick) << np.uint64(32)
         for i in range(robots.cell.shape[0]):
-            bits = mix(base | np.uint64(robots.identity[U(i)]))
+            bits = splitmix64(base | np.uint64(robots.identity[U(i)]))
             free = robots.busy[U(i)] == 0
-            traffic.want[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62))) if free else 0
+            traffic.intent[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62))) if free else 0
         move_all(world.grid, world.rules, robots, traffic, tick)
 
 
@@ -28,10 +28,10 @@ def random_walk_in_spans(world: World, first: int, last: int) -> None:
     for tick in range(first, last):
         base = np.uint64(tick) << np.uint64(32)
         for i in range(robots.cell.shape[0]):
-            traffic.want[U(i)] = 0
+            traffic.intent[U(i)] = 0
             if robots.busy[U(i)] == 0:
-                bits = mix(base | np.uint64(robots.identity[U(i)]))
-                traffic.want[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62)))
+                bits = splitmix64(base | np.uint64(robots.identity[U(i)]))
+                traffic.intent[U(i)] = np.uint8(LIVE | np.int64(bits >> np.uint64(62)))
                 slow = np.int64(bits) & 1023 < 102
-                traffic.span[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
+                traffic.move_ticks[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
         move_all(world.grid, world.rules, robots, traffic, tick)

@@ -12,7 +12,7 @@ from automaton.bench.floors import open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.simulation import Simulation
 from automaton.world.cells import EAST, NORTH, SOUTH, WEST
-from automaton.world.state import GOAL_CHARGE, MOVE, NIL, Array, World
+from automaton.world.state import ACTION_MOVE, GOAL_CHARGE, NIL, Array, World
 
 ROBOTS, SIDE, TICKS = 10_000, 1000, 500
 
@@ -44,19 +44,19 @@ def cpu_seconds_of_driving(simulation: Simulation, ticks: int) -> float:
     """Drive; raises AssertionError if a robot stood still or a layer was asked."""
     world = simulation.world
     give_routes(world, world.grid.width - 2, ticks + 1)
-    moved, asked = moves(world), world.tally.asked.copy()
+    moved, batches = moves(world), world.tally.batches.copy()
     until = simulation.tick + ticks
     seconds = cpu_seconds(lambda: simulation.run(until))
     if moves(world) - moved != ticks * len(world.robots.cell):
         raise AssertionError("some robots did not drive")
-    if not np.array_equal(world.tally.asked, asked):
+    if not np.array_equal(world.tally.batches, batches):
         raise AssertionError("a layer was asked")
     return seconds
 
 
 def moves(world: World) -> int:
     """Moves made by the whole fleet so far."""
-    return int(world.tally.times[:, MOVE].sum())
+    return int(world.tally.operations[:, ACTION_MOVE].sum())
 
 
 def give_routes(world: World, width: int, steps: int) -> None:
@@ -67,11 +67,11 @@ def give_routes(world: World, width: int, steps: int) -> None:
     position = np.where(row % 2 == 0, column, 2 * width - 1 - column)
     ahead = np.arange(steps)
     robots.route[:, :steps] = ring(width)[(position[:, None] + ahead) % (2 * width)]
-    robots.length[:] = steps
-    robots.at[:] = 0
+    robots.route_length[:] = steps
+    robots.route_index[:] = 0
     # A goal without a task at its end: nothing is to be decided on the way there.
-    robots.goal[:] = GOAL_CHARGE
-    robots.stand[:] = NIL
+    robots.goal_type[:] = GOAL_CHARGE
+    robots.goal_cell[:] = NIL
 
 
 def ring(width: int) -> Array:

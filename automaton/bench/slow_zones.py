@@ -57,9 +57,9 @@ def prepare_network(legs: int = LEGS) -> Sample:
     """A sampler: us for a leg, from a start and a destination to the zones used."""
     where = warehouse()
     network = network_for(where.grid, where.duration, shipped(SCENARIO))
-    zones = where.grid.zone[tasks_of(where, SEED, legs)[:, 0], 0].astype(np.int64)
+    zones = where.grid.traffic_zone[tasks_of(where, SEED, legs)[:, 0], 0].astype(np.int64)
     scratch = np.zeros(scratch_size(network), np.int64)
-    used = np.zeros((legs, -(-where.grid.zones // 64)), np.int64)
+    used = np.zeros((legs, -(-where.grid.traffic_zone_count // 64)), np.int64)
     start, end = zones[:, 0].copy(), zones[:, 1].copy()
     arguments = (packed(network), scratch, start, end, used)
     return lambda: 1e6 * cpu_seconds(lambda: predict_legs(*arguments)) / legs

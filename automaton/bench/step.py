@@ -16,7 +16,7 @@ from automaton.bench.floors import mixed_floor, open_floor, scene
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, Measurement, Sample, cpu_seconds
 from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.world.build import build_world
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.starts import random_cells
 from automaton.world.state import Array, World
 
@@ -81,16 +81,16 @@ def prepare(case: Case) -> Sample:
 
 def walking_fleet(case: Case) -> World:
     """The world of a case at tick 0."""
-    plan = (mixed_floor if case.mixed else open_floor)(case.side, case.side)
-    storage = storage_of(case, plan)
-    world, _ = build_world(scene(plan, case.robots), SEED, storage, longest_route=1)
+    floor_plan = (mixed_floor if case.mixed else open_floor)(case.side, case.side)
+    storage = storage_of(case, floor_plan)
+    world, _ = build_world(scene(floor_plan, case.robots), SEED, storage, longest_route=1)
     if case.mixed:
         world.robots.priority[:] = world.robots.identity % PRIORITIES
     return world
 
 
-def storage_of(case: Case, plan: FloorPlan) -> Array:
+def storage_of(case: Case, floor_plan: FloorPlan) -> Array:
     """(n,) the identity stored at each index."""
     if case.reading_order:
-        return np.argsort(random_cells(plan, SEED)[: case.robots], kind="stable")
+        return np.argsort(random_cells(floor_plan, SEED)[: case.robots], kind="stable")
     return np.random.default_rng(SEED).permutation(case.robots)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from automaton.compiled import kernel
 from automaton.strategy.layer import Strategy
-from automaton.world.state import Answers, Asked, Memory, Workspace, World
+from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 
 
 @kernel
 def decide_nothing(
-    view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+    view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
 ) -> None:
-    """Every answer stays KEEP."""
+    """Every decision stays KEEP."""
 
 
 class Idle(Strategy):
@@ -26,16 +26,16 @@ class EveryTick(Strategy):
 
     layer = "zoning"
     compiled = decide_nothing
-    every = 1
+    period = 1
 
 
 class EveryTickInPython(Strategy):
     """Asked every tick outside the loop, and keeps everything as it is."""
 
     layer = "zoning"
-    every = 1
+    period = 1
 
     def decide(
-        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
-        """Every answer stays KEEP."""
+        """Every decision stays KEEP."""

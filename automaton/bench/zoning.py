@@ -31,7 +31,7 @@ from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.units import unit
-from automaton.world.partition import Design, Roads
+from automaton.world.service_zones import Design, Roads
 from automaton.zoning.annealing import COLD, HOT, MOST, REPAIRS, STEPS, repair
 from automaton.zoning.genetic import GENERATIONS, INDIVIDUALS, MUTATION, SELECTED, evolve
 from automaton.zoning.herd import population_for
@@ -132,7 +132,7 @@ class Task(NamedTuple):
     rules: Array
     flow: Array
     design: Design
-    space: ZoneSpace
+    workspace: ZoneSpace
     reach: Array
 
 
@@ -146,19 +146,19 @@ def task(roads: Roads, flow: Array, zones: int) -> Task:
 def factory() -> Task:
     """The factory with the flow of all parts."""
     resolved = resolve("factory")
-    cells = resolved.plan.stations()
+    cells = resolved.floor_plan.stations()
     flow = np.zeros((len(cells), len(cells)))
     for kind in resolved.scenario.orders.parts or ():
         for here, then in itertools.pairwise(kind.route):
             flow[here - 1, then - 1] += kind.count
-    return task(roads_of(resolved.plan, cells).read_only(), flow, 3)
+    return task(roads_of(resolved.floor_plan, cells).read_only(), flow, 3)
 
 
 def anneal(one: Task, seed: int) -> int:
     """One zone repair; 0 if it found no zones."""
-    roads, rules, flow, design, space, reach = one
+    roads, rules, flow, design, workspace, reach = one
     how = HOT, COLD, STEPS, MOST, REPAIRS
-    return int(repair(roads, rules, flow, *how, design, space, reach, np.uint64(seed), 1))
+    return int(repair(roads, rules, flow, *how, design, workspace, reach, np.uint64(seed), 1))
 
 
 def repairing(one: Task) -> Sample:
@@ -179,13 +179,15 @@ def prepare_repair() -> Sample:
 
 def prepare_breeding(generations: int = GENERATIONS, individuals: int = INDIVIDUALS) -> Sample:
     """A sampler: seconds of the genetic algorithm in the factory."""
-    roads, rules, flow, design, space, reach = factory()
+    roads, rules, flow, design, workspace, reach = factory()
     population = population_for(roads, individuals)
     how = generations, SELECTED, MUTATION, population
 
     def sample() -> float:
         seed = np.uint64(1)
-        return cpu_seconds(lambda: evolve(roads, rules, flow, *how, design, space, reach, seed, 1))
+        return cpu_seconds(
+            lambda: evolve(roads, rules, flow, *how, design, workspace, reach, seed, 1)
+        )
 
     return sample
 
@@ -210,12 +212,12 @@ def lattice(stations: int) -> str:
 
 def prepare_lattice(stations: int, zones: int) -> Sample:
     """A repair on a lattice, with as many loads in all as there are stations, times LOADS."""
-    plan = draw_floor(lattice(stations))
+    floor_plan = draw_floor(lattice(stations))
     rng = np.random.default_rng(2)
     flow = np.zeros((stations, stations))
     for here in range(stations):
         flow[here, (here + rng.integers(1, stations)) % stations] = LOADS
-    return repairing(task(roads_of(plan, plan.stations()).read_only(), flow, zones))
+    return repairing(task(roads_of(floor_plan, floor_plan.stations()).read_only(), flow, zones))
 
 
 def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:

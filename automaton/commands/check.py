@@ -84,12 +84,12 @@ def described_study(file: str, args: argparse.Namespace) -> str:
 
 def check_files(resolved: Resolved, document: Document) -> None:
     """Raises InputError for a file of a strategy that is not there, or not what it must be."""
-    for layer, pick in resolved.picks.items():
-        for file in files_of(pick.parameters):
+    for layer, choice in resolved.strategies.items():
+        for file in files_of(choice.parameters):
             if not os.path.isfile(file):
                 said = f"strategy.{layer}: there is no file {file}"
                 raise document.error(("strategy", layer), said)
-        check = getattr(pick.parameters, "check_files", None)
+        check = getattr(choice.parameters, "check_files", None)
         try:
             if check is not None:
                 check(resolved)
@@ -99,7 +99,7 @@ def check_files(resolved: Resolved, document: Document) -> None:
 
 def export_matrix(resolved: Resolved, path: Path) -> None:
     """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
-    text = write_matrix(resolved.plan)
+    text = write_matrix(resolved.floor_plan)
     if os.path.exists(path) and not os.path.isfile(path):
         raise refusal("this is no ordinary file", path)
     with written(path) as file:
@@ -108,7 +108,7 @@ def export_matrix(resolved: Resolved, path: Path) -> None:
 
 def described(resolved: Resolved) -> str:
     """A good scenario in one line."""
-    kinds = resolved.plan.kind
+    kinds = resolved.floor_plan.kind
     parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
     parts = [part for part in parts if not part.startswith("0 ")]
     fleet = resolved.scenario.fleet

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
     shown = shown_at(RecordedRun(recording), args.at)
     snapshot = take_snapshot(shown.shown)
-    found = explain(snapshot, shown.plan, args.robot)
+    found = explain(snapshot, shown.floor_plan, args.robot)
     if args.json:
         print(json.dumps(as_json(args, found, snapshot), indent=2, ensure_ascii=False))
         return 0
@@ -80,16 +80,18 @@ def chain_lines(found: Explanation) -> list[str]:
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
     """(cause, ticks lost to it so far), the most first."""
-    from automaton.world.waiting import NOT_WAITING
+    from automaton.world.observation import CAUSE_NOT_WAITING
 
     lost = snapshot.robots.lost[robot].tolist()
-    found = [(cause, ticks) for cause, ticks in enumerate(lost) if ticks and cause != NOT_WAITING]
+    found = [
+        (cause, ticks) for cause, ticks in enumerate(lost) if ticks and cause != CAUSE_NOT_WAITING
+    ]
     return sorted(found, key=lambda pair: -pair[1])
 
 
 def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
     """The time that a robot has lost so far, by cause."""
-    from automaton.world.waiting import CAUSES
+    from automaton.world.observation import CAUSES
 
     lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)
     if not lost:
@@ -109,8 +111,8 @@ def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
 
 def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) -> dict[str, Any]:
     """The explanation as one object; times are in ticks."""
+    from automaton.world.observation import CAUSES
     from automaton.world.state import NIL
-    from automaton.world.waiting import CAUSES
 
     links = [
         {**link._asdict(), "blocker": None if link.blocker == NIL else link.blocker}

@@ -9,7 +9,7 @@ from typing import Any
 from automaton.experiments.study import shipped_studies, study_document
 from automaton.scenario.floors import generator_type, generators
 from automaton.scenario.reading import read, shipped
-from automaton.scenario.schema import LAYERS
+from automaton.scenario.schema import LAYER_NAMES
 
 SAID = ("summary", "properties")  # no columns of the inventory
 
@@ -47,7 +47,7 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
             **{"name": name, "layer": layer, "summary": lookup.summary(layer, name)},
             **({"properties": said} if (said := lookup.properties(layer, name)) else {}),
         }
-        for layer in LAYERS
+        for layer in LAYER_NAMES
         for name in lookup.names(layer)
     ]
     return {

@@ -47,8 +47,8 @@ def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
     layout = resolved.scenario.layout
     yield from (folder / layout[form] for form in DRAWN_ELSEWHERE if form in layout)
     yield from (Path(file) for file, _ in resolved.files)
-    for pick in resolved.picks.values():
-        yield from files_of(pick.parameters)
+    for choice in resolved.strategies.values():
+        yield from files_of(choice.parameters)
 
 
 def placed(file: Path, home: Path) -> dict[str, Path]:

@@ -144,14 +144,14 @@ def fingerprint(resolved: Resolved, windows: Windows = WHOLE) -> str:
     for form in DRAWN_ELSEWHERE:
         scenario["layout"].pop(form, None)
     picks = {
-        layer: [pick.name, msgspec.to_builtins(pick.parameters)]
-        for layer, pick in resolved.picks.items()
+        layer: [choice.name, msgspec.to_builtins(choice.parameters)]
+        for layer, choice in resolved.strategies.items()
     }
     contents = file_hashes(resolved).get("files", {})
     whole = [
         by_content(scenario, contents),
         by_content(picks, contents),
-        resolved.plan.fingerprint,
+        resolved.floor_plan.fingerprint,
         resolved.start,
         windows,
     ]
@@ -169,7 +169,7 @@ def by_content(data: Any, contents: Mapping[str, str]) -> Any:
 
 def plugins_of(resolved: Resolved) -> set[str]:
     """The modules of a scenario's strategies that are no built-ins."""
-    places = (lookup.place(layer, pick.name) for layer, pick in resolved.picks.items())
+    places = (lookup.place(layer, choice.name) for layer, choice in resolved.strategies.items())
     modules = {place.partition(":")[0] for place in places if place}
     return {module for module in modules if module.partition(".")[0] not in PACKAGES}
 

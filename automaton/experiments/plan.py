@@ -175,11 +175,15 @@ def shortest(scenarios: tuple[Resolved, ...]) -> int:
 
 def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
     """Metrics that the strategies in use count themselves, those of every run left out."""
-    picks = {(layer, pick.name) for resolved in scenarios for layer, pick in resolved.picks.items()}
+    picks = {
+        (layer, choice.name)
+        for resolved in scenarios
+        for layer, choice in resolved.strategies.items()
+    }
     names = {
         name
         for layer, strategy in sorted(picks)
-        if strategy != lookup.NONE
+        if strategy != lookup.NO_STRATEGY
         for name in getattr(lookup.load(layer, strategy), "counters", {})
     }
     return tuple(sorted(names - set(GLOSSARY) - set(COLUMNS)))

@@ -32,7 +32,7 @@ from automaton.metrics import metrics_of
 from automaton.printable import one_line
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.state import DELIVERED
+from automaton.world.state import ORDER_DELIVERED
 
 Row = dict[str, Any]  # columns of a run; its metrics under "metrics"
 LONGEST_REASON = 500  # characters
@@ -149,7 +149,7 @@ def blank(run: Run, failed: str | None = None) -> Row:
 def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
     """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
     orders = simulation.world.orders
-    delivered = orders.delivered[orders.state == DELIVERED]
+    delivered = orders.delivered[orders.state == ORDER_DELIVERED]
     metrics = metrics_of(simulation, marks.warm_up)
     row: Row = {
         "finished": is_finished(simulation),

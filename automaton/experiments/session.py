@@ -175,7 +175,7 @@ def warm(plan: Plan, patience: float | None = None) -> None:
     """Compile, or find in the cache, what the workers will load, so that it is done once."""
     seen = set()
     for resolved in plan.scenarios:
-        names = tuple(pick.name for pick in resolved.picks.values())
+        names = tuple(choice.name for choice in resolved.strategies.values())
         if names not in seen:
             seen.add(names)
             # Rows will say what a strategy raises.

@@ -22,18 +22,23 @@ from automaton.errors import InputError, nearest
 from automaton.history.charging import charging, in_line
 from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
-from automaton.world.condition import BROKEN, EMPTY, PERCENT, TOWED
-from automaton.world.plan import FloorPlan
-from automaton.world.state import ACTION_NAMES, NIL, TICK, Array, Robots
-from automaton.world.waiting import (
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.observation import (
+    CAUSE_REDUCED_SPEED,
     CAUSES,
     DEADLOCK_TICKS,
-    DRIVING_SLOWLY,
     Observation,
-    waits,
+    is_waiting,
 )
+from automaton.world.robot_status import (
+    BATTERY_PERCENT,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_TOWED,
+)
+from automaton.world.state import ACTION_NAMES, CLOCK_TICK, NIL, Array, Robots
 
-WAITS: Final = [cause.name for cause in CAUSES[:DRIVING_SLOWLY]]
+WAITS: Final = [cause.name for cause in CAUSES[:CAUSE_REDUCED_SPEED]]
 FIELDS: Final = {  # name: what it is, of one robot
     "robot": "its number",
     "x": "column of its cell",
@@ -86,7 +91,9 @@ def breakpoint_of(text: str) -> Breakpoint:
         raise InputError(_too_long(words))
     if words in ("deadlock", "circular wait"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
-        return Breakpoint(words, lambda run, plan: _members(run, run.watch.ring == ticks))
+        return Breakpoint(
+            words, lambda run, plan: _members(run, run.observation.wait_cycle_ticks == ticks)
+        )
     if words == "zones redesigned":
         return Breakpoint(words, lambda run, plan: _redesigned(run))
     delivered = re.fullmatch(r"delivered(?: (\d+))?", words)
@@ -104,38 +111,40 @@ def _members(run: Simulation, mask: Array) -> Array:
 
 def _redesigned(run: Simulation) -> Array:
     """Robots whose zones gained or lost stations in the last tick."""
-    zones = np.flatnonzero(run.watch.reshaped == run.world.clock[TICK])
-    servers: Array = run.world.zoning.server[zones]
+    zones = np.flatnonzero(run.observation.reshaped == run.world.clock[CLOCK_TICK])
+    servers: Array = run.world.service_zones.server[zones]
     return np.unique(servers[servers != NIL])
 
 
 def _delivering(run: Simulation, load: int | None) -> Array:
     """Robots that delivered in the last tick."""
-    orders, given = run.world.orders, run.watch.set_down
-    done = (given != NIL) & (orders.delivered[given] == run.world.clock[TICK])
+    orders, given = run.world.orders, run.observation.dropped
+    done = (given != NIL) & (orders.delivered[given] == run.world.clock[CLOCK_TICK])
     return _members(run, done if load is None else done & (given == load))
 
 
 def _predicate(text: str) -> Callable[[Simulation, FloorPlan], Array]:
     evaluate = _condition(text)
 
-    def test(run: Simulation, plan: FloorPlan) -> Array:
-        holds = np.broadcast_to(evaluate(fields_of(run, plan)), run.world.robots.cell.shape)
+    def test(run: Simulation, floor_plan: FloorPlan) -> Array:
+        holds = np.broadcast_to(evaluate(fields_of(run, floor_plan)), run.world.robots.cell.shape)
         return _members(run, holds)
 
     return test
 
 
-def robots_where(text: str, snapshot: Snapshot, plan: FloorPlan) -> Array:
+def robots_where(text: str, snapshot: Snapshot, floor_plan: FloorPlan) -> Array:
     """Identities of the robots for which a condition of this language holds. Raises InputError."""
     words = " ".join(text.split())
     fleet = snapshot.robots
     if words in ("deadlock", "circular wait"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
-        return np.flatnonzero(fleet.ring >= ticks)
+        return np.flatnonzero(fleet.wait_cycle_ticks >= ticks)
     stuck = re.fullmatch(r"stuck ?> ?(\d+)", words)
     evaluate = _condition(f"waiting > {stuck[1]}" if stuck else words)
-    fields = _fields(fleet, np.arange(len(fleet)), fleet, snapshot.tick, plan, fleet.route_length)
+    fields = _fields(
+        fleet, np.arange(len(fleet)), fleet, snapshot.tick, floor_plan, fleet.route_length
+    )
     return np.flatnonzero(np.broadcast_to(evaluate(fields), fleet.cell.shape))
 
 
@@ -214,43 +223,50 @@ def _code_of(word: str, comparison: ast.Compare | None) -> int:
     raise InputError(f"'{word}' can be compared with cause and action only")
 
 
-def fields_of(run: Simulation, plan: FloorPlan) -> Fields:
+def fields_of(run: Simulation, floor_plan: FloorPlan) -> Fields:
     """The FIELDS of all robots, by storage."""
     robots = run.world.robots
-    return _fields(robots, robots.identity, run.watch, run.tick, plan, robots.length - robots.at)
+    return _fields(
+        robots,
+        robots.identity,
+        run.observation,
+        run.tick,
+        floor_plan,
+        robots.route_length - robots.route_index,
+    )
 
 
 def _fields(
     robots: Robots | Fleet,
     number: Array,
-    watch: Observation | Fleet,
+    observation: Observation | Fleet,
     tick: int,
-    plan: FloorPlan,
+    floor_plan: FloorPlan,
     steps: Array,
 ) -> Fields:
     off = np.where(robots.bay == NIL, robots.home, robots.bay)
     cell = np.where(robots.cell == NIL, off, robots.cell)
     return {
         "robot": number,
-        "x": cell % plan.stride - 1,
-        "y": cell // plan.stride - 1,
+        "x": cell % floor_plan.stride - 1,
+        "y": cell // floor_plan.stride - 1,
         "loaded": (robots.load != NIL).astype(np.int64),
         "load": robots.load,
         "order": robots.order,
-        "waiting": np.where(waits(watch.cause), tick - watch.since, 0),
-        "slowed": watch.lost[:, DRIVING_SLOWLY],
-        "cause": watch.cause.astype(np.int64),
+        "waiting": np.where(is_waiting(observation.cause), tick - observation.since, 0),
+        "slowed": observation.lost[:, CAUSE_REDUCED_SPEED],
+        "cause": observation.cause.astype(np.int64),
         "action": robots.action.astype(np.int64),
         "busy": robots.busy.astype(np.int64),
         "parked": robots.parked.astype(np.int64),
-        "zone": robots.zone + 1,
+        "zone": robots.service_zone + 1,
         "priority": robots.priority,
         "steps": steps,
-        "battery": robots.charge / PERCENT,
+        "battery": robots.charge / BATTERY_PERCENT,
         "charging": charging(robots).astype(np.int64),
         "in_line": in_line(robots).astype(np.int64),
-        "empty": (robots.status == EMPTY).astype(np.int64),
-        "broken": (robots.status == BROKEN).astype(np.int64),
-        "towed": (robots.status >= TOWED).astype(np.int64),
-        "ahead": robots.planned,
+        "empty": (robots.status == STATUS_DEPLETED).astype(np.int64),
+        "broken": (robots.status == STATUS_FAILED).astype(np.int64),
+        "towed": (robots.status >= STATUS_TOWED).astype(np.int64),
+        "ahead": robots.order_queue_length,
     }

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.units import count, percent
-from automaton.world.condition import FULL
-from automaton.world.state import CHARGE, GOAL_CHARGE, NIL, Array, Robots
+from automaton.world.robot_status import BATTERY_FULL
+from automaton.world.state import ACTION_CHARGE, GOAL_CHARGE, NIL, Array, Robots
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.history.snapshot import Fleet, Snapshot
@@ -16,8 +16,8 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
 
 def charging(robots: Robots | Fleet) -> Array:
     """(n,) bool: who charges. The action alone does not tell: it is the last one that was begun."""
-    at_its_stand = (robots.goal == GOAL_CHARGE) & (robots.cell == robots.stand)
-    found: Array = at_its_stand & (robots.action == CHARGE)
+    at_its_stand = (robots.goal_type == GOAL_CHARGE) & (robots.cell == robots.goal_cell)
+    found: Array = at_its_stand & (robots.action == ACTION_CHARGE)
     return found
 
 
@@ -27,7 +27,7 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
     `curve`: (K, 2) from this charge on, units that a tick gives; as in automaton.kernels.energy.
     """
     ticks = 0
-    ends = [*curve[1:, 0].tolist(), FULL]
+    ends = [*curve[1:, 0].tolist(), BATTERY_FULL]
     for rate, end in zip(curve[:, 1].tolist(), ends, strict=True):
         missing = min(level, end) - charge
         if missing > 0:
@@ -40,7 +40,7 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
 
 def in_line(robots: Robots | Fleet) -> Array:
     """(n,) bool: who stands in line before a charger; who drives into it does not any more."""
-    entering = (robots.claim == robots.stand) | (robots.cell == robots.stand)
+    entering = (robots.claim == robots.goal_cell) | (robots.cell == robots.goal_cell)
     found: Array = (robots.ticket != 0) & ~entering
     return found
 
@@ -55,7 +55,7 @@ def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
 def line_before(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots that stand in line before the charger in a cell, who came first first."""
     fleet = snapshot.robots
-    standing = np.flatnonzero(in_line(fleet) & (fleet.stand == cell))
+    standing = np.flatnonzero(in_line(fleet) & (fleet.goal_cell == cell))
     found: list[int] = standing[np.argsort(fleet.ticket[standing])].tolist()
     return found
 
@@ -63,7 +63,7 @@ def line_before(snapshot: Snapshot, cell: int) -> list[int]:
 def sent_to(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots on their way to the charger in a cell."""
     fleet = snapshot.robots
-    going = (fleet.goal == GOAL_CHARGE) & (fleet.stand == cell) & ~in_line(fleet)
+    going = (fleet.goal_type == GOAL_CHARGE) & (fleet.goal_cell == cell) & ~in_line(fleet)
     found: list[int] = np.flatnonzero(going & (fleet.cell != cell)).tolist()
     return found
 
@@ -71,15 +71,15 @@ def sent_to(snapshot: Snapshot, cell: int) -> list[int]:
 def up_to(snapshot: Snapshot, robot: int) -> str:
     """To which charge a robot charges, and how long that still takes."""
     fleet = snapshot.robots
-    charge, level = int(fleet.charge[robot]), int(fleet.level[robot])
-    ticks = ticks_to_charge(charge, level, snapshot.curve)
+    charge, charge_target = int(fleet.charge[robot]), int(fleet.charge_target[robot])
+    ticks = ticks_to_charge(charge, charge_target, snapshot.curve)
     left = "which it never reaches" if ticks == NIL else f"{count(ticks, 'tick')} to go"
-    return f"up to {percent(level / FULL, 0)}, {left}"
+    return f"up to {percent(charge_target / BATTERY_FULL, 0)}, {left}"
 
 
 def in_line_words(snapshot: Snapshot, robot: int, place: str) -> str:
     """Why a robot stands in line before the charger at `place`."""
-    cell = int(snapshot.robots.stand[robot])
+    cell = int(snapshot.robots.goal_cell[robot])
     standing = line_before(snapshot, cell)
     before = standing[: standing.index(robot)] if robot in standing else []
     there = charging_at(snapshot, cell)

@@ -11,8 +11,14 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.simulation import Simulation
-from automaton.world.state import TICK, Array
-from automaton.world.waiting import CURVE_COLUMNS, DEADLOCK, EVENTS, REDESIGNED, ROWS
+from automaton.world.observation import (
+    COUNT_CURVE_ROWS,
+    COUNT_EVENTS,
+    CURVE_COLUMNS,
+    EVENT_DEADLOCK,
+    EVENT_ZONES_REDESIGNED,
+)
+from automaton.world.state import CLOCK_TICK, Array
 
 EVENT_COLUMNS = 5
 KEPT_EVENTS: Final = 500_000  # 10 MB
@@ -126,16 +132,16 @@ class Chronicle:
 
     def __call__(self, simulation: Simulation) -> None:
         """Take what the buffers of an observation hold, and empty them."""
-        watch, last = simulation.watch, int(simulation.world.clock[TICK])
-        rows = int(watch.count[ROWS])
+        observation, last = simulation.observation, int(simulation.world.clock[CLOCK_TICK])
+        rows = int(observation.count[COUNT_CURVE_ROWS])
         fresh = min(rows, last - self.known)
         if fresh > 0:
-            self._curve.append(watch.curve[rows - fresh : rows])
-            events = watch.events[: watch.count[EVENTS]]
+            self._curve.append(observation.curve[rows - fresh : rows])
+            events = observation.events[: observation.count[COUNT_EVENTS]]
             events = events[events[:, 0] > last - fresh]
             self._events.append(events)
-            self._deadlocks.append(events[events[:, 1] == DEADLOCK, :1])
-            self._redesigns.append(events[events[:, 1] == REDESIGNED, :1])
+            self._deadlocks.append(events[events[:, 1] == EVENT_DEADLOCK, :1])
+            self._redesigns.append(events[events[:, 1] == EVENT_ZONES_REDESIGNED, :1])
         simulation.empty_observation()
 
     @property

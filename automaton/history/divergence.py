@@ -30,7 +30,7 @@ def first_difference(one: Recording, other: Recording) -> Divergence:
     mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
     state: int | None = None  # the first tick whose digests differ
     for begin, end, left, right in _common_stretches(mine, its):
-        did = _rows(left, "did", begin, end) != _rows(right, "did", begin, end)
+        did = _rows(left, "executed", begin, end) != _rows(right, "executed", begin, end)
         acted = np.flatnonzero(did.any(axis=1))
         if acted.size:
             return _acted(begin + int(acted[0]), np.flatnonzero(did[acted[0]]))
@@ -69,7 +69,7 @@ def _common_stretches(
                 raise InputError(
                     f"recording {name} has fewer ticks than it says: the file was altered"
                 )
-        end = min(frame["first"] + len(frame["did"]) - 1 for frame in (left, right))
+        end = min(frame["first"] + len(frame["executed"]) - 1 for frame in (left, right))
         yield tick, end, left, right
         tick = end + 1
 

@@ -7,10 +7,22 @@ from typing import NamedTuple
 from automaton.history.charging import charging, in_line_words, up_to
 from automaton.history.snapshot import Snapshot
 from automaton.units import count, percent
-from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.observation import (
+    CAUSE_CHARGER_QUEUE,
+    CAUSE_FAULT,
+    CAUSE_NO_ENERGY,
+    CAUSE_NOT_WAITING,
+    CAUSES,
+)
+from automaton.world.robot_status import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+)
 from automaton.world.state import ACTION_NAMES, NIL
-from automaton.world.waiting import CAUSES, CHARGER_HELD, FAULT, NO_ENERGY, NOT_WAITING
 
 
 class Link(NamedTuple):
@@ -42,33 +54,33 @@ class Explanation(NamedTuple):
         return lines
 
 
-def explain(snapshot: Snapshot, plan: FloorPlan, robot: int) -> Explanation:
+def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
     """Why a robot waits, what keeps the one that keeps it, and so on."""
     chain: list[Link] = []
     seen: dict[int, int] = {}
     while robot != NIL and robot not in seen:
         seen[robot] = len(chain)
-        chain.append(_link(snapshot, plan, robot))
+        chain.append(_link(snapshot, floor_plan, robot))
         robot = chain[-1].blocker
     return Explanation(tuple(chain), NIL if robot == NIL else seen[robot])
 
 
-def _link(snapshot: Snapshot, plan: FloorPlan, robot: int) -> Link:
+def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
-    if code == NOT_WAITING:
+    if code == CAUSE_NOT_WAITING:
         return Link(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
     cause = CAUSES[code]
     blocker, wanted = int(fleet.blocker[robot]), int(fleet.wanted[robot])
-    cell = None if wanted == NIL else plan.xy(wanted)
+    cell = None if wanted == NIL else floor_plan.xy(wanted)
     because = cause.text.format(
         robot=f"robot {robot}",
         blocker="nobody" if blocker == NIL else f"robot {blocker}",
         cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
     )
-    if code == CHARGER_HELD and cell is not None:
+    if code == CAUSE_CHARGER_QUEUE and cell is not None:
         because = in_line_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
-    elif code in (NO_ENERGY, FAULT):
+    elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
     ticks = snapshot.tick - int(fleet.since[robot])
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
@@ -81,24 +93,24 @@ def out_of_order(snapshot: Snapshot, robot: int) -> str:
     """What is wrong with a robot that is out of order, and what becomes of it; "" of others."""
     fleet = snapshot.robots
     status = int(fleet.status[robot])
-    until = int(fleet.until[robot])
-    left = count(until - snapshot.tick, "tick")
-    towing = "nobody tows it" if until == NIL else f"it is towed in {left}"
-    if status == EMPTY:
-        charge = percent(float(fleet.charge[robot]) / FULL)
+    status_until = int(fleet.status_until[robot])
+    left = count(status_until - snapshot.tick, "tick")
+    towing = "nobody tows it" if status_until == NIL else f"it is towed in {left}"
+    if status == STATUS_DEPLETED:
+        charge = percent(float(fleet.charge[robot]) / BATTERY_FULL)
         takes = "less than its next operation takes"
         return f"the battery of robot {robot} holds {charge}, {takes}; {towing}"
-    if status == BROKEN:
+    if status == STATUS_FAILED:
         return f"robot {robot} has broken down; {towing}"
-    if status == TOWED:
+    if status == STATUS_TOWED:
         return f"robot {robot} was towed; it is back in {left}"
-    return f"robot {robot} was towed, for good" if status == GONE else ""
+    return f"robot {robot} was towed, for good" if status == STATUS_REMOVED else ""
 
 
 def doing(snapshot: Snapshot, robot: int) -> str:
     """What a robot that does not wait does, in words."""
     fleet = snapshot.robots
-    if fleet.status[robot] in (TOWED, GONE):
+    if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
         return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
     if fleet.parked[robot]:
         return "is parked"
@@ -120,6 +132,6 @@ def doing(snapshot: Snapshot, robot: int) -> str:
     if busy:
         text += f" for {busy} more tick{'s' if busy != 1 else ''}"
     if slowed:
-        held = f"zone {fleet.slow_zone[robot]} held {fleet.crowd[robot]} robots"
+        held = f"zone {fleet.slow_zone[robot]} held {fleet.slow_zone_occupancy[robot]} robots"
         text += f": {held} when this move began"
     return text

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.world.carry import copy_clock, state_arrays
-from automaton.world.state import TICK, Array, World
-from automaton.world.waiting import Observation
+from automaton.world.observation import Observation
+from automaton.world.state import CLOCK_TICK, Array, World
+from automaton.world.state_copy import copy_clock, state_arrays
 
 BUDGET: Final = 256 * 1024 * 1024  # bytes of all keyframes
 OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
@@ -47,13 +47,13 @@ class Keyframe(NamedTuple):
 class Keyframes:
     """The keyframes of one run, in the order of their ticks; the first is that of tick 0."""
 
-    def __init__(self, world: World, watch: Observation, budget: int = BUDGET) -> None:
+    def __init__(self, world: World, observation: Observation, budget: int = BUDGET) -> None:
         self.budget = budget
         self.ticks: list[int] = []  # those that can be gone back to at once, ascending
-        self._base = {name: array.copy() for name, array in state_arrays(world, watch)}
+        self._base = {name: array.copy() for name, array in state_arrays(world, observation)}
         self._frames: list[Keyframe] = []
         self._bytes = 0
-        self.keep(world, watch)
+        self.keep(world, observation)
 
     def before(self, tick: int) -> int:
         """The last of the ticks up to this one. Raises InputError if there is none any more."""
@@ -62,13 +62,14 @@ class Keyframes:
             raise InputError(f"what happened before tick {self.ticks[0]:,} is not kept any more")
         return self.ticks[place - 1]
 
-    def keep(self, world: World, watch: Observation) -> None:
+    def keep(self, world: World, observation: Observation) -> None:
         """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
-        tick = int(world.clock[TICK])
+        tick = int(world.clock[CLOCK_TICK])
         if self.ticks and tick <= self.ticks[-1]:
             return
         arrays = {
-            name: _delta(array, self._base[name]) for name, array in state_arrays(world, watch)
+            name: _delta(array, self._base[name])
+            for name, array in state_arrays(world, observation)
         }
         routes, plans = (rows[mask] for rows, mask in _ragged(world))
         frame = Keyframe(tick, arrays, routes, plans, world.clock.copy())
@@ -88,11 +89,12 @@ class Keyframes:
         self._bytes -= self._frames.pop(index).nbytes
         del self.ticks[index]
 
-    def fits(self, tick: int, world: World, watch: Observation) -> bool:
+    def fits(self, tick: int, world: World, observation: Observation) -> bool:
         """Whether that keyframe has all arrays of a world: not if a branch there has other zones."""
         frame = self._at(tick)
         return all(
-            array.shape == self._shape(frame, name) for name, array in state_arrays(world, watch)
+            array.shape == self._shape(frame, name)
+            for name, array in state_arrays(world, observation)
         )
 
     def _at(self, tick: int) -> Keyframe:
@@ -103,13 +105,13 @@ class Keyframes:
         shape: tuple[int, ...] = (values if where is None else self._base[name]).shape
         return shape
 
-    def restore(self, tick: int, world: World, watch: Observation) -> int:
+    def restore(self, tick: int, world: World, observation: Observation) -> int:
         """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick.
 
         What the keyframe has otherwise (`fits`) stays as it is.
         """
         frame = self._at(tick)
-        for name, array in state_arrays(world, watch):
+        for name, array in state_arrays(world, observation):
             where, values = frame.arrays[name]
             if array.shape != self._shape(frame, name):
                 continue
@@ -137,5 +139,5 @@ def _delta(array: Array, base: Array) -> Delta:
 def _ragged(world: World) -> tuple[tuple[Array, Array], ...]:
     """Routes and plans: (n, k) rows of different lengths, and the mask of what is in use."""
     robots = world.robots
-    pairs = ((robots.route, robots.length), (robots.plan, robots.planned))
+    pairs = ((robots.route, robots.route_length), (robots.order_queue, robots.order_queue_length))
     return tuple((rows, np.arange(rows.shape[1]) < used[:, None]) for rows, used in pairs)

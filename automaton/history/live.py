@@ -15,7 +15,7 @@ from automaton.recording.header import changed, resolved_of
 from automaton.scenario.branch import branched
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.state import DIGEST_EVERY, NIL, TICK
+from automaton.world.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
 
 
 class LiveRun(Run):
@@ -30,7 +30,7 @@ class LiveRun(Run):
         try:
             with strategies_blamed(resolved):
                 self._front = self._observed(resolved, seed)
-            self._keyframes = Keyframes(self._front.world, self._front.watch)
+            self._keyframes = Keyframes(self._front.world, self._front.observation)
             self.journal(self._front)  # the rules of the first tick are there from the beginning
         except BaseException:
             self.journal.discard()
@@ -38,7 +38,7 @@ class LiveRun(Run):
 
     def _observed(self, resolved: Resolved, seed: int) -> Simulation:
         simulation = Simulation(resolved, seed, on_record=self.journal, on_observe=self.chronicle)
-        simulation.world.clock[DIGEST_EVERY] = DIGEST_TICKS
+        simulation.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
         return simulation
 
     @property
@@ -90,7 +90,7 @@ class LiveRun(Run):
     def _forget(self, first: int) -> None:
         """Ticks up to this one cannot be played any more: begin with a state after it."""
         if self._keyframes.ticks[-1] < first:
-            self._keyframes.keep(self._front.world, self._front.watch)
+            self._keyframes.keep(self._front.world, self._front.observation)
         self._keyframes.forget_until(first)
 
     def _end(self) -> None:
@@ -103,9 +103,9 @@ class LiveRun(Run):
         self.journal(broken)
         self.journal.flush()
         last = self.frames.last_tick
-        broken.world.clock[TICK] = last  # those of the failed tick are in none of the buffers
+        broken.world.clock[CLOCK_TICK] = last  # those of the failed tick are in none of the buffers
         self.chronicle(broken)
-        broken.world.clock[TICK] = last + 1
+        broken.world.clock[CLOCK_TICK] = last + 1
         self._failed = failure
         whole = Playback(self.header, self.frames, self._keyframes)
         whole.go_to(last)
@@ -150,7 +150,7 @@ class LiveRun(Run):
         self.resolved = resolved
         with strategies_blamed(resolved):
             self._front = self._front.continued(resolved)
-        self._front.world.clock[DIGEST_EVERY] = DIGEST_TICKS
+        self._front.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
         self.journal.change(self._front, settings)
 
     def close(self) -> None:

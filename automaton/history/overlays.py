@@ -21,7 +21,7 @@ import numpy as np
 from automaton.history.snapshot import OVERLAYS, Snapshot
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
-from automaton.kernels.routes.frontier import LARGER_G, STAMP, TIES
+from automaton.kernels.routes.frontier import LARGER_G, OPEN_STAMP, TIES
 from automaton.kernels.routes.predicted import count_predicted
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
@@ -75,10 +75,10 @@ class Paths:
         grid = world.grid
         self._grid, self._duration, self._ties = grid, world.rules.duration, ties
         self._seed = world.rules.seed
-        self._space = route_space(grid.rule.size * grid.headings, grid.zones)
-        longest = max(grid.rule.size, world.robots.route.shape[1])
+        self._space = route_space(grid.cell_flags.size * grid.headings, grid.traffic_zone_count)
+        longest = max(grid.cell_flags.size, world.robots.route.shape[1])
         self._steps = np.zeros(longest, np.uint8)
-        self._seen = np.zeros(grid.rule.size, np.int32)
+        self._seen = np.zeros(grid.cell_flags.size, np.int32)
 
     def fit(self, world: World, ties: int) -> bool:
         """Whether they are those of this world."""
@@ -88,14 +88,14 @@ class Paths:
 
     def found(self, kind: int, pose: int, target: int) -> tuple[Array, Array]:
         """The cells that a search for a type's way from a pose to a cell finds, and those of its path."""
-        space, headings = self._space, self._grid.headings
+        workspace, headings = self._space, self._grid.headings
         path = self._search(kind, pose, target)
-        poses = np.flatnonzero(space.label >> 32 == space.state[STAMP])
+        poses = np.flatnonzero(workspace.label >> 32 == workspace.state[OPEN_STAMP])
         return np.unique(poses // headings), path
 
     def counted(self, world: World, besides: int) -> Array:
         """(C,) int32: robots that are going to drive through each cell, but for one."""
-        field = np.zeros(self._grid.rule.size, np.int32)
+        field = np.zeros(self._grid.cell_flags.size, np.int32)
         scratch = (self._steps, self._seen)
         with np.errstate(over="ignore"):
             count_predicted(world.read_only(), self._space, self._ties, besides, *scratch, field)
@@ -128,15 +128,15 @@ def explored(world: World, paths: Paths, robot: int) -> Array:
 
     All are 0 for a robot that is on no way, or for NIL.
     """
-    field = np.zeros(world.grid.rule.size, np.int32)
+    field = np.zeros(world.grid.cell_flags.size, np.int32)
     robots = world.robots
     if not 0 <= robot < len(robots.cell):
         return field
     i = int(robots.at_index[robot])
-    if robots.stand[i] == NIL:
+    if robots.goal_cell[i] == NIL:
         return field
     pose = int(first_cell(world.robots, i)) * world.grid.headings + int(robots.heading[i])
-    found, path = paths.found(int(robots.type[i]), pose, int(robots.stand[i]))
+    found, path = paths.found(int(robots.type[i]), pose, int(robots.goal_cell[i]))
     field[found] = 1
     field[path] = 2
     return field

@@ -11,21 +11,21 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.history.keyframes import Keyframes
-from automaton.kernels.decisions import CURSOR, END, repeat
+from automaton.kernels.decisions import REPLAY_CURSOR, REPLAY_END, repeat
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording.frames import Content, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.strategy.layer import Strategy, Waits
-from automaton.strategy.lookup import NONE
-from automaton.world.state import LAYERS, Array, Memory, World
+from automaton.strategy.layer import Strategy, WaitRanges
+from automaton.strategy.lookup import NO_STRATEGY
+from automaton.world.state import LAYER_NAMES, Array, Memory, World
 
 FIRST_WORDS = 4096
 
 
 class Repeated(Strategy):
-    """Answers as recorded; the playback loads the stream into its memory."""
+    """Decides as recorded; the playback loads the stream into its memory."""
 
     compiled = repeat
     layer: ClassVar[str] = ""
@@ -33,17 +33,17 @@ class Repeated(Strategy):
     def __init__(self, layer: str, rules: Content, words: list[np.ndarray]) -> None:
         super().__init__()
         self.layer = layer  # type: ignore[misc]
-        self.every = int(rules["every"][LAYERS.index(layer)])
-        self._wait: Waits = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
+        self.period = int(rules["period"][LAYER_NAMES.index(layer)])
+        self._wait: WaitRanges = tuple(int(w) for w in rules["wait"])  # type: ignore[assignment]
         self._words = words
 
     def reset(self, view: World) -> Memory:
-        parameters = np.array([LAYERS.index(self.layer)], np.int64)
+        parameters = np.array([LAYER_NAMES.index(self.layer)], np.int64)
         parameters.setflags(write=False)
         own = np.zeros((len(view.robots.cell), 2), np.int64)
-        return Memory(own=own, shared=self._words[0], parameters=parameters)
+        return Memory(per_robot=own, shared=self._words[0], parameters=parameters)
 
-    def waits(self) -> Waits:
+    def wait_ranges(self) -> WaitRanges:
         return self._wait
 
 
@@ -74,8 +74,8 @@ class Playback:
         self._fault: tuple[int, str] | None = None  # tick at which it was found, and what
         self._loaded: int | None = None  # first tick of the frame in memory
         self.simulation = self._simulation(self.frames.rules_at(0), None)
-        world, watch = self.simulation.world, self.simulation.watch
-        self.keyframes = Keyframes(world, watch) if keyframes is None else keyframes
+        world, observation = self.simulation.world, self.simulation.observation
+        self.keyframes = Keyframes(world, observation) if keyframes is None else keyframes
 
     @property
     def tick(self) -> int:
@@ -91,11 +91,13 @@ class Playback:
         nearest = self.keyframes.before(tick)
         if tick < at or nearest > at:
             self._rebuild_for(nearest)
-            world, watch = self.simulation.world, self.simulation.watch
-            if not self.keyframes.fits(nearest, world, watch):  # it begins with zones of its own
+            world, observation = self.simulation.world, self.simulation.observation
+            if not self.keyframes.fits(
+                nearest, world, observation
+            ):  # it begins with zones of its own
                 self.simulation = self._simulation(self.frames.rules_at(nearest), None)
-                world, watch = self.simulation.world, self.simulation.watch
-            self.keyframes.restore(nearest, world, watch)
+                world, observation = self.simulation.world, self.simulation.observation
+            self.keyframes.restore(nearest, world, observation)
             self.simulation.look_for_end()
         while self.tick < tick:
             self._advance(tick)
@@ -109,7 +111,7 @@ class Playback:
             raise InputError("the recording has fewer ticks than it says: the file was altered")
         self._rebuild_for(self.tick)
         self._load(content)
-        last = min(tick, content["first"] + len(content["did"]) - 1)
+        last = min(tick, content["first"] + len(content["executed"]) - 1)
         self._play(_last_digest(content, self.tick, last))
         if self.tick >= content["first"]:
             self._check(content["digests"][self.tick - content["first"]])
@@ -146,7 +148,7 @@ class Playback:
             self._loaded = content["first"]
         for memory in self.simulation.memories:
             if len(memory.parameters):
-                memory.own[0, CURSOR], memory.own[0, END] = 0, len(words)
+                memory.per_robot[0, REPLAY_CURSOR], memory.per_robot[0, REPLAY_END] = 0, len(words)
 
     def _rebuild_for(self, tick: int) -> None:
         """Change the rules where the run was branched off."""
@@ -162,15 +164,15 @@ class Playback:
             on_observe=self._on_observe,
             strategies=[
                 None
-                if rules["picks"][layer]["name"] == NONE
+                if rules["strategies"][layer]["name"] == NO_STRATEGY
                 else Repeated(layer, rules, self._words)
-                for layer in LAYERS
+                for layer in LAYER_NAMES
             ],
             after=before,
         )
 
     def _resolved(self, rules: Content) -> Resolved:
-        """The scenario as it held; everything is seen, since only recorded answers are given."""
+        """The scenario as it held; everything is seen, since only recorded decisions are given."""
         resolved = resolved_of(changed(self.header, rules), with_strategies=False)
         scenario = msgspec.structs.replace(resolved.scenario, information="everything")
         return replace(resolved, scenario=scenario)

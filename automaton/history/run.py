@@ -15,7 +15,7 @@ from automaton.recording.frames import Content, Recording, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 if TYPE_CHECKING:
     from automaton.history.live import LiveRun
@@ -44,9 +44,9 @@ class Run:
         self._at = 0
 
     @property
-    def plan(self) -> FloorPlan:
+    def floor_plan(self) -> FloorPlan:
         """The floor."""
-        return self.resolved.plan
+        return self.resolved.floor_plan
 
     @property
     def tick(self) -> int:
@@ -137,7 +137,7 @@ class Run:
         self._since_keyframe += took
         if self._since_keyframe >= KEYFRAME_S:
             self._since_keyframe = 0.0
-            self.keyframes.keep(self.front.world, self.front.watch)
+            self.keyframes.keep(self.front.world, self.front.observation)
         return self.front.tick > before
 
     def _compute(self, until: int) -> None:

@@ -8,20 +8,45 @@ from typing import Final
 import numpy as np
 
 from automaton.simulation import Simulation
-from automaton.world.partition import Partition
-from automaton.world.places import Stations
-from automaton.world.state import NIL, TICK, Array
-from automaton.world.waiting import LOST_EVER, congestion_of, visits_of
+from automaton.world.facilities import Stations
+from automaton.world.observation import LOST_EVER, congestion_of, visits_of
+from automaton.world.service_zones import ServiceZones
+from automaton.world.state import CLOCK_TICK, NIL, Array
 
 FLEET: Final = (  # fields of world.robots
     *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order", "slot"),
-    *("goal", "stand", "home", "bay", "parked", "zone", "blocked", "withdrawing"),
-    *("charge", "level", "status", "until", "ticket", "planned"),
+    *(
+        "goal_type",
+        "goal_cell",
+        "home",
+        "bay",
+        "parked",
+        "service_zone",
+        "failed_retries",
+        "retreat_moves",
+    ),
+    *("charge", "charge_target", "status", "status_until", "ticket", "order_queue_length"),
 )
 WATCHED: Final = (  # fields of the observation
-    *("cause", "blocker", "wanted", "since", "slow_zone", "crowd", "ring", "lost"),
+    *(
+        "cause",
+        "blocker",
+        "wanted",
+        "since",
+        "slow_zone",
+        "slow_zone_occupancy",
+        "wait_cycle_ticks",
+        "lost",
+    ),
 )
-AT_STATIONS: Final = ("first", "last", "until", "behind", "came", "done")  # what changes there
+AT_STATIONS: Final = (
+    "in_service",
+    "queue_tail",
+    "job_done_tick",
+    "next_in_queue",
+    "arrival_tick",
+    "completion_tick",
+)  # what changes there
 OVERLAYS: Final = ("explored", "predicted")  # automaton.history.overlays brings their numbers
 
 
@@ -39,28 +64,28 @@ class Fleet:
     load: Array
     order: Array
     slot: Array
-    goal: Array
-    stand: Array
+    goal_type: Array
+    goal_cell: Array
     home: Array
     bay: Array
     parked: Array
-    zone: Array
-    blocked: Array
-    withdrawing: Array
+    service_zone: Array
+    failed_retries: Array
+    retreat_moves: Array
     charge: Array
-    level: Array
+    charge_target: Array
     status: Array
-    until: Array
+    status_until: Array
     ticket: Array
-    planned: Array
+    order_queue_length: Array
     route_length: Array  # (n,) int32: steps left
     cause: Array
     blocker: Array
     wanted: Array
     since: Array
     slow_zone: Array
-    crowd: Array
-    ring: Array
+    slow_zone_occupancy: Array
+    wait_cycle_ticks: Array
     lost: Array
 
     def __len__(self) -> int:
@@ -72,13 +97,13 @@ class OrderBook:
     """The orders."""
 
     state: Array
-    place: Array
+    current_slot: Array
     source: Array
     target: Array
-    by: Array
-    released: Array
+    reserved_by: Array
+    release_tick: Array
     weight: Array
-    coming: Array
+    release_sequence: Array
     dispatched: Array
     dispatched_from: Array
     dispatched_heading: Array
@@ -92,9 +117,9 @@ class SlotStates:
     """The cells that hold loads."""
 
     cell: Array
-    endless: Array
+    unbounded: Array
     content: Array
-    by: Array
+    reserved_by: Array
 
 
 @dataclass(frozen=True)
@@ -107,11 +132,11 @@ class Snapshot:
     orders: OrderBook
     slots: SlotStates
     stations: Stations  # that work on parts; which works there are is of the world itself
-    zoning: Partition  # that robots serve; its roads are those of the world
+    service_zones: ServiceZones  # that robots serve; its roads are those of the world
     redesigns: int  # ticks so far in which stations changed their zones
     selected: int  # the robot whose route and plan are given, or NIL
     route: Array  # (k,) int32: cells that the selected robot has still to drive through
-    plan: Array  # (k,) int32: orders that the selected robot is to do, one after another
+    order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
     curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
     layer: str  # the one that was asked for, whose numbers follow
     heat: Array | None  # (C,) int32, or None
@@ -121,13 +146,13 @@ class Snapshot:
 
 def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
     """Copy what a viewer needs from an observed simulation."""
-    world, watch = simulation.world, simulation.watch
+    world, observation = simulation.world, simulation.observation
     by_identity = world.robots.at_index
     fields = {name: getattr(world.robots, name)[by_identity] for name in FLEET}
-    fields |= {name: getattr(watch, name)[by_identity] for name in WATCHED}
-    fields["route_length"] = (world.robots.length - world.robots.at)[by_identity]
+    fields |= {name: getattr(observation, name)[by_identity] for name in WATCHED}
+    fields["route_length"] = (world.robots.route_length - world.robots.route_index)[by_identity]
     return Snapshot(
-        tick=int(world.clock[TICK]),
+        tick=int(world.clock[CLOCK_TICK]),
         finished=simulation.finished,
         robots=Fleet(**fields),
         orders=OrderBook(
@@ -135,23 +160,25 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         ),
         slots=SlotStates(
             cell=world.slots.cell.copy(),
-            endless=world.slots.endless.copy(),
+            unbounded=world.slots.unbounded.copy(),
             content=world.slots.content.copy(),
-            by=world.slots.by.copy(),
+            reserved_by=world.slots.reserved_by.copy(),
         ),
         stations=world.stations.replaced(
             **{name: getattr(world.stations, name).copy() for name in AT_STATIONS}
         ),
-        zoning=world.zoning.copied().replaced(design=world.zoning.design.copied()),
-        redesigns=int(watch.redesigns[0]),
+        service_zones=world.service_zones.copied().replaced(
+            design=world.service_zones.design.copied()
+        ),
+        redesigns=int(observation.redesigns[0]),
         selected=selected,
         route=_route(simulation, selected),
         layer=layer,
-        plan=_plan(simulation, selected),
+        order_queue=_plan(simulation, selected),
         curve=world.rules.curve,  # nobody writes to it
         heat=_heat(simulation, layer),
-        flow=watch.flow.copy() if layer == "flow" else None,
-        lost_in_zone=watch.lost_in_zone.copy(),
+        flow=observation.flow.copy() if layer == "flow" else None,
+        lost_in_zone=observation.lost_in_zone.copy(),
     )
 
 
@@ -163,7 +190,7 @@ def _route(simulation: Simulation, selected: int) -> Array:
     i = robots.at_index[selected]
     start = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
     start = start if robots.claim[i] == NIL else robots.claim[i]
-    steps = robots.route[i, robots.at[i] : robots.length[i]]
+    steps = robots.route[i, robots.route_index[i] : robots.route_length[i]]
     cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
     return cells
 
@@ -174,16 +201,16 @@ def _plan(simulation: Simulation, selected: int) -> Array:
     if not 0 <= selected < len(robots.cell):
         return np.zeros(0, np.int32)
     i = robots.at_index[selected]
-    orders: Array = robots.plan[i, : robots.planned[i]].copy()
+    orders: Array = robots.order_queue[i, : robots.order_queue_length[i]].copy()
     return orders
 
 
 def _heat(simulation: Simulation, layer: str) -> Array | None:
-    watch = simulation.watch
+    observation = simulation.observation
     if layer == "visits":
-        return visits_of(watch.flow, simulation.world.grid.offset)
+        return visits_of(observation.flow, simulation.world.grid.offset)
     if layer == "waiting":
-        return watch.delay[:, LOST_EVER].copy()
+        return observation.lost_ticks_by_cell[:, LOST_EVER].copy()
     if layer == "congestion":
-        return congestion_of(watch.delay, simulation.tick)
+        return congestion_of(observation.lost_ticks_by_cell, simulation.tick)
     return None

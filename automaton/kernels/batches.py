@@ -3,133 +3,137 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.operations import first_cell, no_route_needed
-from automaton.world.condition import RUNNING
+from automaton.kernels.operations import clear_route_request, first_cell
+from automaton.world.robot_status import STATUS_UP
 from automaton.world.state import (
-    ALLOCATION,
-    CHANGES,
-    CHARGING,
-    CHARGING_AGAIN,
-    FRESH_ALLOCATION,
-    HOLD_ASK,
+    CLOCK_ALLOCATION_REVISION,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
+    CLOCK_NEXT_WAKEUP,
+    CLOCK_PHASE,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNQUEUED_ORDERS,
     KEEP,
+    LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_RIGHT_OF_WAY,
+    LAYER_ROUTING,
+    LAYER_ZONING,
     NEED_ALLOCATION,
     NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
-    NEED_WAY,
-    NEEDING_CHARGING,
-    NEEDING_ROUTE,
-    NEEDING_WAY,
-    NEWS,
     NIL,
-    PERIODIC,
-    PHASE,
-    PICKED,
-    RIGHT_OF_WAY,
-    ROUTING,
-    SEEN_CHANGES,
-    STUCK,
-    TICK,
-    UNQUEUED,
-    WAKING,
-    WITHDRAWING,
-    ZONING,
+    PHASE_CHARGING_AGAIN,
+    REASON_PERIODIC,
+    REASON_PICKED,
+    REASON_RETREATING,
+    REASON_RETRIES_EXHAUSTED,
+    REASON_ZONE_EVENT,
+    RETRY_EXHAUSTED,
 )
 
 
 @kernel
 def is_due(world, layer):
     """Whether the layer's strategy asked for this tick."""
-    every = world.rules.every[layer]
-    return every > 0 and world.clock[TICK] % every == 0
+    period = world.rules.period[layer]
+    return period > 0 and world.clock[CLOCK_TICK] % period == 0
 
 
 @kernel
-def append(asked, i, reason):
-    k = asked.count[0]
-    asked.robot[k] = i
-    asked.reason[k] = reason
-    asked.count[0] = k + 1
+def append(batch, i, reason):
+    k = batch.count[0]
+    batch.robot[k] = i
+    batch.reason[k] = reason
+    batch.count[0] = k + 1
 
 
 @kernel
-def batch_everybody(world, asked, layer):
+def batch_all_robots(world, batch, layer):
     """Zoning: all robots, when an order is in no queue yet or the tick is due; or those to be woken."""
     robots, clock = world.robots, world.clock
-    asked.count[0] = 0
+    batch.count[0] = 0
     everybody = is_due(world, layer)
-    zoned = world.zoning.wake.shape[0] > 0
-    if zoned and clock[UNQUEUED]:
-        clock[UNQUEUED] = 0
+    zoned = world.service_zones.wake.shape[0] > 0
+    if zoned and clock[CLOCK_UNQUEUED_ORDERS]:
+        clock[CLOCK_UNQUEUED_ORDERS] = 0
         everybody = True
-    if not everybody and not (zoned and 0 <= clock[WAKING] <= clock[TICK]):
+    if not everybody and not (zoned and 0 <= clock[CLOCK_NEXT_WAKEUP] <= clock[CLOCK_TICK]):
         return False
     earliest = np.int64(NIL)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        wake = np.int64(world.zoning.wake[i]) if zoned else np.int64(NIL)
-        due = wake != NIL and wake <= clock[TICK]
+        wake = np.int64(world.service_zones.wake[i]) if zoned else np.int64(NIL)
+        due = wake != NIL and wake <= clock[CLOCK_TICK]
         if due:
-            world.zoning.wake[i] = NIL
+            world.service_zones.wake[i] = NIL
         elif wake != NIL and (earliest == NIL or wake < earliest):
             earliest = wake
         if everybody or due:
-            append(asked, i, PERIODIC if due or not zoned else NEWS)
-    clock[WAKING] = earliest
-    world.tally.asked[layer] += 1
-    return asked.count[0] > 0
+            append(batch, i, REASON_PERIODIC if due or not zoned else REASON_ZONE_EVENT)
+    clock[CLOCK_NEXT_WAKEUP] = earliest
+    world.tally.batches[layer] += 1
+    return batch.count[0] > 0
 
 
 @kernel
-def batch_charging(world, asked):
+def batch_charging(world, batch):
     """Robots with a battery that are free, have taken an order, or were left without one.
 
     Once each, when they are not busy: the free ones before allocation, the others after it. On the
     ticks that the strategy asked for, all that are in order.
     """
     robots, clock = world.robots, world.clock
-    asked.count[0] = 0
-    due = clock[PHASE] != CHARGING_AGAIN and is_due(world, CHARGING)
-    if clock[NEEDING_CHARGING] == 0 and not due:
+    batch.count[0] = 0
+    due = clock[CLOCK_PHASE] != PHASE_CHARGING_AGAIN and is_due(world, LAYER_CHARGING)
+    if clock[CLOCK_NEEDING_CHARGING] == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0 and robots.withdrawing[i] == 0:
+        if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0 and robots.retreat_moves[i] == 0:
             robots.need[i] &= np.uint8(255 - NEED_CHARGING)
-            clock[NEEDING_CHARGING] -= 1
-            append(asked, i, robots.charging_reason[i])
-        elif due and robots.status[i] == RUNNING:
-            append(asked, i, PERIODIC)
-    if asked.count[0] == 0 and not due:
+            clock[CLOCK_NEEDING_CHARGING] -= 1
+            append(batch, i, robots.charging_reason[i])
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
         return False
-    world.tally.asked[CHARGING] += 1
+    world.tally.batches[LAYER_CHARGING] += 1
     return True
 
 
 @kernel
-def batch_allocation(world, asked):
+def batch_allocation(world, batch):
     """Robots that are free, have just picked, or gave their order back.
 
     One that was left idle is asked again when an order or a reservation has changed.
     """
     robots, clock = world.robots, world.clock
-    asked.count[0] = 0
-    due = is_due(world, ALLOCATION)
-    if not due and clock[FRESH_ALLOCATION] == 0 and clock[CHANGES] == clock[SEEN_CHANGES]:
+    batch.count[0] = 0
+    due = is_due(world, LAYER_ALLOCATION)
+    if (
+        not due
+        and clock[CLOCK_FRESH_ALLOCATION] == 0
+        and clock[CLOCK_REVISION] == clock[CLOCK_ALLOCATION_REVISION]
+    ):
         return False
-    clock[SEEN_CHANGES] = clock[CHANGES]
+    clock[CLOCK_ALLOCATION_REVISION] = clock[CLOCK_REVISION]
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         concerned = robots.need[i] & NEED_ALLOCATION and (
-            robots.busy[i] == 0 or robots.reason[i] == PICKED
+            robots.busy[i] == 0 or robots.reason[i] == REASON_PICKED
         )
-        if concerned and robots.asked_at[i] != clock[CHANGES]:
-            append(asked, i, robots.reason[i])
-        elif due and robots.status[i] == RUNNING:
-            append(asked, i, PERIODIC)
-    if asked.count[0] == 0 and not due:
+        if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
+            append(batch, i, robots.reason[i])
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
         return False
-    world.tally.asked[ALLOCATION] += 1
+    world.tally.batches[LAYER_ALLOCATION] += 1
     return True
 
 
@@ -137,100 +141,106 @@ def batch_allocation(world, asked):
 def is_on_its_way(world, i):
     """Whether robot i has a plan, whatever it does now, that can still be made anew."""
     robots = world.robots
-    if robots.stand[i] == NIL or robots.need[i] & NEED_ROUTE or robots.withdrawing[i]:
+    if robots.goal_cell[i] == NIL or robots.need[i] & NEED_ROUTE or robots.retreat_moves[i]:
         return False
-    return robots.try_drop[i] == 0 and first_cell(robots, i) != robots.stand[i]
+    return robots.try_drop[i] == 0 and first_cell(robots, i) != robots.goal_cell[i]
 
 
 @kernel
-def batch_routing(world, asked):
+def batch_routing(world, batch):
     """Robots with a new goal or a plan to be made anew, once they are free to drive.
 
-    A strategy that asked for this tick gets all that are on their way too: PERIODIC.
+    A strategy that asked for this tick gets all that are on their way too: REASON_PERIODIC.
     """
     robots, clock = world.robots, world.clock
-    asked.count[0] = 0
-    due = is_due(world, ROUTING)
-    if clock[NEEDING_ROUTE] == 0 and not due:
+    batch.count[0] = 0
+    due = is_due(world, LAYER_ROUTING)
+    if clock[CLOCK_NEEDING_ROUTE] == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.need[i] & NEED_ROUTE and robots.busy[i] == 0:
-            if robots.withdrawing[i] or robots.try_drop[i]:
+            if robots.retreat_moves[i] or robots.try_drop[i]:
                 continue
-            if robots.cell[i] == robots.stand[i] or (
-                robots.parked[i] and robots.home[i] == robots.stand[i]
+            if robots.cell[i] == robots.goal_cell[i] or (
+                robots.parked[i] and robots.home[i] == robots.goal_cell[i]
             ):
-                no_route_needed(world, i)
+                clear_route_request(world, i)
             else:
-                append(asked, i, robots.route_reason[i])
+                append(batch, i, robots.route_reason[i])
         elif due and is_on_its_way(world, i):
-            append(asked, i, PERIODIC)
-    if asked.count[0] == 0 and not due:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
         return False
-    world.tally.asked[ROUTING] += 1
+    world.tally.batches[LAYER_ROUTING] += 1
     return True
 
 
 @kernel
-def batch_right_of_way(world, asked):
+def batch_right_of_way(world, batch):
     """Robots whose retries are used up, and robots in a withdrawal: they ask for every step."""
     robots, clock = world.robots, world.clock
-    asked.count[0] = 0
-    due = is_due(world, RIGHT_OF_WAY)
-    if clock[NEEDING_WAY] == 0 and not due:
+    batch.count[0] = 0
+    due = is_due(world, LAYER_RIGHT_OF_WAY)
+    if clock[CLOCK_NEEDING_RIGHT_OF_WAY] == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.busy[i]:
             continue
-        if robots.need[i] & NEED_WAY:
-            append(asked, i, STUCK if robots.hold[i] == HOLD_ASK else WITHDRAWING)
-        elif due and robots.status[i] == RUNNING:
-            append(asked, i, PERIODIC)
-    if asked.count[0] == 0 and not due:
+        if robots.need[i] & NEED_RIGHT_OF_WAY:
+            append(
+                batch,
+                i,
+                REASON_RETRIES_EXHAUSTED
+                if robots.retry_state[i] == RETRY_EXHAUSTED
+                else REASON_RETREATING,
+            )
+        elif due and robots.status[i] == STATUS_UP:
+            append(batch, i, REASON_PERIODIC)
+    if batch.count[0] == 0 and not due:
         return False
-    world.tally.asked[RIGHT_OF_WAY] += 1
+    world.tally.batches[LAYER_RIGHT_OF_WAY] += 1
     return True
 
 
 @kernel
-def clear_answers(asked, answers, layer):
-    """Every answer starts as KEEP."""
-    n = asked.count[0]
-    if layer == ALLOCATION:
-        given = answers.allocation
-        given.order_taken[:] = 0
-        given.slot_taken[:] = 0
-        given.planned[:] = KEEP
+def clear_decisions(batch, decisions, layer):
+    """Every decision starts as KEEP."""
+    n = batch.count[0]
+    if layer == LAYER_ALLOCATION:
+        out = decisions.allocation
+        out.order_taken[:] = 0
+        out.slot_taken[:] = 0
+        out.order_queue_length[:] = KEEP
         for k in range(n):
-            given.verb[k] = KEEP
-            given.order[k] = NIL
-            given.slot[k] = NIL
-            given.stand[k] = NIL
-            given.try_drop[k] = 0
-            given.ask_again[k] = 0
-    elif layer == ROUTING:
+            out.command[k] = KEEP
+            out.order[k] = NIL
+            out.slot[k] = NIL
+            out.goal_cell[k] = NIL
+            out.try_drop[k] = 0
+            out.ask_again[k] = 0
+    elif layer == LAYER_ROUTING:
         for k in range(n):
-            answers.routing.length[k] = KEEP
-    elif layer == RIGHT_OF_WAY:
+            decisions.routing.route_length[k] = KEEP
+    elif layer == LAYER_RIGHT_OF_WAY:
         for k in range(n):
-            answers.right_of_way.verb[k] = KEEP
-            answers.right_of_way.value[k] = 0
-            answers.right_of_way.release[k] = 0
-            answers.right_of_way.priority[k] = KEEP
-    elif layer == ZONING:
-        answers.zoning.redesigned[0] = 0
-        answers.zoning.queued[0] = 0
-        answers.zoning.refused[0] = 0
-        answers.zoning.server[:] = KEEP
+            decisions.right_of_way.command[k] = KEEP
+            decisions.right_of_way.value[k] = 0
+            decisions.right_of_way.return_order[k] = 0
+            decisions.right_of_way.priority[k] = KEEP
+    elif layer == LAYER_ZONING:
+        decisions.zoning.redesigned[0] = 0
+        decisions.zoning.queued[0] = 0
+        decisions.zoning.refused[0] = 0
+        decisions.zoning.server[:] = KEEP
         for k in range(n):
-            answers.zoning.zone[k] = KEEP
-            answers.zoning.halt[k] = KEEP
-            answers.zoning.again[k] = KEEP
-            answers.zoning.tells[k] = 0
+            decisions.zoning.service_zone[k] = KEEP
+            decisions.zoning.halt[k] = KEEP
+            decisions.zoning.again[k] = KEEP
+            decisions.zoning.sends_message[k] = 0
     else:
         for k in range(n):
-            answers.charging.stand[k] = KEEP
-            answers.charging.level[k] = 0
-            answers.charging.yields[k] = 0
+            decisions.charging.goal_cell[k] = KEEP
+            decisions.charging.charge_target[k] = 0
+            decisions.charging.charging_interruptible[k] = 0

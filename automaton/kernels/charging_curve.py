@@ -10,17 +10,17 @@ import numpy as np
 from automaton.compiled import kernel
 
 # Columns of a curve.
-SINCE = 0
-RATE = 1
+CURVE_FROM = 0
+CURVE_RATE = 1
 
 
 @kernel
 def rate_at(curve, level):
     """Units that a tick of charging gives at this level."""
     k = curve.shape[0] - 1
-    while k > 0 and curve[k, SINCE] > level:
+    while k > 0 and curve[k, CURVE_FROM] > level:
         k -= 1
-    return np.int64(curve[k, RATE])
+    return np.int64(curve[k, CURVE_RATE])
 
 
 @kernel
@@ -30,9 +30,9 @@ def charging_ticks(curve, low, high):
     level = np.int64(low)
     last = curve.shape[0] - 1
     for k in range(last + 1):
-        until = high if k == last else min(high, np.int64(curve[k + 1, SINCE]))
+        until = high if k == last else min(high, np.int64(curve[k + 1, CURVE_FROM]))
         if level < until:
-            rate = np.int64(curve[k, RATE])
+            rate = np.int64(curve[k, CURVE_RATE])
             needed = (until - level + rate - 1) // rate
             level += needed * rate
             ticks += needed
@@ -46,9 +46,9 @@ def level_after(curve, low, ticks, full):
     left = np.int64(ticks)
     last = curve.shape[0] - 1
     for k in range(last + 1):
-        rate = np.int64(curve[k, RATE])
+        rate = np.int64(curve[k, CURVE_RATE])
         if k < last:
-            until = np.int64(curve[k + 1, SINCE])
+            until = np.int64(curve[k + 1, CURVE_FROM])
             used = min(left, max((until - level + rate - 1) // rate, np.int64(0)))
         else:
             used = left

@@ -1,152 +1,156 @@
-"""How answers enter the world: each is checked, an illegal one costs a tick of WAIT and is counted."""
+"""How decisions enter the world: each is checked, an illegal one costs a tick of WAIT and is counted."""
 
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import mix
 from automaton.kernels.drive import replan
 from automaton.kernels.energy import end_charging
 from automaton.kernels.operations import (
-    allocation_done,
     begin,
+    clear_allocation_request,
+    clear_right_of_way,
+    clear_route_request,
+    count_lost_tick,
     drop_route,
     first_cell,
-    lose_tick,
-    need_allocation,
-    need_charging,
-    need_way,
-    no_route_needed,
-    no_way_needed,
-    note,
+    record_change,
     refuse,
+    request_allocation,
+    request_charging,
+    request_right_of_way,
     reserve_order,
     reserve_slot,
     set_goal,
 )
-from automaton.recording.codes import DID_WAIT, DID_WITHDRAW, DURATION
-from automaton.world.condition import EXHAUSTED
+from automaton.kernels.random_numbers import splitmix64
+from automaton.recording.codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
+from automaton.world.cells import MAY_TURN
+from automaton.world.robot_status import STATUS_EXHAUSTED
 from automaton.world.state import (
-    ALLOCATION,
-    CHANGES,
-    FRESH_ALLOCATION,
+    ACTION_RETREAT,
+    ACTION_WAIT,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNPARKED,
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
-    HOLD_ASK,
-    HOLD_NONE,
-    IDLE_NOW,
     KEEP,
+    LAYER_ALLOCATION,
+    LAYER_RIGHT_OF_WAY,
+    LAYER_ROUTING,
     NEED_ALLOCATION,
     NIL,
-    PARK,
-    PAUSE,
-    RELEASED,
-    RETREAT,
-    RIGHT_OF_WAY,
-    ROUTING,
-    SET_DOWN,
-    STEP,
-    TAKE,
-    TICK,
-    TOOK,
-    UNPARKED,
-    WAIT,
-    WAITING,
-    WITHDRAW,
+    ORDER_WAITING,
+    REASON_NO_ORDER,
+    REASON_ORDER_RETURNED,
+    REASON_ORDER_TAKEN,
+    RETRY_EXHAUSTED,
+    RETRY_NONE,
 )
 
-MOST_TICKS = 10_000  # of one pause or withdrawal
+MAX_COMMAND_TICKS = 10_000  # of one pause or withdrawal
 
 
 @kernel
-def serves(world, i, stand, slot):
-    """Whether `stand` is a cell from which robot i serves `slot`."""
-    if stand < 0 or slot < 0 or slot >= world.slots.cell.shape[0]:
+def serves(world, i, goal_cell, slot):
+    """Whether `goal_cell` is a cell from which robot i serves `slot`."""
+    if goal_cell < 0 or slot < 0 or slot >= world.slots.cell.shape[0]:
         return False
-    if stand >= world.slots.within.shape[1] or not world.slots.within[world.robots.type[i], stand]:
+    if (
+        goal_cell >= world.slots.reachable.shape[1]
+        or not world.slots.reachable[world.robots.type[i], goal_cell]
+    ):
         return False
     for direction in range(4):
-        if world.slots.access[slot, direction] == stand:
+        if world.slots.access[slot, direction] == goal_cell:
             return True
     return False
 
 
 @kernel
-def commit_allocation(world, record, asked, answers):
+def commit_allocation(world, record, batch, decisions):
     robots = world.robots
-    given = answers.allocation
-    commit_plans(world, asked, given)
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        verb = given.verb[k]
-        if robots.status[i] > EXHAUSTED:
+    out = decisions.allocation
+    commit_order_queues(world, batch, out)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command = out.command[k]
+        if robots.status[i] > STATUS_EXHAUSTED:
             continue  # it went out of order in this tick
-        if verb == TAKE:
-            take(world, record, i, np.int64(given.order[k]), np.int64(given.stand[k]))
-        elif verb == SET_DOWN:
-            slot, stand = np.int64(given.slot[k]), np.int64(given.stand[k])
-            choose_slot(world, record, i, slot, stand, np.int64(given.try_drop[k]))
-        elif verb == PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
-            refuse(world, ALLOCATION, i)
-        elif verb == PARK and robots.goal[i] == GOAL_CHARGE:
-            stay_idle(world, i, given.ask_again[k])
-        elif verb == PARK and world.rules.leave and robots.cell[i] != NIL:
-            leave_floor(world, i, given.ask_again[k])
-        elif verb == PARK and robots.parked[i] == 0:
-            allocation_done(world, i)
-            if robots.goal[i] != GOAL_PARK:
+        if command == CMD_TAKE_ORDER:
+            take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]))
+        elif command == CMD_DROP_AT:
+            slot, goal_cell = np.int64(out.slot[k]), np.int64(out.goal_cell[k])
+            choose_slot(world, record, i, slot, goal_cell, np.int64(out.try_drop[k]))
+        elif command == CMD_PARK and (robots.load[i] != NIL or robots.order[i] != NIL):
+            refuse(world, LAYER_ALLOCATION, i)
+        elif command == CMD_PARK and robots.goal_type[i] == GOAL_CHARGE:
+            stay_idle(world, i, out.ask_again[k])
+        elif command == CMD_PARK and world.rules.leave and robots.cell[i] != NIL:
+            leave_floor(world, i, out.ask_again[k])
+        elif command == CMD_PARK and robots.parked[i] == 0:
+            clear_allocation_request(world, i)
+            if robots.goal_type[i] != GOAL_PARK:
                 set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
-                need_charging(world, i, IDLE_NOW)
-        elif verb == PARK or verb == KEEP:
-            stay_idle(world, i, given.ask_again[k])
+                request_charging(world, i, REASON_NO_ORDER)
+        elif command == CMD_PARK or command == KEEP:
+            stay_idle(world, i, out.ask_again[k])
         else:
-            refuse(world, ALLOCATION, i)
+            refuse(world, LAYER_ALLOCATION, i)
 
 
 @kernel
-def may_plan(world, asked, i):
+def may_set_order_queue(world, batch, i):
     """Whether the plan of robot i may be made now: with limited sight only its own decision does."""
-    return world.rules.radius == NIL or asked.robot[0] == i
+    return world.rules.radius == NIL or batch.robot[0] == i
 
 
 @kernel
-def commit_plans(world, asked, given):
+def commit_order_queues(world, batch, out):
     """Enter the orders that robots are to do next; a plan with one that does not wait is illegal."""
     robots, orders = world.robots, world.orders
     for i in range(robots.cell.shape[0]):
-        count = np.int64(given.planned[i])
-        if count == KEEP or not may_plan(world, asked, i):
+        count = np.int64(out.order_queue_length[i])
+        if count == KEEP or not may_set_order_queue(world, batch, i):
             continue
-        legal = 0 <= count <= robots.plan.shape[1]
+        legal = 0 <= count <= robots.order_queue.shape[1]
         for k in range(count if legal else 0):
-            order = np.int64(given.plan[i, k])
+            order = np.int64(out.order_queue[i, k])
             legal = legal and 0 <= order < orders.state.shape[0]
-            legal = legal and orders.state[order] == WAITING
+            legal = legal and orders.state[order] == ORDER_WAITING
         if not legal:
-            world.tally.illegal[ALLOCATION] += 1
+            world.tally.illegal[LAYER_ALLOCATION] += 1
             continue
-        changed = count != robots.planned[i]
-        robots.planned[i] = count
+        changed = count != robots.order_queue_length[i]
+        robots.order_queue_length[i] = count
         for k in range(count):
-            changed = changed or robots.plan[i, k] != given.plan[i, k]
-            robots.plan[i, k] = given.plan[i, k]
+            changed = changed or robots.order_queue[i, k] != out.order_queue[i, k]
+            robots.order_queue[i, k] = out.order_queue[i, k]
         if changed:
-            world.clock[CHANGES] += 1  # who was left idle is asked again
+            world.clock[CLOCK_REVISION] += 1  # who was left idle is asked again
 
 
 @kernel
 def leave_floor(world, i, ask_again):
     """Robot i parks where it stands, unless it is busy or on a withdrawal."""
     robots = world.robots
-    if robots.busy[i] or robots.withdrawing[i]:
+    if robots.busy[i] or robots.retreat_moves[i]:
         stay_idle(world, i, ask_again)
         return
-    allocation_done(world, i)
+    clear_allocation_request(world, i)
     if robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[UNPARKED] += 1
+        world.clock[CLOCK_UNPARKED] += 1
     robots.home[i] = robots.cell[i]
     set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
 
@@ -157,110 +161,110 @@ def stay_idle(world, i, ask_again):
     robots = world.robots
     if robots.need[i] & NEED_ALLOCATION == 0 or ask_again:
         return
-    if robots.goal[i] != GOAL_NONE and robots.yields[i] == 0:
-        allocation_done(world, i)
+    if robots.goal_type[i] != GOAL_NONE and robots.charging_interruptible[i] == 0:
+        clear_allocation_request(world, i)
         return
-    if robots.asked_at[i] == NIL:
-        world.clock[FRESH_ALLOCATION] -= 1
-        if robots.goal[i] == GOAL_NONE:
-            need_charging(world, i, IDLE_NOW)
-    robots.asked_at[i] = world.clock[CHANGES]
+    if robots.seen_revision[i] == NIL:
+        world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        if robots.goal_type[i] == GOAL_NONE:
+            request_charging(world, i, REASON_NO_ORDER)
+    robots.seen_revision[i] = world.clock[CLOCK_REVISION]
 
 
 @kernel
-def may_have(by, identity):
+def may_have(reserved_by, identity):
     """Whether something reserved by `by` (NIL: nobody) is free for a robot."""
-    return by == NIL or by == identity
+    return reserved_by == NIL or reserved_by == identity
 
 
 @kernel
-def take(world, record, i, order, stand):
+def take(world, record, i, order, goal_cell):
     """Reserve a waiting order for robot i and send it to the stand."""
     robots, orders = world.robots, world.orders
     legal = robots.load[i] == NIL and 0 <= order < orders.state.shape[0]
-    legal = legal and orders.state[order] == WAITING
-    legal = legal and may_have(orders.by[order], robots.identity[i])
+    legal = legal and orders.state[order] == ORDER_WAITING
+    legal = legal and may_have(orders.reserved_by[order], robots.identity[i])
     legal = legal and orders.weight[order] <= world.rules.payload[robots.type[i]]
-    if not legal or not serves(world, i, stand, np.int64(orders.place[order])):
-        refuse(world, ALLOCATION, i)
+    if not legal or not serves(world, i, goal_cell, np.int64(orders.current_slot[order])):
+        refuse(world, LAYER_ALLOCATION, i)
         return
-    allocation_done(world, i)
+    clear_allocation_request(world, i)
     if robots.order[i] != order:
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
         robots.order[i] = order
-        orders.dispatched[order] = world.clock[TICK]
+        orders.dispatched[order] = world.clock[CLOCK_TICK]
         in_bay = robots.cell[i] == NIL
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         orders.dispatched_heading[order] = robots.heading[i]
         orders.dispatched_type[order] = robots.type[i]
         reserve_order(world, record, order, np.int64(robots.identity[i]))
-    if robots.goal[i] == GOAL_CHARGE:
+    if robots.goal_type[i] == GOAL_CHARGE:
         end_charging(robots, i)
-    set_goal(world, i, GOAL_PICK, stand)
-    need_charging(world, i, TOOK)
+    set_goal(world, i, GOAL_PICK, goal_cell)
+    request_charging(world, i, REASON_ORDER_TAKEN)
 
 
 @kernel
-def choose_slot(world, record, i, slot, stand, try_drop):
+def choose_slot(world, record, i, slot, goal_cell, try_drop):
     """Reserve the slot where robot i will set its load down."""
     robots, slots = world.robots, world.slots
-    legal = robots.load[i] != NIL and serves(world, i, stand, slot)
-    if legal and slots.endless[slot]:  # at a station a load may lie on its way
+    legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
+    if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:
-        legal = slots.content[slot] == NIL and may_have(slots.by[slot], robots.identity[i])
+        legal = slots.content[slot] == NIL and may_have(slots.reserved_by[slot], robots.identity[i])
     if not legal:
-        refuse(world, ALLOCATION, i)
+        refuse(world, LAYER_ALLOCATION, i)
         return
-    allocation_done(world, i)
+    clear_allocation_request(world, i)
     if robots.slot[i] != slot:
         if robots.slot[i] != NIL:
             reserve_slot(world, record, np.int64(robots.slot[i]), NIL)
         robots.slot[i] = slot
         reserve_slot(world, record, slot, np.int64(robots.identity[i]))
     robots.try_drop[i] = 1 if try_drop else 0
-    set_goal(world, i, GOAL_DROP, stand)
+    set_goal(world, i, GOAL_DROP, goal_cell)
 
 
 @kernel
-def commit_routing(world, asked, answers):
+def commit_routing(world, batch, decisions):
     robots = world.robots
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        length = np.int64(answers.routing.length[k])
-        if length == KEEP:
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        route_length = np.int64(decisions.routing.route_length[k])
+        if route_length == KEEP:
             continue
-        if length < 0 or not is_drivable(world, i, answers.routing.steps[k], length):
-            refuse(world, ROUTING, i)
+        if route_length < 0 or not is_drivable(world, i, decisions.routing.steps[k], route_length):
+            refuse(world, LAYER_ROUTING, i)
             continue
-        no_route_needed(world, i)
+        clear_route_request(world, i)
         total = np.uint64(0)
-        for s in range(length):
-            step = answers.routing.steps[k, s]
+        for s in range(route_length):
+            step = decisions.routing.steps[k, s]
             robots.route[i, s] = step
-            total += mix((np.uint64(s) << np.uint64(8)) | np.uint64(step))
-        robots.length[i] = length
-        robots.at[i] = 0
-        robots.route_sum[i] = np.int64(total >> np.uint64(1))
+            total += splitmix64((np.uint64(s) << np.uint64(8)) | np.uint64(step))
+        robots.route_length[i] = route_length
+        robots.route_index[i] = 0
+        robots.route_hash[i] = np.int64(total >> np.uint64(1))
 
 
 @kernel
-def is_drivable(world, i, steps, length):
+def is_drivable(world, i, steps, route_length):
     """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
     grid, robots = world.grid, world.robots
-    if length > steps.shape[0]:
+    if route_length > steps.shape[0]:
         return False
-    ways = grid.ways[robots.type[i]]
+    type_cell_flags = grid.type_cell_flags[robots.type[i]]
     cell = first_cell(robots, i)
     heading = np.int64(robots.heading[i])
-    for s in range(length):
+    for s in range(route_length):
         direction = np.int64(steps[s])
-        rule = np.int64(ways[cell])
-        if direction > 3 or (rule >> direction) & 1 == 0:
+        flags = np.int64(type_cell_flags[cell])
+        if direction > 3 or (flags >> direction) & 1 == 0:
             return False
         if direction & (grid.headings - 1) != heading:
-            if rule & 16 == 0:
+            if flags & MAY_TURN == 0:
                 return False
             heading = direction & (grid.headings - 1)
         cell += grid.offset[direction]
@@ -268,31 +272,31 @@ def is_drivable(world, i, steps, length):
 
 
 @kernel
-def commit_right_of_way(world, record, asked, answers):
+def commit_right_of_way(world, record, batch, decisions):
     robots = world.robots
-    given = answers.right_of_way
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        verb, value = given.verb[k], np.int64(given.value[k])
-        if given.priority[k] != KEEP:
-            if -32768 <= given.priority[k] <= 32767:
-                robots.priority[i] = given.priority[k]
+    out = decisions.right_of_way
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        command, value = out.command[k], np.int64(out.value[k])
+        if out.priority[k] != KEEP:
+            if -32768 <= out.priority[k] <= 32767:
+                robots.priority[i] = out.priority[k]
             else:
-                world.tally.illegal[RIGHT_OF_WAY] += 1
-        if verb == KEEP:
-            if robots.hold[i] == HOLD_ASK:
-                robots.hold[i] = HOLD_NONE
-                no_way_needed(world, i)
-        elif robots.parked[i] and verb != STEP:
-            refuse(world, RIGHT_OF_WAY, i)
-        elif verb == STEP and robots.cell[i] != NIL:
+                world.tally.illegal[LAYER_RIGHT_OF_WAY] += 1
+        if command == KEEP:
+            if robots.retry_state[i] == RETRY_EXHAUSTED:
+                robots.retry_state[i] = RETRY_NONE
+                clear_right_of_way(world, i)
+        elif robots.parked[i] and command != CMD_STEP:
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
+        elif command == CMD_STEP and robots.cell[i] != NIL:
             step(world, i, value)
-        elif verb == PAUSE and 1 <= value <= MOST_TICKS:
+        elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
             pause(world, record, i, value)
-        elif verb == RETREAT and 1 <= value <= MOST_TICKS:
-            retreat(world, record, i, value, given.release[k])
+        elif command == CMD_RETREAT and 1 <= value <= MAX_COMMAND_TICKS:
+            retreat(world, record, i, value, out.return_order[k])
         else:
-            refuse(world, RIGHT_OF_WAY, i)
+            refuse(world, LAYER_RIGHT_OF_WAY, i)
 
 
 @kernel
@@ -302,18 +306,20 @@ def step(world, i, direction):
     A robot that is parked on the floor leaves its place.
     """
     grid, robots = world.grid, world.robots
-    rule = np.int64(grid.ways[robots.type[i], robots.cell[i]])
-    legal = 0 <= direction < 4 and (rule >> direction) & 1 == 1
-    if not legal or (direction & (grid.headings - 1) != robots.heading[i] and rule & 16 == 0):
-        refuse(world, RIGHT_OF_WAY, i)
+    flags = np.int64(grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    legal = 0 <= direction < 4 and (flags >> direction) & 1 == 1
+    if not legal or (
+        direction & (grid.headings - 1) != robots.heading[i] and flags & MAY_TURN == 0
+    ):
+        refuse(world, LAYER_RIGHT_OF_WAY, i)
         return
-    if robots.withdrawing[i] == 0:
+    if robots.retreat_moves[i] == 0:
         drop_route(robots, i)
-        robots.hold[i] = HOLD_NONE
-        no_way_needed(world, i)
+        robots.retry_state[i] = RETRY_NONE
+        clear_right_of_way(world, i)
     if robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[UNPARKED] += 1
+        world.clock[CLOCK_UNPARKED] += 1
     robots.step[i] = direction
 
 
@@ -321,33 +327,33 @@ def step(world, i, direction):
 def pause(world, record, i, ticks):
     """Wait; during a withdrawal this gives it up, and the plan is made anew around the robots."""
     robots = world.robots
-    begin(world, i, WAIT, ticks)
-    robots.did[i] = DID_WAIT
-    note(world.clock, record, DURATION, robots.identity[i], ticks)
-    no_way_needed(world, i)
-    robots.hold[i] = HOLD_NONE
-    if robots.withdrawing[i]:
-        robots.withdrawing[i] = 0
+    begin(world, i, ACTION_WAIT, ticks)
+    robots.executed[i] = EXECUTED_WAIT
+    record_change(world.clock, record, CHANGE_DURATION, robots.identity[i], ticks)
+    clear_right_of_way(world, i)
+    robots.retry_state[i] = RETRY_NONE
+    if robots.retreat_moves[i]:
+        robots.retreat_moves[i] = 0
         replan(world, i)
 
 
 @kernel
-def retreat(world, record, i, moves, release):
+def retreat(world, record, i, moves, return_order):
     """Begin a withdrawal; the tick of the decision executes nothing."""
     robots = world.robots
-    lose_tick(world, i, WITHDRAW)
+    count_lost_tick(world, i, ACTION_RETREAT)
     robots.busy[i] = 1
-    robots.did[i] = DID_WITHDRAW
-    robots.withdrawing[i] = moves
-    robots.blocked[i] = 0
-    robots.hold[i] = HOLD_NONE
+    robots.executed[i] = EXECUTED_RETREAT
+    robots.retreat_moves[i] = moves
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
     drop_route(robots, i)
-    need_way(world, i)
-    if release and robots.load[i] == NIL and robots.goal[i] != GOAL_CHARGE:
+    request_right_of_way(world, i)
+    if return_order and robots.load[i] == NIL and robots.goal_type[i] != GOAL_CHARGE:
         if robots.order[i] != NIL:
             reserve_order(world, record, np.int64(robots.order[i]), NIL)
             robots.order[i] = NIL
-        robots.goal[i] = GOAL_NONE
-        robots.stand[i] = NIL
-        no_route_needed(world, i)
-        need_allocation(world, i, RELEASED)
+        robots.goal_type[i] = GOAL_NONE
+        robots.goal_cell[i] = NIL
+        clear_route_request(world, i)
+        request_allocation(world, i, REASON_ORDER_RETURNED)

@@ -9,19 +9,22 @@ where an order was taken) are left out.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import mix
-from automaton.world.state import NIL, TICK
+from automaton.kernels.random_numbers import splitmix64
+from automaton.world.state import CLOCK_TICK, NIL
 
 ROBOT_FIELDS = (
-    "cell claim heading travel action busy priority load order slot goal stand level try_drop "
-    "length at withdrawing blocked hold parked zone need reason route_reason asked_at route "
-    "yields charge status until ticket plan charging_reason"
+    "cell claim heading travel action busy priority load order slot goal_type goal_cell charge_target "
+    "try_drop route_length route_index retreat_moves failed_retries retry_state parked service_zone need "
+    "reason route_reason seen_revision route "
+    "charging_interruptible charge status status_until ticket order_queue charging_reason"
 ).split()
-ORDER_FIELDS = "state place source target by released delivered legs".split()
-SLOT_FIELDS = "content by cell".split()
-STATION_FIELDS = "first last until".split()
-WORK_FIELDS = "behind came done".split()
-ZONING_FIELDS = "design queue stop direct leg server halt wake said".split()
+ORDER_FIELDS = "state current_slot source target reserved_by release_tick delivered legs".split()
+SLOT_FIELDS = "content reserved_by cell".split()
+STATION_FIELDS = "in_service queue_tail job_done_tick".split()
+WORK_FIELDS = "next_in_queue arrival_tick completion_tick".split()
+ZONING_FIELDS = (
+    "design queue next_slot skips_transfer picked_from server halt wake messages".split()
+)
 ROBOT_COUNT = len(ROBOT_FIELDS)
 ORDER_COUNT = len(ORDER_FIELDS)
 SLOT_COUNT = len(SLOT_FIELDS)
@@ -32,7 +35,7 @@ DIGEST_NAMES = (
     *(f"orders.{name}" for name in ORDER_FIELDS),
     *(f"slots.{name}" for name in SLOT_FIELDS),
     *(f"stations.{name}" for name in (*STATION_FIELDS, *WORK_FIELDS)),
-    *(f"zoning.{name}" for name in ZONING_FIELDS),
+    *(f"service_zones.{name}" for name in ZONING_FIELDS),
     "tick",
 )
 
@@ -41,8 +44,8 @@ DIGEST_NAMES = (
 def add_element(out, first, count, values, element):
     """Add the values of one element to the digests of the arrays first .. first + count - 1."""
     for k in range(count):
-        address = mix((np.uint64(first + k) << np.uint64(40)) ^ np.uint64(element))
-        out[first + k] += mix(address ^ np.uint64(values[k]))
+        address = splitmix64((np.uint64(first + k) << np.uint64(40)) ^ np.uint64(element))
+        out[first + k] += splitmix64(address ^ np.uint64(values[k]))
 
 
 @kernel
@@ -57,65 +60,65 @@ def digest_world(world, out, v):
     o = world.orders
     for i in range(o.state.shape[0]):
         v[0] = o.state[i]
-        v[1] = o.place[i]
+        v[1] = o.current_slot[i]
         v[2] = o.source[i]
         v[3] = o.target[i]
-        v[4] = o.by[i]
-        v[5] = o.released[i]
+        v[4] = o.reserved_by[i]
+        v[5] = o.release_tick[i]
         v[6] = o.delivered[i]
         v[7] = o.legs[i]
         add_element(out, first, 8, v, i)
     first += ORDER_COUNT
     for i in range(world.slots.content.shape[0]):
         v[0] = world.slots.content[i]
-        v[1] = world.slots.by[i]
+        v[1] = world.slots.reserved_by[i]
         v[2] = world.slots.cell[i]
         add_element(out, first, 3, v, i)
     first += SLOT_COUNT
     s = world.stations
-    for k in range(s.first.shape[0]):
-        v[0] = s.first[k]
-        v[1] = s.last[k]
-        v[2] = s.until[k]
+    for k in range(s.in_service.shape[0]):
+        v[0] = s.in_service[k]
+        v[1] = s.queue_tail[k]
+        v[2] = s.job_done_tick[k]
         add_element(out, first, 3, v, k)
     first += STATION_COUNT
-    for j in range(s.done.shape[0]):
-        v[0] = s.behind[j]
-        v[1] = s.came[j]
-        v[2] = s.done[j]
+    for j in range(s.completion_tick.shape[0]):
+        v[0] = s.next_in_queue[j]
+        v[1] = s.arrival_tick[j]
+        v[2] = s.completion_tick[j]
         add_element(out, first, 3, v, j)
     digest_zoning(world, out, first + WORK_COUNT)
-    out[out.shape[0] - 1] = mix(np.uint64(world.clock[TICK]))
+    out[out.shape[0] - 1] = splitmix64(np.uint64(world.clock[CLOCK_TICK]))
 
 
 @kernel
 def add_value(out, array, element, value):
     """Add one value of an array to its digest."""
-    address = mix((np.uint64(array) << np.uint64(40)) ^ np.uint64(element))
-    out[array] += mix(address ^ np.uint64(value))
+    address = splitmix64((np.uint64(array) << np.uint64(40)) ^ np.uint64(element))
+    out[array] += splitmix64(address ^ np.uint64(value))
 
 
 @kernel
 def digest_zoning(world, out, first):
     """Arrays by robot go by identity, the others by index."""
-    zoning = world.zoning
-    if zoning.queue.shape[0] == 0:
+    service_zones = world.service_zones
+    if service_zones.queue.shape[0] == 0:
         return
-    out[first] = np.uint64(design_sum(zoning.design))
-    for order in range(zoning.queue.shape[0]):
-        add_value(out, first + 1, order, np.int64(zoning.queue[order]))
-        add_value(out, first + 2, order, np.int64(zoning.stop[order]))
-        add_value(out, first + 3, order, np.int64(zoning.direct[order]))
-        add_value(out, first + 4, order, np.int64(zoning.leg[order]))
-    for zone in range(zoning.server.shape[0]):
-        add_value(out, first + 5, zone, np.int64(zoning.server[zone]))
-    for i in range(zoning.halt.shape[0]):
+    out[first] = np.uint64(design_sum(service_zones.design))
+    for order in range(service_zones.queue.shape[0]):
+        add_value(out, first + 1, order, np.int64(service_zones.queue[order]))
+        add_value(out, first + 2, order, np.int64(service_zones.next_slot[order]))
+        add_value(out, first + 3, order, np.int64(service_zones.skips_transfer[order]))
+        add_value(out, first + 4, order, np.int64(service_zones.picked_from[order]))
+    for zone in range(service_zones.server.shape[0]):
+        add_value(out, first + 5, zone, np.int64(service_zones.server[zone]))
+    for i in range(service_zones.halt.shape[0]):
         identity = np.int64(world.robots.identity[i])
-        add_value(out, first + 6, identity, zoning.halt[i])
-        add_value(out, first + 7, identity, zoning.wake[i])
-        for word in range(zoning.said.shape[1]):
-            element = identity * zoning.said.shape[1] + word
-            add_value(out, first + 8, element, zoning.said[i, word])
+        add_value(out, first + 6, identity, service_zones.halt[i])
+        add_value(out, first + 7, identity, service_zones.wake[i])
+        for word in range(service_zones.messages.shape[1]):
+            element = identity * service_zones.messages.shape[1] + word
+            add_value(out, first + 8, element, service_zones.messages[i, word])
 
 
 @kernel
@@ -123,15 +126,15 @@ def design_sum(design):
     """A hash of a design."""
     total = np.uint64(design.segments[0])
     for station in range(design.zone.shape[0]):
-        total = mix(total ^ np.uint64(np.int64(design.zone[station])))
+        total = splitmix64(total ^ np.uint64(np.int64(design.zone[station])))
     for segment in range(design.segments[0]):
-        total = mix(total ^ np.uint64(design.owner[segment]))
+        total = splitmix64(total ^ np.uint64(design.owner[segment]))
         for k in range(design.points[segment]):
-            total = mix(total ^ np.uint64(design.path[segment, k]))
+            total = splitmix64(total ^ np.uint64(design.path[segment, k]))
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
             for station in range(design.zone.shape[0]):
-                total = mix(total ^ np.uint64(design.transfer[a, b, station]))
+                total = splitmix64(total ^ np.uint64(design.transfer[a, b, station]))
     return total
 
 
@@ -150,38 +153,38 @@ def digest_robots(r, out, v):
         v[7] = r.load[i]
         v[8] = r.order[i]
         v[9] = r.slot[i]
-        v[10] = r.goal[i]
-        v[11] = r.stand[i]
-        v[12] = r.level[i]
+        v[10] = r.goal_type[i]
+        v[11] = r.goal_cell[i]
+        v[12] = r.charge_target[i]
         v[13] = r.try_drop[i]
-        v[14] = r.length[i]
-        v[15] = r.at[i]
-        v[16] = r.withdrawing[i]
-        v[17] = r.blocked[i]
-        v[18] = r.hold[i]
+        v[14] = r.route_length[i]
+        v[15] = r.route_index[i]
+        v[16] = r.retreat_moves[i]
+        v[17] = r.failed_retries[i]
+        v[18] = r.retry_state[i]
         v[19] = r.parked[i]
-        v[20] = r.zone[i]
+        v[20] = r.service_zone[i]
         v[21] = r.need[i]
         v[22] = r.reason[i]
         v[23] = r.route_reason[i]
-        v[24] = r.asked_at[i]
-        v[25] = r.route_sum[i]
-        v[26] = r.yields[i]
+        v[24] = r.seen_revision[i]
+        v[25] = r.route_hash[i]
+        v[26] = r.charging_interruptible[i]
         v[27] = r.charge[i]
         v[28] = r.status[i]
-        v[29] = r.until[i]
+        v[29] = r.status_until[i]
         v[30] = r.ticket[i]
-        v[31] = plan_sum(r, i)
+        v[31] = order_queue_hash(r, i)
         v[32] = r.charging_reason[i]
         add_element(out, 0, ROBOT_COUNT, v, r.identity[i])
 
 
 @kernel
-def plan_sum(r, i):
+def order_queue_hash(r, i):
     """A hash of the plan of robot i."""
-    total = np.uint64(r.planned[i])
-    for k in range(r.planned[i]):
-        total = mix(total ^ np.uint64(r.plan[i, k]))
+    total = np.uint64(r.order_queue_length[i])
+    for k in range(r.order_queue_length[i]):
+        total = splitmix64(total ^ np.uint64(r.order_queue[i, k]))
     return np.int64(total >> np.uint64(1))
 
 
@@ -190,5 +193,5 @@ def combine(digests):
     """One digest of the whole state from the digests of its arrays."""
     whole = np.uint64(0)
     for k in range(digests.shape[0]):
-        whole = mix(whole ^ digests[k])
+        whole = splitmix64(whole ^ digests[k])
     return whole

@@ -8,51 +8,51 @@ until it is towed; where nobody repairs robots, it is gone.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import BREAKDOWNS, draw
 from automaton.kernels.energy import end_charging
 from automaton.kernels.motion import vacate
-from automaton.kernels.news import tell_zoning
 from automaton.kernels.operations import (
-    allocation_done,
+    clear_allocation_request,
+    clear_right_of_way,
+    clear_route_request,
     drop_route,
     entry_heading,
     leave_queue,
-    need_allocation,
-    no_route_needed,
-    no_way_needed,
-    note,
+    record_change,
+    request_allocation,
     reserve_order,
     reserve_slot,
 )
-from automaton.recording.codes import LEFT_LOAD, STATUS
-from automaton.world.condition import (
-    BROKE_DOWN,
-    BROKEN,
-    EMPTY,
-    EXHAUSTED,
-    FAILING,
-    GONE,
-    RAN_EMPTY,
-    RUNNING,
-    TOWED,
-    WAS_TOWED,
+from automaton.kernels.random_numbers import STREAM_BREAKDOWNS, random_bits
+from automaton.kernels.zoning_requests import request_zoning
+from automaton.recording.codes import CHANGE_LOAD_LEFT, CHANGE_STATUS
+from automaton.world.robot_status import (
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
+    STATUS_DEPLETED,
+    STATUS_EXHAUSTED,
+    STATUS_FAILED,
+    STATUS_FAILING,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
 )
 from automaton.world.state import (
-    CHANGES,
-    FREE,
-    HOLD_NONE,
-    IDLE,
+    ACTION_DOWN,
+    ACTION_IDLE,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEXT_FAULT,
+    CLOCK_REVISION,
+    CLOCK_ROBOTS_DOWN,
+    CLOCK_TICK,
+    CLOCK_UNPARKED,
     NEED_CHARGING,
-    NEEDING_CHARGING,
-    NEXT_FAULT,
     NIL,
     NO_STEP,
-    OUT,
-    OUT_OF_ORDER,
-    PICKED,
-    TICK,
-    UNPARKED,
-    WAITING,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_PICKED,
+    RETRY_NONE,
 )
 
 
@@ -60,12 +60,15 @@ from automaton.world.state import (
 def break_down_and_repair(world, record):
     """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
     clock, faults = world.clock, world.rules.faults
-    while clock[NEXT_FAULT] < faults.shape[0] and faults[clock[NEXT_FAULT], 0] <= clock[TICK]:
-        fail(world, np.int64(world.robots.at_index[faults[clock[NEXT_FAULT], 1]]))
-        clock[NEXT_FAULT] += 1
+    while (
+        clock[CLOCK_NEXT_FAULT] < faults.shape[0]
+        and faults[clock[CLOCK_NEXT_FAULT], 0] <= clock[CLOCK_TICK]
+    ):
+        fail(world, np.int64(world.robots.at_index[faults[clock[CLOCK_NEXT_FAULT], 1]]))
+        clock[CLOCK_NEXT_FAULT] += 1
     if world.rules.breakdown:
         draw_faults(world)
-    if clock[OUT]:
+    if clock[CLOCK_ROBOTS_DOWN]:
         tow_and_repair(world, record)
         take_all_out(world, record)
 
@@ -73,9 +76,9 @@ def break_down_and_repair(world, record):
 @kernel
 def fail(world, i):
     """Robot i breaks down when what it does is over."""
-    if world.robots.status[i] == RUNNING:
-        world.robots.status[i] = FAILING
-        world.clock[OUT] += 1
+    if world.robots.status[i] == STATUS_UP:
+        world.robots.status[i] = STATUS_FAILING
+        world.clock[CLOCK_ROBOTS_DOWN] += 1
 
 
 @kernel
@@ -83,24 +86,30 @@ def draw_faults(world):
     """Each robot on the floor fails with the scenario's probability."""
     robots, rules = world.robots, world.rules
     for i in range(robots.cell.shape[0]):
-        if robots.cell[i] != NIL and robots.status[i] == RUNNING:
+        if robots.cell[i] != NIL and robots.status[i] == STATUS_UP:
             identity = np.int64(robots.identity[i])
-            bits = draw(rules.seed, BREAKDOWNS, world.clock[TICK], identity) >> np.uint64(32)
+            bits = random_bits(
+                rules.seed, STREAM_BREAKDOWNS, world.clock[CLOCK_TICK], identity
+            ) >> np.uint64(32)
             if np.int64(bits) < rules.breakdown:
                 fail(world, i)
 
 
 @kernel
 def tow_and_repair(world, record):
-    robots, tick = world.robots, world.clock[TICK]
+    robots, tick = world.robots, world.clock[CLOCK_TICK]
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
-        if status < EMPTY or robots.until[i] == NIL or tick < robots.until[i]:
+        if (
+            status < STATUS_DEPLETED
+            or robots.status_until[i] == NIL
+            or tick < robots.status_until[i]
+        ):
             continue
-        if status == TOWED:
+        if status == STATUS_TOWED:
             come_back(world, record, i)
-        elif status != GONE:
+        elif status != STATUS_REMOVED:
             tow(world, record, i)
 
 
@@ -111,10 +120,12 @@ def take_all_out(world, record):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
-        if status == EXHAUSTED or (status == FAILING and robots.busy[i] == 0):
-            take_out(world, record, i, EMPTY if status == EXHAUSTED else BROKEN)
-        if robots.status[i] == EMPTY or robots.status[i] == BROKEN:
-            world.tally.ticks[i, OUT_OF_ORDER, 0] += 1
+        if status == STATUS_EXHAUSTED or (status == STATUS_FAILING and robots.busy[i] == 0):
+            take_out(
+                world, record, i, STATUS_DEPLETED if status == STATUS_EXHAUSTED else STATUS_FAILED
+            )
+        if robots.status[i] == STATUS_DEPLETED or robots.status[i] == STATUS_FAILED:
+            world.tally.ticks[i, ACTION_DOWN, 0] += 1
 
 
 @kernel
@@ -122,31 +133,31 @@ def take_out(world, record, i, status):
     """Robot i is out of order: what it had to do goes back, its load lies in its cell."""
     robots = world.robots
     become(world, record, i, status)
-    give_up(world, record, i)
+    return_orders(world, record, i)
     if robots.load[i] != NIL and robots.cell[i] != NIL:
         leave_load(world, record, i)
-    world.tally.out[i, RAN_EMPTY if status == EMPTY else BROKE_DOWN] += 1
-    world.tally.times[i, OUT_OF_ORDER, 0] += 1
-    robots.action[i] = OUT_OF_ORDER
+    world.tally.failures[i, FAILURE_DEPLETED if status == STATUS_DEPLETED else FAILURE_FAULT] += 1
+    world.tally.operations[i, ACTION_DOWN, 0] += 1
+    robots.action[i] = ACTION_DOWN
     after = world.rules.tow_after
-    robots.until[i] = NIL if after == NIL else world.clock[TICK] + after
-    world.clock[CHANGES] += 1
+    robots.status_until[i] = NIL if after == NIL else world.clock[CLOCK_TICK] + after
+    world.clock[CLOCK_REVISION] += 1
     if robots.cell[i] == NIL:
         tow(world, record, i)
     elif robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[UNPARKED] += 1
+        world.clock[CLOCK_UNPARKED] += 1
 
 
 @kernel
 def become(world, record, i, status):
     world.robots.status[i] = status
-    tell_zoning(world)
-    note(world.clock, record, STATUS, world.robots.identity[i], status)
+    request_zoning(world)
+    record_change(world.clock, record, CHANGE_STATUS, world.robots.identity[i], status)
 
 
 @kernel
-def give_up(world, record, i):
+def return_orders(world, record, i):
     """Orders and slots of robot i go back; it has no goal, no route and no plan."""
     robots = world.robots
     if robots.order[i] != NIL and robots.load[i] == NIL:
@@ -157,18 +168,18 @@ def give_up(world, record, i):
         robots.slot[i] = NIL
     end_charging(robots, i)
     drop_route(robots, i)
-    no_route_needed(world, i)
-    no_way_needed(world, i)
-    allocation_done(world, i)
+    clear_route_request(world, i)
+    clear_right_of_way(world, i)
+    clear_allocation_request(world, i)
     if robots.need[i] & NEED_CHARGING:
-        world.clock[NEEDING_CHARGING] -= 1
+        world.clock[CLOCK_NEEDING_CHARGING] -= 1
     robots.need[i] = 0
-    robots.withdrawing[i] = 0
+    robots.retreat_moves[i] = 0
     robots.try_drop[i] = 0
-    robots.blocked[i] = 0
-    robots.hold[i] = HOLD_NONE
+    robots.failed_retries[i] = 0
+    robots.retry_state[i] = RETRY_NONE
     robots.step[i] = NO_STEP
-    robots.planned[i] = 0
+    robots.order_queue_length[i] = 0
 
 
 @kernel
@@ -180,15 +191,15 @@ def leave_load(world, record, i):
         return
     order = np.int64(robots.load[i])
     slots.content[slot] = order
-    orders.place[order] = slot
-    orders.state[order] = WAITING
+    orders.current_slot[order] = slot
+    orders.state[order] = ORDER_WAITING
     robots.load[i] = NIL
     robots.order[i] = NIL
-    note(world.clock, record, LEFT_LOAD, robots.identity[i], slot)
-    if world.zoning.queue.shape[0]:  # it counts to the station from where it came
-        came_from = np.int64(world.zoning.leg[order])
-        world.zoning.station_of[slot] = (
-            NIL if came_from == NIL else world.zoning.station_of[came_from]
+    record_change(world.clock, record, CHANGE_LOAD_LEFT, robots.identity[i], slot)
+    if world.service_zones.queue.shape[0]:  # it counts to the station from where it came
+        came_from = np.int64(world.service_zones.picked_from[order])
+        world.service_zones.station_of[slot] = (
+            NIL if came_from == NIL else world.service_zones.station_of[came_from]
         )
     leave_queue(world, order)
     reserve_order(world, record, order, NIL)
@@ -197,7 +208,7 @@ def leave_load(world, record, i):
 @kernel
 def spare_slot(slots):
     """A spare slot without a load, NIL if there is none."""
-    for slot in range(slots.spare, slots.cell.shape[0]):
+    for slot in range(slots.first_spare, slots.cell.shape[0]):
         if slots.cell[slot] == NIL:
             return slot
     return NIL
@@ -207,7 +218,7 @@ def spare_slot(slots):
 def open_slot(world, slot, cell):
     """Put a spare slot into a cell; False if robots get to no cell beside it."""
     slots = world.slots
-    slots.serves[:, slot] = 0
+    slots.accessible[:, slot] = 0
     served = False
     for direction in range(4):
         beside = cell + world.grid.offset[direction]
@@ -216,7 +227,7 @@ def open_slot(world, slot, cell):
         served = served or usable
     if served:
         slots.cell[slot] = cell
-        slots.endless[slot] = 0
+        slots.unbounded[slot] = 0
     return served
 
 
@@ -224,9 +235,9 @@ def open_slot(world, slot, cell):
 def is_within(slots, slot, cell):
     """Whether robots of some type get to a cell and back; these serve the slot."""
     found = False
-    for kind in range(slots.within.shape[0]):
-        if slots.within[kind, cell]:
-            slots.serves[kind, slot] = 1
+    for robot_type in range(slots.reachable.shape[0]):
+        if slots.reachable[robot_type, cell]:
+            slots.accessible[robot_type, slot] = 1
             found = True
     return found
 
@@ -246,19 +257,19 @@ def tow(world, record, i):
         heading = entry_heading(world.grid, np.int64(robots.home[i]))
         robots.heading[i] = heading
         robots.travel[i] = heading
-        world.tally.out[i, WAS_TOWED] += 1
+        world.tally.failures[i, FAILURE_TOWED] += 1
     if robots.parked[i] == 0:
         robots.parked[i] = 1
-        world.clock[UNPARKED] -= 1
-    robots.action[i] = IDLE
+        world.clock[CLOCK_UNPARKED] -= 1
+    robots.action[i] = ACTION_IDLE
     if rules.battery and rules.repair != NIL:
         charge_in_repair(world, i)
-    become(world, record, i, GONE if rules.repair == NIL else TOWED)
+    become(world, record, i, STATUS_REMOVED if rules.repair == NIL else STATUS_TOWED)
     if rules.repair == NIL:
-        world.clock[OUT] -= 1
-        robots.until[i] = NIL
+        world.clock[CLOCK_ROBOTS_DOWN] -= 1
+        robots.status_until[i] = NIL
     else:
-        robots.until[i] = world.clock[TICK] + rules.repair
+        robots.status_until[i] = world.clock[CLOCK_TICK] + rules.repair
 
 
 @kernel
@@ -268,7 +279,9 @@ def charge_in_repair(world, i):
     before = np.int64(robots.charge[i])
     after = np.int64(rules.repaired)
     if after == NIL:
-        after = max(before, np.int64(rules.reserve)) if robots.status[i] == EMPTY else before
+        after = (
+            max(before, np.int64(rules.reserve)) if robots.status[i] == STATUS_DEPLETED else before
+        )
     robots.charge[i] = after
     world.tally.repaired[i] += max(after - before, 0)
 
@@ -277,7 +290,7 @@ def charge_in_repair(world, i):
 def come_back(world, record, i):
     """Robot i is in order again, and off the floor at its home."""
     robots = world.robots
-    robots.until[i] = 0
-    become(world, record, i, RUNNING)
-    world.clock[OUT] -= 1
-    need_allocation(world, i, PICKED if robots.load[i] != NIL else FREE)
+    robots.status_until[i] = 0
+    become(world, record, i, STATUS_UP)
+    world.clock[CLOCK_ROBOTS_DOWN] -= 1
+    request_allocation(world, i, REASON_PICKED if robots.load[i] != NIL else REASON_IDLE)

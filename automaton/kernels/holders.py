@@ -12,48 +12,48 @@ from automaton.world.state import NIL
 
 
 @kernel
-def enter_holders(seen):
+def enter_holders(visible_world):
     """Enter every robot at the cells, or lanes of cells for two, that it holds."""
-    for i in range(seen.robots.cell.shape[0]):
-        mark_held(seen, i, seen.robots.identity[U(i)])
+    for i in range(visible_world.robots.cell.shape[0]):
+        mark_held(visible_world, i, visible_world.robots.identity[U(i)])
 
 
 @kernel
-def remove_holders(seen):
+def remove_holders(visible_world):
     """Undo `enter_holders`; no robot has moved since."""
-    for i in range(seen.robots.cell.shape[0]):
-        mark_held(seen, i, NIL)
+    for i in range(visible_world.robots.cell.shape[0]):
+        mark_held(visible_world, i, NIL)
 
 
 @kernel
-def mark_held(seen, i, value):
+def mark_held(visible_world, i, value):
     """Enter a value at all that robot i holds; a robot that turns between two lanes holds both."""
-    robots = seen.robots
+    robots = visible_world.robots
     cell = np.int64(robots.cell[U(i)])
     if cell == NIL:
         return
     claim, travel = np.int64(robots.claim[U(i)]), np.int64(robots.travel[U(i)])
-    mark_cell(seen, cell, travel, value)
+    mark_cell(visible_world, cell, travel, value)
     if claim == cell:
-        mark_cell(seen, cell, travel ^ 2, value)
+        mark_cell(visible_world, cell, travel ^ 2, value)
     elif claim != NIL:
-        mark_cell(seen, claim, direction_between(seen.grid, cell, claim), value)
+        mark_cell(visible_world, claim, direction_between(visible_world.grid, cell, claim), value)
 
 
 @kernel
-def mark_cell(seen, cell, direction, value):
-    lane = lane_of(np.int64(seen.grid.rule[U(cell)]), direction)
+def mark_cell(visible_world, cell, direction, value):
+    lane = lane_of(np.int64(visible_world.grid.cell_flags[U(cell)]), direction)
     if lane != NIL:
-        seen.traffic.holder[U(cell), U(lane)] = value
+        visible_world.traffic.holder[U(cell), U(lane)] = value
 
 
 @kernel
-def lane_of(rule, direction):
+def lane_of(cell_flags, direction):
     """The column of `holder`, by a cell's rule, for a robot that travels in `direction`.
 
     NIL in a cell without limit.
     """
-    capacity = (rule >> 5) & 3
+    capacity = (cell_flags >> 5) & 3
     if capacity == 0:
         return NIL
     return direction >> 1 if capacity == 2 else 0

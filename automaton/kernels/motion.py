@@ -4,10 +4,10 @@ Executed is the greatest set of intents in which every cell has room for its bes
 counting what members of the set give up; queues follow and rings rotate by themselves.
 
 One word per cell, so that one load tells all: bits 0-3 say that somebody claims the cell travelling
-E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E or
-S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a cell
-without limit keeps both. Bits 8-15 repeat grid.rule. A *resource* is a cell of capacity 1 or one
-lane: it has one holder, so one claimant at most wins.
+E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E
+or S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a
+cell without limit keeps both. Bits 8-15 repeat grid.cell_flags. A *resource* is a cell of capacity
+1 or one lane: it has one holder, so one claimant at most wins.
 
 A move of d ticks that begins in tick T is on its edge in the ticks T .. T+d-1. Two moves over one
 edge in opposite directions that share a tick pass through each other. Unless both cells let robots
@@ -23,11 +23,11 @@ inferences are drawn, so the order of the robots does not matter. `resolve` deci
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import mix
 from automaton.kernels.prefetch import prefetch
+from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import NIL
 
-LIVE = 4  # bits of traffic.want; bits 0-1 are the direction
+LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
 ENTERED = 8  # it left its bay this tick: nobody may follow into its cell
 NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
@@ -35,18 +35,20 @@ REFUSED = 32
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
 
 CLAIMS = 31
-RULE = 8  # shift of the rule in a word
-CAPACITY = 13  # shift of the class of capacity in a word
-TAKEN = 0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
+FLAGS_SHIFT = 8  # shift of the rule in a word
+CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
+ROOM_TAKEN_BITS = (
+    0b10_01_11_11_00_00  # room that a robot takes, by class (unlimited, 1, 2) and lane
+)
 AHEAD = 16  # robots whose cells are fetched in advance
 
-GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
-OWN = 1  # the held resource if somebody may follow, then its entry, or NIL
-ROBOT = 2
-STATE = 3  # 0 undecided, MOVED or REFUSED
-CELL = 4  # where it stands
-DIRECTION = 5
-FREED = 6  # room that it gives up at once when it moves
+INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
+INTENT_OWN = 1  # the held resource if somebody may follow, then its entry, or NIL
+INTENT_ROBOT = 2
+INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
+INTENT_CELL = 4  # where it stands
+INTENT_DIRECTION = 5
+INTENT_FREED = 6  # room that it gives up at once when it moves
 
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
@@ -60,7 +62,7 @@ def room_bit(direction):
 @kernel(inline=True)
 def taken_bits(word, direction):
     """The room that a robot travelling in `direction` takes from the cell of this word."""
-    return ((TAKEN >> (((word >> (CAPACITY - 2)) & 12) | (direction & 2))) & 3) << 5
+    return ((ROOM_TAKEN_BITS >> (((word >> (CAPACITY_SHIFT - 2)) & 12) | (direction & 2))) & 3) << 5
 
 
 @kernel
@@ -89,15 +91,15 @@ def fetch_ahead(grid, robots, traffic, i):
     if i + AHEAD < robots.cell.shape[0]:
         cell = np.int64(robots.cell[U(i + AHEAD)])
         if cell >= 0:
-            direction = np.int64(traffic.want[U(i + AHEAD)]) & 3
+            direction = np.int64(traffic.intent[U(i + AHEAD)]) & 3
             prefetch(traffic.occupancy, U(cell))
             prefetch(traffic.occupancy, U(cell + grid.offset[U(direction)]))
 
 
 @kernel
-def luck(tick, identity):
+def tie_break_hash(tick, identity):
     """A bijective hash of (tick, identity): it ranks claimants of equal priority, without ties."""
-    return mix((np.uint64(tick) << np.uint64(32)) | np.uint64(identity))
+    return splitmix64((np.uint64(tick) << np.uint64(32)) | np.uint64(identity))
 
 
 @kernel
@@ -109,13 +111,13 @@ def direction_between(grid, cell, neighbour):
 
 
 @kernel
-def give_up(traffic, cell, direction, at_once, releases):
+def vacate_later(traffic, cell, direction, at_once, releases):
     """Give back a cell's room, at once or at the end of the tick; returns the releases put off."""
     if at_once:
         vacate(traffic.occupancy, cell, direction)
         return releases
-    traffic.release[2 * releases] = cell
-    traffic.release[2 * releases + 1] = direction
+    traffic.vacated[2 * releases] = cell
+    traffic.vacated[2 * releases + 1] = direction
     return releases + 1
 
 
@@ -137,7 +139,7 @@ def end_moves(grid, rules, robots, traffic, arriving):
         entered = np.int64(robots.claim[U(i)])
         direction = np.int64(robots.travel[U(i)])
         robots.claim[U(i)] = NIL
-        traffic.want[U(i)] = ARRIVED
+        traffic.intent[U(i)] = ARRIVED
         if entered == left:
             direction ^= 2  # it turned, and gives the other lane back
         else:
@@ -145,7 +147,7 @@ def end_moves(grid, rules, robots, traffic, arriving):
             robots.cell[U(i)] = entered
             robots.travel[U(i)] = way
             dirty = bar_way_back(traffic, left, entered, way, dirty)
-        releases = give_up(traffic, left, direction, rules.following, releases)
+        releases = vacate_later(traffic, left, direction, rules.following, releases)
     return releases, dirty
 
 
@@ -156,9 +158,9 @@ def bar_way_back(traffic, left, entered, way, dirty):
     It would pass through that robot where one gives up a cell of capacity 1 and enters one in which
     robots may be. Returns the number of dirty cells.
     """
-    single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY) & 3 == 1
+    single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY_SHIFT) & 3 == 1
     word = np.int64(traffic.occupancy[U(entered)])
-    bars = np.int64(single & ((word >> CAPACITY) & 3 != 1))
+    bars = np.int64(single & ((word >> CAPACITY_SHIFT) & 3 != 1))
     traffic.occupancy[U(entered)] = np.uint16(word | (bars << way))
     traffic.dirty[U(dirty)] = entered
     return dirty + bars
@@ -167,13 +169,13 @@ def bar_way_back(traffic, left, entered, way, dirty):
 @kernel
 def advance(grid, rules, robots, traffic, i, releases):
     """Let robot i make its move; returns the number of releases put off to the tick's end."""
-    direction = np.int64(traffic.want[U(i)]) & 3
+    direction = np.int64(traffic.intent[U(i)]) & 3
     cell = np.int64(robots.cell[U(i)])
     target = cell + grid.offset[U(direction)]
     word = np.int64(traffic.occupancy[U(target)]) & ~(1 << direction)
     traffic.occupancy[U(target)] = np.uint16(word & ~taken_bits(word, direction))
-    at_once = rules.following and np.int64(traffic.want[U(i)]) & ENTERED == 0
-    if at_once and traffic.span[U(i)] == 1:
+    at_once = rules.following and np.int64(traffic.intent[U(i)]) & ENTERED == 0
+    if at_once and traffic.move_ticks[U(i)] == 1:
         vacate(traffic.occupancy, cell, np.int64(robots.travel[U(i)]))
     return finish_move(rules, robots, traffic, i, cell, target, releases)
 
@@ -181,16 +183,16 @@ def advance(grid, rules, robots, traffic, i, releases):
 @kernel
 def finish_move(rules, robots, traffic, i, cell, target, releases):
     """Write down the move of robot i, whose room is arranged; returns the releases put off."""
-    want = np.int64(traffic.want[U(i)])
-    direction = want & 3
-    traffic.want[U(i)] = np.uint8(want | MOVED)
-    span = np.int64(traffic.span[U(i)])
-    if span > 1:
+    intent = np.int64(traffic.intent[U(i)])
+    direction = intent & 3
+    traffic.intent[U(i)] = np.uint8(intent | MOVED)
+    move_ticks = np.int64(traffic.move_ticks[U(i)])
+    if move_ticks > 1:
         robots.claim[U(i)] = target
-        robots.busy[U(i)] = span - 1
+        robots.busy[U(i)] = move_ticks - 1
         return releases
-    if not rules.following or want & ENTERED:
-        releases = give_up(traffic, cell, np.int64(robots.travel[U(i)]), 0, releases)
+    if not rules.following or intent & ENTERED:
+        releases = vacate_later(traffic, cell, np.int64(robots.travel[U(i)]), 0, releases)
     robots.cell[U(i)] = target
     robots.travel[U(i)] = direction
     return releases
@@ -200,8 +202,8 @@ def finish_move(rules, robots, traffic, i, cell, target, releases):
 def move_all(grid, rules, robots, traffic, tick):
     """Execute the moves of one tick; counts busy robots down and ends long moves that are due.
 
-    Reads traffic.want (LIVE | direction, or 0) and traffic.span of robots that are not busy;
-    leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
+    Reads traffic.intent (LIVE | direction, or 0) and traffic.move_ticks of robots that are not
+    busy; leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
     """
     arriving = claim_cells(grid, robots, traffic)
     releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
@@ -212,7 +214,7 @@ def move_all(grid, rules, robots, traffic, tick):
         cell = U(traffic.dirty[U(k)])
         traffic.occupancy[cell] = np.uint16(np.int64(traffic.occupancy[cell]) & ~CLAIMS)
     for k in range(releases):
-        vacate(traffic.occupancy, traffic.release[2 * k], traffic.release[2 * k + 1])
+        vacate(traffic.occupancy, traffic.vacated[2 * k], traffic.vacated[2 * k + 1])
 
 
 @kernel
@@ -221,7 +223,7 @@ def claim_cells(grid, robots, traffic):
 
     Returns how many robots arrive, which are then listed in traffic.dirty.
     """
-    occupancy, want = traffic.occupancy, traffic.want
+    occupancy, intent = traffic.occupancy, traffic.intent
     arriving = 0
     for i in range(robots.cell.shape[0]):
         fetch_ahead(grid, robots, traffic, i)
@@ -231,28 +233,28 @@ def claim_cells(grid, robots, traffic):
             if busy == 1 and robots.claim[U(i)] != NIL:
                 traffic.dirty[U(arriving)] = i
                 arriving += 1
-        elif want[U(i)] & np.uint8(LIVE):
-            direction = np.int64(want[U(i)]) & 3
+        elif intent[U(i)] & np.uint8(LIVE):
+            direction = np.int64(intent[U(i)]) & 3
             cell = np.int64(robots.cell[U(i)])
-            if (np.int64(occupancy[U(cell)]) >> (RULE + direction)) & 1:
+            if (np.int64(occupancy[U(cell)]) >> (FLAGS_SHIFT + direction)) & 1:
                 target = U(cell + grid.offset[U(direction)])
                 word = np.int64(occupancy[target])
                 twice = ((word >> direction) & 1) << 4
                 occupancy[target] = np.uint16(word | (1 << direction) | twice)
             else:
-                want[U(i)] = 0
+                intent[U(i)] = 0
     return arriving
 
 
 @kernel
 def move_uncontested(grid, rules, robots, traffic, releases, dirty):
     """Second pass: refuse swaps, make sole claims with room; returns (releases, pending, dirty)."""
-    occupancy, want = traffic.occupancy, traffic.want
+    occupancy, intent = traffic.occupancy, traffic.intent
     cells = occupancy.shape[0]
     pending = 0
     for i in range(robots.cell.shape[0]):
         fetch_ahead(grid, robots, traffic, i)
-        w = np.int64(want[U(i)])
+        w = np.int64(intent[U(i)])
         if w & LIVE == 0:
             continue
         direction = w & 3
@@ -261,29 +263,29 @@ def move_uncontested(grid, rules, robots, traffic, releases, dirty):
         here = np.int64(occupancy[U(cell)])
         there = np.int64(occupancy[U(target)])
         if (here >> (direction ^ 2)) & 1 and (
-            (there >> CAPACITY) & 3 == 1 or (here >> CAPACITY) & 3 == 1
+            (there >> CAPACITY_SHIFT) & 3 == 1 or (here >> CAPACITY_SHIFT) & 3 == 1
         ):
             # Two robots may not swap over one edge: they would pass through each other.
-            want[U(i)] = np.uint8(w | REFUSED)
+            intent[U(i)] = np.uint8(w | REFUSED)
         elif there & room_bit(direction) and there & CLAIMS == 1 << direction:
             releases = advance(grid, rules, robots, traffic, i, releases)
             continue
-        elif (there >> CAPACITY) & 3 == 0:
+        elif (there >> CAPACITY_SHIFT) & 3 == 0:
             releases = advance(grid, rules, robots, traffic, i, releases)
         else:
-            followed = here & CLAIMS != 0 and (here >> CAPACITY) & 3 != 0 and w & ENTERED == 0
+            followed = here & CLAIMS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
             own = NIL
-            if followed and rules.following and traffic.span[U(i)] == 1:
+            if followed and rules.following and traffic.move_ticks[U(i)] == 1:
                 own = resource_of(here, cell, np.int64(robots.travel[U(i)]), cells)
             row = traffic.pending[U(pending)]
-            row[GOAL] = resource_of(there, target, direction, cells)
-            row[OWN] = own
-            row[ROBOT] = i
-            row[STATE] = 0
-            row[CELL] = cell
-            row[DIRECTION] = direction
-            at_once = rules.following and w & ENTERED == 0 and traffic.span[U(i)] == 1
-            row[FREED] = taken_bits(here, np.int64(robots.travel[U(i)])) if at_once else 0
+            row[INTENT_GOAL] = resource_of(there, target, direction, cells)
+            row[INTENT_OWN] = own
+            row[INTENT_ROBOT] = i
+            row[INTENT_STATE] = 0
+            row[INTENT_CELL] = cell
+            row[INTENT_DIRECTION] = direction
+            at_once = rules.following and w & ENTERED == 0 and traffic.move_ticks[U(i)] == 1
+            row[INTENT_FREED] = taken_bits(here, np.int64(robots.travel[U(i)])) if at_once else 0
             pending += 1
         traffic.dirty[U(dirty)] = target
         dirty += 1
@@ -321,29 +323,29 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
         enter_entries(traffic, pending)
     for k in range(pending):
         if k + AHEAD < pending:
-            prefetch(contest, U(intents[U(k + AHEAD), U(GOAL)]))
-        goal = U(intents[U(k), U(GOAL)])
+            prefetch(contest, U(intents[U(k + AHEAD), U(INTENT_GOAL)]))
+        goal = U(intents[U(k), U(INTENT_GOAL)])
         best = np.int64(contest[goal])
-        i = np.int64(intents[U(k), U(ROBOT)])
-        if best == NIL or is_before(robots, tick, i, np.int64(intents[U(best), U(ROBOT)])):
+        i = np.int64(intents[U(k), U(INTENT_ROBOT)])
+        if best == NIL or is_before(robots, tick, i, np.int64(intents[U(best), U(INTENT_ROBOT)])):
             contest[goal] = k
     for k in range(pending):
-        if contest[U(intents[U(k), U(GOAL)])] != k:
-            intents[U(k), U(STATE)] = REFUSED
-        elif intents[U(k), U(STATE)] == 0:
+        if contest[U(intents[U(k), U(INTENT_GOAL)])] != k:
+            intents[U(k), U(INTENT_STATE)] = REFUSED
+        elif intents[U(k), U(INTENT_STATE)] == 0:
             move_queue(grid, traffic, k)
     for k in range(pending):
-        if intents[U(k), U(STATE)] == 0:
+        if intents[U(k), U(INTENT_STATE)] == 0:
             rotate_ring(traffic, k)
     for k in range(pending):
-        contest[U(intents[U(k), U(GOAL)])] = NIL
-        i = np.int64(intents[U(k), U(ROBOT)])
-        if intents[U(k), U(STATE)] == MOVED:
-            cell = np.int64(intents[U(k), U(CELL)])
-            target = cell + grid.offset[U(intents[U(k), U(DIRECTION)])]
+        contest[U(intents[U(k), U(INTENT_GOAL)])] = NIL
+        i = np.int64(intents[U(k), U(INTENT_ROBOT)])
+        if intents[U(k), U(INTENT_STATE)] == MOVED:
+            cell = np.int64(intents[U(k), U(INTENT_CELL)])
+            target = cell + grid.offset[U(intents[U(k), U(INTENT_DIRECTION)])]
             releases = finish_move(rules, robots, traffic, i, cell, target, releases)
         else:
-            traffic.want[U(i)] = np.uint8(np.int64(traffic.want[U(i)]) | REFUSED)
+            traffic.intent[U(i)] = np.uint8(np.int64(traffic.intent[U(i)]) | REFUSED)
     return releases
 
 
@@ -356,11 +358,11 @@ def enter_entries(traffic, pending):
     for entry in range(size):
         traffic.key[U(entry)] = NIL
     for k in range(pending):
-        goal = np.int64(traffic.pending[U(k), U(GOAL)])
-        traffic.pending[U(k), U(GOAL)] = find(traffic, size - 1, goal)
-        own = np.int64(traffic.pending[U(k), U(OWN)])
+        goal = np.int64(traffic.pending[U(k), U(INTENT_GOAL)])
+        traffic.pending[U(k), U(INTENT_GOAL)] = find(traffic, size - 1, goal)
+        own = np.int64(traffic.pending[U(k), U(INTENT_OWN)])
         if own != NIL:
-            traffic.pending[U(k), U(OWN)] = find(traffic, size - 1, own)
+            traffic.pending[U(k), U(INTENT_OWN)] = find(traffic, size - 1, own)
 
 
 @kernel
@@ -368,7 +370,7 @@ def is_before(robots, tick, i, j):
     """Whether robot i goes before robot j into a cell that both claim."""
     if robots.priority[U(i)] != robots.priority[U(j)]:
         return robots.priority[U(i)] > robots.priority[U(j)]
-    return luck(tick, robots.identity[U(i)]) > luck(tick, robots.identity[U(j)])
+    return tie_break_hash(tick, robots.identity[U(i)]) > tie_break_hash(tick, robots.identity[U(j)])
 
 
 @kernel
@@ -380,15 +382,15 @@ def move_queue(grid, traffic, k):
     """
     while k != NIL:
         row = traffic.pending[U(k)]
-        cell, direction = np.int64(row[CELL]), np.int64(row[DIRECTION])
+        cell, direction = np.int64(row[INTENT_CELL]), np.int64(row[INTENT_DIRECTION])
         target = U(cell + grid.offset[U(direction)])
         word = np.int64(traffic.occupancy[target])
         if word & room_bit(direction) == 0:
             return
         traffic.occupancy[target] = np.uint16(word & ~taken_bits(word, direction))
-        row[STATE] = MOVED
-        if row[FREED]:
-            left = np.int64(traffic.occupancy[U(cell)]) | np.int64(row[FREED])
+        row[INTENT_STATE] = MOVED
+        if row[INTENT_FREED]:
+            left = np.int64(traffic.occupancy[U(cell)]) | np.int64(row[INTENT_FREED])
             traffic.occupancy[U(cell)] = np.uint16(left)
         k = behind(traffic, k)
 
@@ -396,7 +398,7 @@ def move_queue(grid, traffic, k):
 @kernel
 def behind(traffic, k):
     """The intent that won the resource which intent k would give up, or NIL."""
-    own = np.int64(traffic.pending[U(k), U(OWN)])
+    own = np.int64(traffic.pending[U(k), U(INTENT_OWN)])
     return NIL if own == NIL else np.int64(traffic.contest[U(own)])
 
 
@@ -409,10 +411,10 @@ def rotate_ring(traffic, k):
     """
     intents = traffic.pending
     walker = behind(traffic, k)
-    while walker != k and walker != NIL and intents[U(walker), U(STATE)] != REFUSED:
+    while walker != k and walker != NIL and intents[U(walker), U(INTENT_STATE)] != REFUSED:
         walker = behind(traffic, walker)
     outcome = MOVED if walker == k else REFUSED
     walker = k
-    while walker != NIL and intents[U(walker), U(STATE)] == 0:
-        intents[U(walker), U(STATE)] = outcome
+    while walker != NIL and intents[U(walker), U(INTENT_STATE)] == 0:
+        intents[U(walker), U(INTENT_STATE)] = outcome
         walker = behind(traffic, walker)

@@ -3,55 +3,61 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.news import tell_zoning
 from automaton.kernels.stations import deliver
-from automaton.recording.codes import DID_ILLEGAL, ORDER_BY, PICKED_UP, SET_AT, SLOT_BY
-from automaton.world.condition import EXHAUSTED, RUNNING
+from automaton.kernels.zoning_requests import request_zoning
+from automaton.recording.codes import (
+    CHANGE_DROPPED,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+    EXECUTED_ILLEGAL,
+)
+from automaton.world.robot_status import STATUS_EXHAUSTED, STATUS_UP
 from automaton.world.state import (
-    CARRIED,
-    CHANGED,
-    CHANGES,
-    DELIVERED,
-    DROP,
-    FREE,
-    FRESH_ALLOCATION,
+    ACTION_DROP,
+    ACTION_ILLEGAL,
+    ACTION_PICK,
+    CLOCK_CHANGE_ROWS,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
+    CLOCK_RECORDING,
+    CLOCK_REVISION,
+    CLOCK_ROBOTS_DOWN,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
     GOAL_NONE,
-    ILLEGAL,
     NEED_ALLOCATION,
     NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
-    NEED_WAY,
-    NEEDING_CHARGING,
-    NEEDING_ROUTE,
-    NEEDING_WAY,
     NIL,
-    OUT,
-    PICK,
-    PICKED,
-    PLAN,
-    RECORDING,
-    TICK,
-    UNDELIVERED,
-    WAITING,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    REASON_IDLE,
+    REASON_NEW_GOAL,
+    REASON_PICKED,
 )
 
-MOST_CHANGES = 12  # rows that a robot may add in a tick
+MAX_CHANGES = 12  # rows that a robot may add in a tick
 
 
 @kernel
-def note(clock, record, code, subject, value):
+def record_change(clock, record, code, subject, value):
     """Append a row of changes if the run is recorded."""
-    if clock[RECORDING]:
-        row = clock[CHANGED]
-        record.changes[row, 0] = clock[TICK]
+    if clock[CLOCK_RECORDING]:
+        row = clock[CLOCK_CHANGE_ROWS]
+        record.changes[row, 0] = clock[CLOCK_TICK]
         record.changes[row, 1] = code
         record.changes[row, 2] = subject
         record.changes[row, 3] = value
-        clock[CHANGED] = row + 1
+        clock[CLOCK_CHANGE_ROWS] = row + 1
 
 
 @kernel
-def price(world, i, action, ticks):
+def energy_cost(world, i, action, ticks):
     """Units of charge that an operation of robot i takes."""
     loaded = 1 if world.robots.load[i] != NIL else 0
     return ticks * np.int64(world.rules.drain[action, loaded])
@@ -60,19 +66,19 @@ def price(world, i, action, ticks):
 @kernel
 def exhaust(world, i):
     """The battery of robot i lacks what it needs: it is out of order from the next tick on."""
-    if world.robots.status[i] == RUNNING:
-        world.clock[OUT] += 1
-    if world.robots.status[i] <= EXHAUSTED:
-        world.robots.status[i] = EXHAUSTED
+    if world.robots.status[i] == STATUS_UP:
+        world.clock[CLOCK_ROBOTS_DOWN] += 1
+    if world.robots.status[i] <= STATUS_EXHAUSTED:
+        world.robots.status[i] = STATUS_EXHAUSTED
 
 
 @kernel
-def pay(world, i, units):
+def consume_energy(world, i, units):
     """Take units from the battery of robot i; one that cannot pay is empty and exhausted."""
     robots = world.robots
     taken = min(units, np.int64(robots.charge[i]))
     robots.charge[i] -= taken
-    world.tally.spent[i] += taken
+    world.tally.energy_used[i] += taken
     if taken < units:
         exhaust(world, i)
 
@@ -81,96 +87,96 @@ def pay(world, i, units):
 def begin(world, i, action, ticks):
     """Robot i begins an operation of so many ticks, the current one included; motion counts them."""
     if world.rules.battery:
-        pay(world, i, price(world, i, action, ticks))
+        consume_energy(world, i, energy_cost(world, i, action, ticks))
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.robots.busy[i] = ticks
-    world.tally.times[i, action, loaded] += 1
+    world.tally.operations[i, action, loaded] += 1
     world.tally.ticks[i, action, loaded] += ticks
 
 
 @kernel
-def lose_tick(world, i, action):
+def count_lost_tick(world, i, action):
     """Count a tick in which robot i executes nothing, and why."""
     if world.rules.battery:
-        pay(world, i, price(world, i, action, 1))
+        consume_energy(world, i, energy_cost(world, i, action, 1))
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
-    world.tally.times[i, action, loaded] += 1
+    world.tally.operations[i, action, loaded] += 1
     world.tally.ticks[i, action, loaded] += 1
 
 
 @kernel
-def need_allocation(world, i, reason):
+def request_allocation(world, i, reason):
     robots, clock = world.robots, world.clock
-    if robots.need[i] & NEED_ALLOCATION == 0 or robots.asked_at[i] >= 0:
-        clock[FRESH_ALLOCATION] += 1
+    if robots.need[i] & NEED_ALLOCATION == 0 or robots.seen_revision[i] >= 0:
+        clock[CLOCK_FRESH_ALLOCATION] += 1
     robots.need[i] |= np.uint8(NEED_ALLOCATION)
     robots.reason[i] = reason
-    robots.asked_at[i] = NIL
-    if reason == FREE:
-        need_charging(world, i, FREE)
+    robots.seen_revision[i] = NIL
+    if reason == REASON_IDLE:
+        request_charging(world, i, REASON_IDLE)
 
 
 @kernel
-def allocation_done(world, i):
+def clear_allocation_request(world, i):
     robots = world.robots
     if robots.need[i] & NEED_ALLOCATION:
-        if robots.asked_at[i] == NIL:
-            world.clock[FRESH_ALLOCATION] -= 1
+        if robots.seen_revision[i] == NIL:
+            world.clock[CLOCK_FRESH_ALLOCATION] -= 1
         robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
-    robots.asked_at[i] = NIL
+    robots.seen_revision[i] = NIL
 
 
 @kernel
-def need_charging(world, i, reason):
+def request_charging(world, i, reason):
     """Charging is to be asked about robot i, which has a battery."""
     robots = world.robots
     if world.rules.battery == 0:
         return
     if robots.need[i] & NEED_CHARGING == 0:
-        world.clock[NEEDING_CHARGING] += 1
+        world.clock[CLOCK_NEEDING_CHARGING] += 1
     robots.need[i] |= np.uint8(NEED_CHARGING)
     robots.charging_reason[i] = reason
 
 
 @kernel
-def need_route(world, i, reason):
+def request_route(world, i, reason):
     robots = world.robots
     drop_route(robots, i)
     if robots.need[i] & NEED_ROUTE == 0:
-        world.clock[NEEDING_ROUTE] += 1
+        world.clock[CLOCK_NEEDING_ROUTE] += 1
     robots.need[i] |= np.uint8(NEED_ROUTE)
     robots.route_reason[i] = reason
 
 
 @kernel
-def need_way(world, i):
-    if world.robots.need[i] & NEED_WAY == 0:
-        world.clock[NEEDING_WAY] += 1
-    world.robots.need[i] |= np.uint8(NEED_WAY)
+def request_right_of_way(world, i):
+    if world.robots.need[i] & NEED_RIGHT_OF_WAY == 0:
+        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] += 1
+    world.robots.need[i] |= np.uint8(NEED_RIGHT_OF_WAY)
 
 
 @kernel
-def no_route_needed(world, i):
+def clear_route_request(world, i):
     if world.robots.need[i] & NEED_ROUTE:
-        world.clock[NEEDING_ROUTE] -= 1
+        world.clock[CLOCK_NEEDING_ROUTE] -= 1
         world.robots.need[i] &= np.uint8(255 - NEED_ROUTE)
 
 
 @kernel
-def no_way_needed(world, i):
-    if world.robots.need[i] & NEED_WAY:
-        world.clock[NEEDING_WAY] -= 1
-        world.robots.need[i] &= np.uint8(255 - NEED_WAY)
+def clear_right_of_way(world, i):
+    if world.robots.need[i] & NEED_RIGHT_OF_WAY:
+        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] -= 1
+        world.robots.need[i] &= np.uint8(255 - NEED_RIGHT_OF_WAY)
 
 
 @kernel
 def drop_route(robots, i):
     """Forget the route: a stale plan must never be resumed."""
-    robots.length[i] = 0
-    robots.at[i] = 0
-    robots.route_sum[i] = 0
+    robots.route_length[i] = 0
+    robots.route_index[i] = 0
+    robots.route_hash[i] = 0
 
 
 @kernel
@@ -184,19 +190,19 @@ def first_cell(robots, i):
 @kernel
 def reserve_order(world, record, order, identity):
     """Give an order to a robot, or back (NIL)."""
-    world.orders.by[order] = identity
-    world.clock[CHANGES] += 1
-    note(world.clock, record, ORDER_BY, order, identity)
+    world.orders.reserved_by[order] = identity
+    world.clock[CLOCK_REVISION] += 1
+    record_change(world.clock, record, CHANGE_ORDER_RESERVED, order, identity)
 
 
 @kernel
 def reserve_slot(world, record, slot, identity):
     """Reserve a shelf for a robot's load, or free it (NIL); other slots take any number."""
-    if world.slots.endless[slot]:
+    if world.slots.unbounded[slot]:
         return
-    world.slots.by[slot] = identity
-    world.clock[CHANGES] += 1
-    note(world.clock, record, SLOT_BY, slot, identity)
+    world.slots.reserved_by[slot] = identity
+    world.clock[CLOCK_REVISION] += 1
+    record_change(world.clock, record, CHANGE_SLOT_RESERVED, slot, identity)
 
 
 @kernel
@@ -206,7 +212,7 @@ def handle(world, i, action, ticks):
         begin(world, i, action, ticks)
     else:
         loaded = 1 if world.robots.load[i] != NIL else 0
-        world.tally.times[i, action, loaded] += 1
+        world.tally.operations[i, action, loaded] += 1
 
 
 @kernel
@@ -214,49 +220,51 @@ def pick_up(world, record, i, ticks):
     """The shelf empties in the first tick of the pick; allocation says next tick where to go."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
-    handle(world, i, PICK, ticks)
-    slot = np.int64(orders.place[order])
-    robots.goal[i] = GOAL_NONE
-    robots.stand[i] = NIL
+    handle(world, i, ACTION_PICK, ticks)
+    slot = np.int64(orders.current_slot[order])
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
     drop_route(robots, i)
     orders.legs[order] += 1
-    note(world.clock, record, PICKED_UP, robots.identity[i], order)
+    record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
     if slot == orders.target[order]:
         visit(world, record, i, order, ticks)
         return
     empty_slot(world, slot)
-    if world.zoning.queue.shape[0]:
-        world.zoning.leg[order] = slot
-    orders.place[order] = NIL
-    orders.state[order] = CARRIED
+    if world.service_zones.queue.shape[0]:
+        world.service_zones.picked_from[order] = slot
+    orders.current_slot[order] = NIL
+    orders.state[order] = ORDER_CARRIED
     robots.load[i] = order
-    world.clock[CHANGES] += 1
-    need_allocation(world, i, PICKED)
+    world.clock[CLOCK_REVISION] += 1
+    request_allocation(world, i, REASON_PICKED)
 
 
 @kernel
 def leave_queue(world, order):
     """An order waits anew somewhere: zoning is to say in whose queue it is."""
-    tell_zoning(world)
-    if world.zoning.queue.shape[0]:
-        former = np.int64(world.zoning.queue[order])
+    request_zoning(world)
+    if world.service_zones.queue.shape[0]:
+        former = np.int64(world.service_zones.queue[order])
         if former >= 0:
-            world.zoning.queue[order] = -2 - former  # it is that zone's until zoning says otherwise
-        world.zoning.stop[order] = NIL
-        world.zoning.direct[order] = 0
-        world.zoning.leg[order] = NIL
+            world.service_zones.queue[order] = (
+                -2 - former
+            )  # it is that zone's until zoning says otherwise
+        world.service_zones.next_slot[order] = NIL
+        world.service_zones.skips_transfer[order] = 0
+        world.service_zones.picked_from[order] = NIL
 
 
 @kernel
 def visit(world, record, i, order, ticks):
     """The order lies where it has to go: with the robot's coming it is done."""
     world.robots.order[i] = NIL
-    world.orders.state[order] = DELIVERED
-    world.orders.delivered[order] = world.clock[TICK]
-    world.clock[UNDELIVERED] -= 1
+    world.orders.state[order] = ORDER_DELIVERED
+    world.orders.delivered[order] = world.clock[CLOCK_TICK]
+    world.clock[CLOCK_UNDELIVERED] -= 1
     deliver(world, order, ticks)
     reserve_order(world, record, order, NIL)
-    need_allocation(world, i, FREE)
+    request_allocation(world, i, REASON_IDLE)
 
 
 @kernel
@@ -264,9 +272,9 @@ def empty_slot(world, slot):
     """A load is taken from a slot; a spare one is put away."""
     slots = world.slots
     slots.content[slot] = NIL
-    if slot >= slots.spare:
+    if slot >= slots.first_spare:
         slots.cell[slot] = NIL
-        slots.endless[slot] = 1  # no shelf: nobody sets a load down there
+        slots.unbounded[slot] = 1  # no shelf: nobody sets a load down there
         for direction in range(4):
             slots.access[slot, direction] = NIL
 
@@ -277,52 +285,52 @@ def set_down(world, record, i, ticks):
     robots, orders = world.robots, world.orders
     order = np.int64(robots.load[i])
     slot = np.int64(robots.slot[i])
-    handle(world, i, DROP, ticks)
+    handle(world, i, ACTION_DROP, ticks)
     robots.load[i] = NIL
     robots.order[i] = NIL
     robots.slot[i] = NIL
-    robots.goal[i] = GOAL_NONE
-    robots.stand[i] = NIL
+    robots.goal_type[i] = GOAL_NONE
+    robots.goal_cell[i] = NIL
     drop_route(robots, i)
-    note(world.clock, record, SET_AT, robots.identity[i], slot)
-    orders.place[order] = slot
+    record_change(world.clock, record, CHANGE_DROPPED, robots.identity[i], slot)
+    orders.current_slot[order] = slot
     if slot == orders.target[order]:
-        orders.state[order] = DELIVERED
-        orders.delivered[order] = world.clock[TICK]
-        world.clock[UNDELIVERED] -= 1
+        orders.state[order] = ORDER_DELIVERED
+        orders.delivered[order] = world.clock[CLOCK_TICK]
+        world.clock[CLOCK_UNDELIVERED] -= 1
         deliver(world, order, ticks)
     else:
-        orders.state[order] = WAITING
+        orders.state[order] = ORDER_WAITING
         leave_queue(world, order)
-    if world.slots.endless[slot] == 0:
+    if world.slots.unbounded[slot] == 0:
         world.slots.content[slot] = order
     reserve_order(world, record, order, NIL)
     reserve_slot(world, record, slot, NIL)
-    need_allocation(world, i, FREE)
+    request_allocation(world, i, REASON_IDLE)
 
 
 @kernel
 def refuse(world, layer, i):
-    """An illegal answer: the robot waits for one tick, unless an operation runs anyway."""
+    """An illegal decision: the robot waits for one tick, unless an operation runs anyway."""
     world.tally.illegal[layer] += 1
     if world.robots.busy[i] == 0:
-        lose_tick(world, i, ILLEGAL)
+        count_lost_tick(world, i, ACTION_ILLEGAL)
         world.robots.busy[i] = 1  # motion takes it away again in this tick
-        world.robots.did[i] = DID_ILLEGAL
+        world.robots.executed[i] = EXECUTED_ILLEGAL
 
 
 @kernel
-def set_goal(world, i, goal, stand):
-    world.robots.goal[i] = goal
-    world.robots.stand[i] = stand
-    need_route(world, i, PLAN)
+def set_goal(world, i, goal, goal_cell):
+    world.robots.goal_type[i] = goal
+    world.robots.goal_cell[i] = goal_cell
+    request_route(world, i, REASON_NEW_GOAL)
 
 
 @kernel
 def entry_heading(grid, cell):
     """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
-    rule = np.int64(grid.rule[cell])
+    cell_flags = np.int64(grid.cell_flags[cell])
     for direction in (1, 3, 0, 2):
-        if (rule >> direction) & 1:
+        if (cell_flags >> direction) & 1:
             return direction & (grid.headings - 1)
     return 0

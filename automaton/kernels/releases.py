@@ -3,30 +3,37 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import RELEASES, draw
-from automaton.kernels.news import tell_zoning
-from automaton.world.state import CHANGES, NEXT_ORDER, NIL, TICK, UNDELIVERED, WAITING
+from automaton.kernels.random_numbers import STREAM_RELEASES, random_bits
+from automaton.kernels.zoning_requests import request_zoning
+from automaton.world.state import (
+    CLOCK_NEXT_RELEASE,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_UNDELIVERED,
+    NIL,
+    ORDER_WAITING,
+)
 
 
 @kernel
 def release_orders(world):
     """Orders whose tick has come are known from now on; in a closed loop one for each delivered."""
     orders, clock = world.orders, world.clock
-    while clock[NEXT_ORDER] < orders.coming.shape[0]:
-        order = np.int64(orders.coming[clock[NEXT_ORDER]])
+    while clock[CLOCK_NEXT_RELEASE] < orders.release_sequence.shape[0]:
+        order = np.int64(orders.release_sequence[clock[CLOCK_NEXT_RELEASE]])
         if order == NIL:
             return
         if world.rules.in_system:
-            delivered = orders.coming.shape[0] - clock[UNDELIVERED]
-            if clock[NEXT_ORDER] - delivered >= world.rules.in_system:
+            delivered = orders.release_sequence.shape[0] - clock[CLOCK_UNDELIVERED]
+            if clock[CLOCK_NEXT_RELEASE] - delivered >= world.rules.in_system:
                 return
-            orders.released[order] = clock[TICK]
-        elif orders.released[order] > clock[TICK]:
+            orders.release_tick[order] = clock[CLOCK_TICK]
+        elif orders.release_tick[order] > clock[CLOCK_TICK]:
             return
-        orders.state[order] = WAITING
-        clock[NEXT_ORDER] += 1
-        clock[CHANGES] += 1
-        tell_zoning(world)
+        orders.state[order] = ORDER_WAITING
+        clock[CLOCK_NEXT_RELEASE] += 1
+        clock[CLOCK_REVISION] += 1
+        request_zoning(world)
 
 
 @kernel
@@ -38,6 +45,9 @@ def draw_releases(out, chance, seed, last):
     tick = 0
     for k in range(1, out.shape[0]):
         tick = min(tick + 1, last)
-        while tick < last and np.int64(draw(seed, RELEASES, tick, 0) >> np.uint64(32)) >= chance:
+        while (
+            tick < last
+            and np.int64(random_bits(seed, STREAM_RELEASES, tick, 0) >> np.uint64(32)) >= chance
+        ):
             tick += 1
         out[k] = tick

@@ -13,10 +13,11 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.motion import has_room
-from automaton.world.state import MOVE, NIL, TURN
+from automaton.world.cells import MAY_TURN
+from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
 
-FAR = 1 << 30  # cost of what cannot be reached
-_POSE_MASK = (1 << 32) - 1
+UNREACHABLE = 1 << 30  # cost of what cannot be reached
+POSE_MASK = (1 << 32) - 1
 
 
 @kernel
@@ -53,14 +54,14 @@ def pop(heap, size):
 
 
 @kernel
-def fill_field(grid, kind, duration, target, field, heap, stop):
-    """field[pose] = least cost from the pose to the target cell in any heading; FAR if there is none.
+def fill_distance_field(grid, robot_type, duration, target, field, heap, stop):
+    """field[pose] = least cost from the pose to the target cell in any heading, or UNREACHABLE.
 
     `duration`: (A,) ticks of each action of robots of the type `kind`. Dijkstra from the target
     against the direction of travel. False if it was given up, since stop[0] is set.
     """
-    field[:] = FAR
-    ways = grid.ways[kind]
+    field[:] = UNREACHABLE
+    type_cell_flags = grid.type_cell_flags[robot_type]
     size = 0
     for heading in range(grid.headings):
         pose = target * grid.headings + heading
@@ -70,7 +71,7 @@ def fill_field(grid, kind, duration, target, field, heap, stop):
     while size > 0 and stop[0] == 0:
         key = pop(heap, size)
         size -= 1
-        pose = key & _POSE_MASK
+        pose = key & POSE_MASK
         cost = key >> 32
         if cost > field[pose]:
             continue
@@ -78,15 +79,26 @@ def fill_field(grid, kind, duration, target, field, heap, stop):
         heading = pose % grid.headings
         for direction in range(heading, 4, grid.headings):
             before = cell - grid.offset[direction]
-            if 0 <= before < ways.shape[0] and (np.int64(ways[before]) >> direction) & 1:
+            if (
+                0 <= before < type_cell_flags.shape[0]
+                and (np.int64(type_cell_flags[before]) >> direction) & 1
+            ):
                 size = relax(
-                    field, heap, size, before * grid.headings + heading, cost + duration[MOVE]
+                    field,
+                    heap,
+                    size,
+                    before * grid.headings + heading,
+                    cost + duration[ACTION_MOVE],
                 )
-        if grid.headings > 1 and np.int64(ways[cell]) & 16:
+        if grid.headings > 1 and np.int64(type_cell_flags[cell]) & MAY_TURN:
             ahead = (heading + 1) & (grid.headings - 1)
-            size = relax(field, heap, size, cell * grid.headings + ahead, cost + duration[TURN])
+            size = relax(
+                field, heap, size, cell * grid.headings + ahead, cost + duration[ACTION_TURN]
+            )
             behind = (heading - 1) & (grid.headings - 1)
-            size = relax(field, heap, size, cell * grid.headings + behind, cost + duration[TURN])
+            size = relax(
+                field, heap, size, cell * grid.headings + behind, cost + duration[ACTION_TURN]
+            )
     return stop[0] == 0
 
 
@@ -100,54 +112,66 @@ def relax(field, heap, size, pose, cost):
 
 
 @kernel
-def field_to(view, space, kind, target):
-    """The row of space.field with the costs of a type to a target cell; NIL once space.stop is set.
+def distance_field_to(view, workspace, robot_type, target):
+    """The row of workspace.field with a type's costs to a cell; NIL once workspace.stop is set.
 
     It is computed if it is not there.
     """
-    entry = np.int64(kind) * view.grid.ways.shape[1] + target
-    row = np.int64(space.field_of[entry])
-    if row != NIL or space.stop[0]:
+    entry = np.int64(robot_type) * view.grid.type_cell_flags.shape[1] + target
+    row = np.int64(workspace.field_of[entry])
+    if row != NIL or workspace.stop[0]:
         return row
-    row = np.int64(space.field_next[0])
-    space.field_next[0] = (row + 1) % space.field.shape[0]
-    if space.field_owner[row] != NIL:
-        space.field_of[space.field_owner[row]] = NIL
-    space.field_owner[row] = NIL
-    duration = view.rules.duration[kind]
-    if not fill_field(view.grid, kind, duration, target, space.field[row], space.heap, space.stop):
+    row = np.int64(workspace.field_next[0])
+    workspace.field_next[0] = (row + 1) % workspace.field.shape[0]
+    if workspace.field_owner[row] != NIL:
+        workspace.field_of[workspace.field_owner[row]] = NIL
+    workspace.field_owner[row] = NIL
+    duration = view.rules.duration[robot_type]
+    if not fill_distance_field(
+        view.grid,
+        robot_type,
+        duration,
+        target,
+        workspace.field[row],
+        workspace.heap,
+        workspace.stop,
+    ):
         return np.int64(NIL)
-    space.field_owner[row] = entry
-    space.field_of[entry] = row
+    workspace.field_owner[row] = entry
+    workspace.field_of[entry] = row
     return row
 
 
 @kernel
-def distance(view, space, kind, cell, heading, target):
-    """Ticks of a robot of a type from a pose to a target cell on the empty floor, FAR: no way."""
-    row = field_to(view, space, kind, target)
+def distance(view, workspace, robot_type, cell, heading, target):
+    """Ticks of a robot of a type from a pose to a target cell on the empty floor, UNREACHABLE: no way."""
+    row = distance_field_to(view, workspace, robot_type, target)
     if row == NIL:
-        return np.int64(FAR)
-    return np.int64(space.field[row, cell * view.grid.headings + heading])
+        return np.int64(UNREACHABLE)
+    return np.int64(workspace.field[row, cell * view.grid.headings + heading])
 
 
 @kernel
-def descend(view, space, kind, cell, heading, target, steps):
+def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
     """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
-    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
-    row = field_to(view, space, kind, target)
-    field = space.field[row]
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    row = distance_field_to(view, workspace, robot_type, target)
+    field = workspace.field[row]
     length = 0
-    if row == NIL or field[cell * grid.headings + heading] >= FAR:
+    if row == NIL or field[cell * grid.headings + heading] >= UNREACHABLE:
         return NIL
     while cell != target:
         cost = np.int64(field[cell * grid.headings + heading])
         found = False
         for direction in range(heading, 4, grid.headings):
-            if (np.int64(ways[cell]) >> direction) & 1 == 0:
+            if (np.int64(type_cell_flags[cell]) >> direction) & 1 == 0:
                 continue
             after = cell + grid.offset[direction]
-            if field[after * grid.headings + heading] == cost - duration[MOVE]:
+            if field[after * grid.headings + heading] == cost - duration[ACTION_MOVE]:
                 if length == steps.shape[0]:
                     return length  # as much as fits; the robot asks again at its end
                 steps[length] = direction
@@ -157,26 +181,26 @@ def descend(view, space, kind, cell, heading, target, steps):
                 break
         if not found:
             ahead = (heading + 1) & (grid.headings - 1)
-            if field[cell * grid.headings + ahead] != cost - duration[TURN]:
+            if field[cell * grid.headings + ahead] != cost - duration[ACTION_TURN]:
                 ahead = (heading - 1) & (grid.headings - 1)
             heading = ahead
     return length
 
 
 @kernel
-def begin_search(space):
-    space.generation[0] += 1
-    return space.generation[0]
+def begin_search(workspace):
+    workspace.generation[0] += 1
+    return workspace.generation[0]
 
 
 @kernel
-def reach(space, search, size, pose, cost, estimate, how):
+def reach(workspace, search, size, pose, cost, estimate, how):
     """Enter a pose into the search's queue if this cost is better; returns the queue's size."""
-    if space.stamp[pose] != search or cost < space.cost[pose]:
-        space.stamp[pose] = search
-        space.cost[pose] = cost
-        space.parent[pose] = how
-        push(space.heap, size, (np.int64(cost + estimate) << 32) | np.int64(pose))
+    if workspace.stamp[pose] != search or cost < workspace.cost[pose]:
+        workspace.stamp[pose] = search
+        workspace.cost[pose] = cost
+        workspace.parent[pose] = how
+        push(workspace.heap, size, (np.int64(cost + estimate) << 32) | np.int64(pose))
         return size + 1
     return size
 
@@ -195,71 +219,87 @@ def is_closed(view, cell, direction, target, around):
 
 
 @kernel
-def find_path(view, space, kind, cell, heading, target, around, steps):
+def find_path(view, workspace, robot_type, cell, heading, target, around, steps):
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
     `around`: cells without room now, the target excepted, are removed from the floor. The estimate
     is the exact cost on the empty floor (a cached distance field).
     """
-    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
-    row = field_to(view, space, kind, target)
-    if row == NIL or space.field[row, cell * grid.headings + heading] >= FAR:
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    row = distance_field_to(view, workspace, robot_type, target)
+    if row == NIL or workspace.field[row, cell * grid.headings + heading] >= UNREACHABLE:
         return NIL
-    search = begin_search(space)
+    search = begin_search(workspace)
     start = cell * grid.headings + heading
-    size = reach(space, search, 0, start, 0, space.field[row, start], STARTED)
-    while size > 0 and space.stop[0] == 0:
-        key = pop(space.heap, size)
+    size = reach(workspace, search, 0, start, 0, workspace.field[row, start], STARTED)
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
         size -= 1
-        pose = key & _POSE_MASK
-        cost = np.int64(space.cost[pose])
-        if (key >> 32) != cost + space.field[row, pose]:
+        pose = key & POSE_MASK
+        cost = np.int64(workspace.cost[pose])
+        if (key >> 32) != cost + workspace.field[row, pose]:
             continue  # a better way to this pose was found meanwhile
-        space.generation[1] += 1
+        workspace.generation[1] += 1
         here = pose // grid.headings
         if here == target:
-            return write_path(grid, space, pose, steps)
+            return write_path(grid, workspace, pose, steps)
         h = pose % grid.headings
         for direction in range(h, 4, grid.headings):
-            if (np.int64(ways[here]) >> direction) & 1:
+            if (np.int64(type_cell_flags[here]) >> direction) & 1:
                 after = here + grid.offset[direction]
                 to = after * grid.headings + h
                 if not is_closed(view, after, direction, target, around):
                     size = reach(
-                        space,
+                        workspace,
                         search,
                         size,
                         to,
-                        cost + duration[MOVE],
-                        space.field[row, to],
+                        cost + duration[ACTION_MOVE],
+                        workspace.field[row, to],
                         direction,
                     )
-        if grid.headings > 1 and np.int64(ways[here]) & 16:
+        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
             size = reach(
-                space, search, size, to, cost + duration[TURN], space.field[row, to], TURNED_AHEAD
+                workspace,
+                search,
+                size,
+                to,
+                cost + duration[ACTION_TURN],
+                workspace.field[row, to],
+                TURNED_AHEAD,
             )
             to = here * grid.headings + ((h - 1) & (grid.headings - 1))
             size = reach(
-                space, search, size, to, cost + duration[TURN], space.field[row, to], TURNED_BEHIND
+                workspace,
+                search,
+                size,
+                to,
+                cost + duration[ACTION_TURN],
+                workspace.field[row, to],
+                TURNED_BEHIND,
             )
     return NIL
 
 
 @kernel
-def write_path(grid, space, pose, steps):
+def write_path(grid, workspace, pose, steps):
     """Directions from the start of the search to a pose, read backwards from the parents."""
     length = 0
     at = pose
-    while space.parent[at] != STARTED:
-        how = np.int64(space.parent[at])
+    while workspace.parent[at] != STARTED:
+        how = np.int64(workspace.parent[at])
         if how < 4:
             length += 1
         at = parent_of(grid, at, how)
     at = pose
     k = length
-    while space.parent[at] != STARTED:
-        how = np.int64(space.parent[at])
+    while workspace.parent[at] != STARTED:
+        how = np.int64(workspace.parent[at])
         if how < 4:
             k -= 1
             if k < steps.shape[0]:
@@ -278,47 +318,55 @@ def parent_of(grid, pose, how):
 
 
 @kernel
-def mark_goal(space, search, cell, value):
+def mark_goal(workspace, search, cell, value):
     """Make a cell a goal of nearest_mark; the lowest value of a cell counts."""
-    if space.mark_stamp[cell] != search or value < space.mark[cell]:
-        space.mark_stamp[cell] = search
-        space.mark[cell] = value
+    if workspace.mark_stamp[cell] != search or value < workspace.mark[cell]:
+        workspace.mark_stamp[cell] = search
+        workspace.mark[cell] = value
 
 
 @kernel
-def nearest_mark(view, space, search, kind, cell, heading, around):
+def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
     """The value of the marked cell of least cost from a pose, ties to the lowest value; NIL if none.
 
     Dijkstra that ends with the first cost at which a mark was found. `around` as in find_path.
     """
-    grid, duration, ways = view.grid, view.rules.duration[kind], view.grid.ways[kind]
-    size = reach(space, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
+    grid, duration, type_cell_flags = (
+        view.grid,
+        view.rules.duration[robot_type],
+        view.grid.type_cell_flags[robot_type],
+    )
+    size = reach(workspace, search, 0, cell * grid.headings + heading, 0, 0, STARTED)
     best = NIL
-    best_cost = FAR
-    while size > 0 and space.stop[0] == 0:
-        key = pop(space.heap, size)
+    best_cost = UNREACHABLE
+    while size > 0 and workspace.stop[0] == 0:
+        key = pop(workspace.heap, size)
         size -= 1
-        pose = key & _POSE_MASK
+        pose = key & POSE_MASK
         cost = key >> 32
         if cost > best_cost:
             break
-        if cost != space.cost[pose]:
+        if cost != workspace.cost[pose]:
             continue
-        space.generation[1] += 1
+        workspace.generation[1] += 1
         here = pose // grid.headings
-        if space.mark_stamp[here] == search and (best == NIL or space.mark[here] < best):
-            best = np.int64(space.mark[here])
+        if workspace.mark_stamp[here] == search and (best == NIL or workspace.mark[here] < best):
+            best = np.int64(workspace.mark[here])
             best_cost = cost
         h = pose % grid.headings
         for direction in range(h, 4, grid.headings):
-            if (np.int64(ways[here]) >> direction) & 1:
+            if (np.int64(type_cell_flags[here]) >> direction) & 1:
                 after = here + grid.offset[direction]
                 if not is_closed(view, after, direction, NIL, around):
                     to = after * grid.headings + h
-                    size = reach(space, search, size, to, cost + duration[MOVE], 0, direction)
-        if grid.headings > 1 and np.int64(ways[here]) & 16:
+                    size = reach(
+                        workspace, search, size, to, cost + duration[ACTION_MOVE], 0, direction
+                    )
+        if grid.headings > 1 and np.int64(type_cell_flags[here]) & MAY_TURN:
             to = here * grid.headings + ((h + 1) & (grid.headings - 1))
-            size = reach(space, search, size, to, cost + duration[TURN], 0, TURNED_AHEAD)
+            size = reach(workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_AHEAD)
             to = here * grid.headings + ((h - 1) & (grid.headings - 1))
-            size = reach(space, search, size, to, cost + duration[TURN], 0, TURNED_BEHIND)
+            size = reach(
+                workspace, search, size, to, cost + duration[ACTION_TURN], 0, TURNED_BEHIND
+            )
     return best

@@ -7,15 +7,15 @@ in the tick in which the work on it is done.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.news import tell_zoning
+from automaton.kernels.zoning_requests import request_zoning
 from automaton.world.state import (
-    CHANGES,
-    NEXT_ORDER,
-    NEXT_PART,
+    CLOCK_NEXT_PART,
+    CLOCK_NEXT_RELEASE,
+    CLOCK_OPEN_JOBS,
+    CLOCK_REVISION,
+    CLOCK_TICK,
     NIL,
-    TICK,
-    UNWORKED,
-    WAITING,
+    ORDER_WAITING,
 )
 
 
@@ -28,57 +28,59 @@ def come(world, work, tick):
     """
     stations = world.stations
     k = np.int64(stations.station[work])
-    stations.came[work] = tick
-    ahead, at = np.int64(NIL), np.int64(stations.first[k])
-    while at != NIL and (stations.came[at] < tick or (stations.came[at] == tick and at < work)):
-        ahead, at = at, np.int64(stations.behind[at])
-    stations.behind[work] = at
+    stations.arrival_tick[work] = tick
+    ahead, at = np.int64(NIL), np.int64(stations.in_service[k])
+    while at != NIL and (
+        stations.arrival_tick[at] < tick or (stations.arrival_tick[at] == tick and at < work)
+    ):
+        ahead, at = at, np.int64(stations.next_in_queue[at])
+    stations.next_in_queue[work] = at
     if ahead == NIL:
-        stations.first[k] = work
-        stations.until[k] = tick + stations.ticks[work]
+        stations.in_service[k] = work
+        stations.job_done_tick[k] = tick + stations.processing_time[work]
     else:
-        stations.behind[ahead] = work
+        stations.next_in_queue[ahead] = work
     if at == NIL:
-        stations.last[k] = work
+        stations.queue_tail[k] = work
 
 
 @kernel
 def work_at_stations(world):
     """Parts enter that come in this tick; work that is done ends, and the next one begins."""
     stations, clock = world.stations, world.clock
-    while clock[NEXT_PART] < stations.entering.shape[0]:
-        work = np.int64(stations.entering[clock[NEXT_PART]])
-        if stations.came[work] > clock[TICK]:
+    while clock[CLOCK_NEXT_PART] < stations.part_arrivals.shape[0]:
+        work = np.int64(stations.part_arrivals[clock[CLOCK_NEXT_PART]])
+        if stations.arrival_tick[work] > clock[CLOCK_TICK]:
             break
-        come(world, work, clock[TICK])
-        clock[NEXT_PART] += 1
+        come(world, work, clock[CLOCK_TICK])
+        clock[CLOCK_NEXT_PART] += 1
     for k in range(stations.slot.shape[0]):
-        work = np.int64(stations.first[k])
-        if work == NIL or stations.until[k] > clock[TICK]:
+        work = np.int64(stations.in_service[k])
+        if work == NIL or stations.job_done_tick[k] > clock[CLOCK_TICK]:
             continue
-        stations.done[work] = clock[TICK]
-        clock[UNWORKED] -= 1
-        if stations.frees[work] != NIL:
-            make_known(world, np.int64(stations.frees[work]))
-        following = np.int64(stations.behind[work])
-        stations.first[k] = following
+        stations.completion_tick[work] = clock[CLOCK_TICK]
+        clock[CLOCK_OPEN_JOBS] -= 1
+        if stations.releases_order[work] != NIL:
+            make_known(world, np.int64(stations.releases_order[work]))
+        following = np.int64(stations.next_in_queue[work])
+        stations.in_service[k] = following
         if following == NIL:
-            stations.last[k] = NIL
+            stations.queue_tail[k] = NIL
         else:
-            begin = max(clock[TICK], np.int64(stations.came[following]))
-            stations.until[k] = begin + stations.ticks[following]
+            begin = max(clock[CLOCK_TICK], np.int64(stations.arrival_tick[following]))
+            stations.job_done_tick[k] = begin + stations.processing_time[following]
 
 
 @kernel
 def make_known(world, order):
     """The order waits at its station from now on."""
     orders, clock = world.orders, world.clock
-    orders.state[order] = WAITING
-    orders.released[order] = clock[TICK]
-    orders.coming[clock[NEXT_ORDER]] = order
-    clock[NEXT_ORDER] += 1
-    clock[CHANGES] += 1
-    tell_zoning(world)
+    orders.state[order] = ORDER_WAITING
+    orders.release_tick[order] = clock[CLOCK_TICK]
+    orders.release_sequence[clock[CLOCK_NEXT_RELEASE]] = order
+    clock[CLOCK_NEXT_RELEASE] += 1
+    clock[CLOCK_REVISION] += 1
+    request_zoning(world)
 
 
 @kernel
@@ -87,7 +89,7 @@ def deliver(world, order, ticks):
 
     The station begins to work on its part, or lines it up.
     """
-    if world.stations.arrives.shape[0]:
-        work = np.int64(world.stations.arrives[order])
+    if world.stations.job_of_order.shape[0]:
+        work = np.int64(world.stations.job_of_order[order])
         if work != NIL:
-            come(world, work, world.clock[TICK] + ticks)
+            come(world, work, world.clock[CLOCK_TICK] + ticks)

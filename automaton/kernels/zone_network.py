@@ -15,7 +15,7 @@ from automaton.compiled import kernel
 from automaton.kernels.routes.replay import WORD
 from automaton.world.state import NIL
 
-HEADER = 8  # numbers before the first layer
+NETWORK_HEADER_WORDS = 8  # numbers before the first layer
 BITS = 4  # the place of `bits` in it
 
 
@@ -31,10 +31,10 @@ def add_predicted(network, scratch, start, end, used):
     sums = scratch[:width]
     sums[:] = 0
     if start != NIL:
-        add_row(numbers[HEADER + start * width :], 1, sums)
+        add_row(numbers[NETWORK_HEADER_WORDS + start * width :], 1, sums)
     if end != NIL:
-        add_row(numbers[HEADER + (zones + end) * width :], 1, sums)
-    at = HEADER + 2 * zones * width
+        add_row(numbers[NETWORK_HEADER_WORDS + (zones + end) * width :], 1, sums)
+    at = NETWORK_HEADER_WORDS + 2 * zones * width
     add_row(numbers[at:], 1, sums)
     at += width
     begin = np.int64(0)

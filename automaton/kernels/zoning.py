@@ -1,85 +1,85 @@
-"""How the answers of zoning enter the world: designs, queues, and what robots tell each other.
+"""How the decisions of zoning enter the world: designs, queues, and what robots tell each other.
 
-A design is checked as a whole: every station is in a zone, segments follow roads between stations of
-their zone, no point is in two zones, a transfer station belongs to one of its two zones. With limited
-sight a robot may change only what it can see.
+A design is checked as a whole: every station is in a zone, segments follow roads between stations
+of their zone, no point is in two zones, a transfer station belongs to one of its two zones. With
+limited sight a robot may change only what it can see.
 """
 
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.operations import note
-from automaton.kernels.sight import is_seen, zone_is_seen
-from automaton.recording.codes import ZONE
+from automaton.kernels.operations import record_change
+from automaton.kernels.visibility import is_visible, is_zone_visible
+from automaton.recording.codes import CHANGE_ZONE
 from automaton.world.state import (
-    CHANGES,
-    HALTED,
+    CLOCK_HALTED_UNTIL,
+    CLOCK_NEXT_WAKEUP,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_ZONES_REDESIGNED,
     KEEP,
+    LAYER_ZONING,
     NIL,
-    REDESIGNED,
-    TICK,
-    WAITING,
-    WAKING,
-    ZONING,
+    ORDER_WAITING,
 )
 from automaton.zoning.paths import copy_segment
 
-LONGEST_HALT = 60_000  # ticks
+MAX_HALT_TICKS = 60_000  # ticks
 
 
 @kernel
-def commit_zoning(world, record, asked, answers):
+def commit_zoning(world, record, batch, decisions):
     """Enter what zoning decided about robots, the design and the queues."""
-    given = answers.zoning
-    for k in range(asked.count[0]):
-        commit_robot(world, record, np.int64(asked.robot[k]), given, k)
-    if world.zoning.queue.shape[0] == 0:
+    out = decisions.zoning
+    for k in range(batch.count[0]):
+        commit_robot(world, record, np.int64(batch.robot[k]), out, k)
+    if world.service_zones.queue.shape[0] == 0:
         return
-    if given.redesigned[0] and is_sound(world, given.design):
-        adopt(world.zoning.design, given.design)
-        if world.clock[REDESIGNED] != world.clock[TICK]:
-            world.clock[CHANGES] += 1
-        world.clock[REDESIGNED] = world.clock[TICK]
-    for zone in range(given.server.shape[0]):
-        server = given.server[zone]
+    if out.redesigned[0] and is_sound(world, out.design):
+        adopt(world.service_zones.design, out.design)
+        if world.clock[CLOCK_ZONES_REDESIGNED] != world.clock[CLOCK_TICK]:
+            world.clock[CLOCK_REVISION] += 1
+        world.clock[CLOCK_ZONES_REDESIGNED] = world.clock[CLOCK_TICK]
+    for zone in range(out.server.shape[0]):
+        server = out.server[zone]
         if server != KEEP and 0 <= server < world.robots.cell.shape[0]:
-            if server != world.zoning.server[zone]:
-                world.zoning.server[zone] = server
-                world.clock[CHANGES] += 1
+            if server != world.service_zones.server[zone]:
+                world.service_zones.server[zone] = server
+                world.clock[CLOCK_REVISION] += 1
         elif server != KEEP:
-            world.tally.illegal[ZONING] += 1
-    for k in range(given.queued[0]):
-        line_up(world, given, k)
+            world.tally.illegal[LAYER_ZONING] += 1
+    for k in range(out.queued[0]):
+        enqueue_order(world, out, k)
 
 
 @kernel
-def judge_zoning(world, asked, given):
-    """Make the design of an answer whole, and refuse what cannot be recorded as it stands.
+def judge_zoning(world, batch, out):
+    """Make the design of a decision whole, and refuse what cannot be recorded as it stands.
 
     That is a design that is not sound or changes too much, and a number of queued orders that
     cannot be.
     """
     most = 2 * world.robots.cell.shape[0]  # of a replay, which tells of all calls at once
-    refused = min(max(np.int64(0), given.refused[0]), most)
-    if not 0 <= given.queued[0] <= given.order.shape[0]:
-        given.queued[0] = 0
+    refused = min(max(np.int64(0), out.refused[0]), most)
+    if not 0 <= out.queued[0] <= out.order.shape[0]:
+        out.queued[0] = 0
         refused += 1
-    if given.redesigned[0] and world.zoning.queue.shape[0]:
-        if not may_become(world, asked, given.design):
-            given.redesigned[0] = 0
+    if out.redesigned[0] and world.service_zones.queue.shape[0]:
+        if not may_become(world, batch, out.design):
+            out.redesigned[0] = 0
             refused += 1
-    given.refused[0] = refused
-    world.tally.illegal[ZONING] += refused
+    out.refused[0] = refused
+    world.tally.illegal[LAYER_ZONING] += refused
 
 
 @kernel
-def may_become(world, asked, design):
+def may_become(world, batch, design):
     """Whether a design, made whole, is sound and changes only what may be changed."""
     if not has_room_for(design):
         return False
-    if world.rules.own_zones and asked.count[0]:
-        fill_in_hidden(world, np.int64(asked.robot[0]), design)
-    return is_sound(world, design) and may_change(world, asked, design)
+    if world.rules.own_zones and batch.count[0]:
+        fill_in_hidden(world, np.int64(batch.robot[0]), design)
+    return is_sound(world, design) and may_change(world, batch, design)
 
 
 @kernel
@@ -94,48 +94,50 @@ def has_room_for(design):
 
 
 @kernel
-def commit_robot(world, record, i, given, k):
-    """What zoning says of robot i, answer k of the batch."""
-    zoning, tick = world.zoning, world.clock[TICK]
-    zone = np.int64(given.zone[k])
-    if zone != KEEP and not may_serve(world, zone):
-        world.tally.illegal[ZONING] += 1
-    elif zone != KEEP and zone != world.robots.zone[i]:
-        world.robots.zone[i] = zone
-        note(world.clock, record, ZONE, world.robots.identity[i], zone)
-    if zoning.queue.shape[0] == 0:
+def commit_robot(world, record, i, out, k):
+    """What zoning says of robot i, decision k of the batch."""
+    service_zones, tick = world.service_zones, world.clock[CLOCK_TICK]
+    service_zone = np.int64(out.service_zone[k])
+    if service_zone != KEEP and not may_serve(world, service_zone):
+        world.tally.illegal[LAYER_ZONING] += 1
+    elif service_zone != KEEP and service_zone != world.robots.service_zone[i]:
+        world.robots.service_zone[i] = service_zone
+        record_change(world.clock, record, CHANGE_ZONE, world.robots.identity[i], service_zone)
+    if service_zones.queue.shape[0] == 0:
         return
-    halt, again = np.int64(given.halt[k]), np.int64(given.again[k])
+    halt, again = np.int64(out.halt[k]), np.int64(out.again[k])
     if halt != KEEP:
-        if 0 <= halt <= LONGEST_HALT:
-            zoning.halt[i] = tick - 1 + halt
-            world.clock[HALTED] = max(np.int64(world.clock[HALTED]), tick - 1 + halt)
+        if 0 <= halt <= MAX_HALT_TICKS:
+            service_zones.halt[i] = tick - 1 + halt
+            world.clock[CLOCK_HALTED_UNTIL] = max(
+                np.int64(world.clock[CLOCK_HALTED_UNTIL]), tick - 1 + halt
+            )
         else:
-            world.tally.illegal[ZONING] += 1
+            world.tally.illegal[LAYER_ZONING] += 1
     if again != KEEP and again < NIL:
-        world.tally.illegal[ZONING] += 1
+        world.tally.illegal[LAYER_ZONING] += 1
     elif again != KEEP:
-        zoning.wake[i] = tick + max(np.int64(1), again) if again != NIL else NIL
-        waking = np.int64(world.clock[WAKING])
-        if again != NIL and (waking == NIL or zoning.wake[i] < waking):
-            world.clock[WAKING] = zoning.wake[i]
-    if given.tells[k]:
-        for word in range(zoning.said.shape[1]):
-            zoning.said[i, word] = given.said[k, word]
+        service_zones.wake[i] = tick + max(np.int64(1), again) if again != NIL else NIL
+        waking = np.int64(world.clock[CLOCK_NEXT_WAKEUP])
+        if again != NIL and (waking == NIL or service_zones.wake[i] < waking):
+            world.clock[CLOCK_NEXT_WAKEUP] = service_zones.wake[i]
+    if out.sends_message[k]:
+        for word in range(service_zones.messages.shape[1]):
+            service_zones.messages[i, word] = out.messages[k, word]
 
 
 @kernel
-def may_serve(world, zone):
+def may_serve(world, service_zone):
     """Whether a zone exists, or is NIL; without a design there may be as many as cells."""
-    designed = world.zoning.queue.shape[0] > 0
-    zones = world.zoning.server.shape[0] if designed else world.grid.rule.shape[0]
-    return NIL <= zone < zones
+    designed = world.service_zones.queue.shape[0] > 0
+    zones = world.service_zones.server.shape[0] if designed else world.grid.cell_flags.shape[0]
+    return NIL <= service_zone < zones
 
 
 @kernel
 def fill_in_hidden(world, i, design):
     """What robot i does not see of the zones stays as it is."""
-    now = world.zoning.design
+    now = world.service_zones.design
     for station in range(design.zone.shape[0]):
         if design.zone[station] == NIL:
             design.zone[station] = now.zone[station]
@@ -145,14 +147,14 @@ def fill_in_hidden(world, i, design):
             copy_segment(design, segment, design, kept)
             kept += 1
     for segment in range(now.segments[0]):
-        hidden = not zone_is_seen(world, i, np.int64(now.owner[segment]))
+        hidden = not is_zone_visible(world, i, np.int64(now.owner[segment]))
         if hidden and kept < design.owner.shape[0]:
             copy_segment(now, segment, design, kept)
             kept += 1
     design.segments[0] = kept
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
-            if not (zone_is_seen(world, i, a) and zone_is_seen(world, i, b)):
+            if not (is_zone_visible(world, i, a) and is_zone_visible(world, i, b)):
                 for station in range(design.zone.shape[0]):
                     lies = design.zone[station] == a or design.zone[station] == b
                     design.transfer[a, b, station] = now.transfer[a, b, station] if lies else 0
@@ -161,12 +163,12 @@ def fill_in_hidden(world, i, design):
 @kernel
 def is_sound(world, design):
     """Whether a design is one; writes design.held, the zone of each point of primary segments."""
-    roads, zones = world.zoning.roads, world.zoning.server.shape[0]
+    roads, zones = world.service_zones.roads, world.service_zones.server.shape[0]
     held = design.held
     held[:] = NIL
     for station in range(design.zone.shape[0]):
         zone = np.int64(design.zone[station])
-        if not 0 <= zone < zones or world.zoning.serves[zone, station] == 0:
+        if not 0 <= zone < zones or world.service_zones.accessible[zone, station] == 0:
             return False
         held[roads.point[station]] = zone
     if not has_room_for(design):
@@ -180,7 +182,7 @@ def is_sound(world, design):
             if held[point] != NIL and held[point] != owner:
                 return False
             held[point] = owner
-    return transfers_are_sound(design, world.zoning.serves)
+    return transfers_are_sound(design, world.service_zones.accessible)
 
 
 @kernel
@@ -209,7 +211,7 @@ def is_path(roads, design, segment):
 
 
 @kernel
-def transfers_are_sound(design, serves):
+def transfers_are_sound(design, accessible):
     """Whether transfer stations lie in one of their two zones, and both know and serve them."""
     zones = design.transfer.shape[0]
     for a in range(zones):
@@ -220,24 +222,24 @@ def transfers_are_sound(design, serves):
                 zone = design.zone[station]
                 if a == b or (zone != a and zone != b) or design.transfer[b, a, station] == 0:
                     return False
-                if serves[a, station] == 0:
+                if accessible[a, station] == 0:
                     return False
     return True
 
 
 @kernel
-def may_change(world, asked, design):
+def may_change(world, batch, design):
     """With limited sight: whether all stations that change their zone do so between robots in sight."""
-    if world.rules.radius == NIL or asked.count[0] == 0:
+    if world.rules.radius == NIL or batch.count[0] == 0:
         return True
-    i = np.int64(asked.robot[0])
+    i = np.int64(batch.robot[0])
     for station in range(design.zone.shape[0]):
-        before = world.zoning.design.zone[station]
+        before = world.service_zones.design.zone[station]
         if before == design.zone[station] or before == NIL:
             continue  # NIL: these are the first zones
         for zone in (before, design.zone[station]):
-            server = np.int64(world.zoning.server[zone])
-            if server != NIL and not is_seen(world, i, np.int64(world.robots.at_index[server])):
+            server = np.int64(world.service_zones.server[zone])
+            if server != NIL and not is_visible(world, i, np.int64(world.robots.at_index[server])):
                 return False
     return True
 
@@ -267,21 +269,25 @@ def adopt(design, given):
 
 
 @kernel
-def line_up(world, given, k):
-    """Entry k of the answers: an order that nobody has taken comes into a queue."""
-    zoning, orders = world.zoning, world.orders
-    order, queue, stop = np.int64(given.order[k]), np.int64(given.queue[k]), np.int64(given.stop[k])
-    legal = 0 <= order < orders.state.shape[0] and 0 <= queue < zoning.server.shape[0]
-    legal = legal and orders.state[order] == WAITING and orders.by[order] == NIL
-    legal = legal and 0 <= stop < world.slots.cell.shape[0]
-    if legal and stop != orders.target[order]:  # on the way: at another station, or on a shelf
-        legal = world.stations.at[stop] != NIL or world.slots.endless[stop] == 0
-        legal = legal and stop != orders.place[order]
+def enqueue_order(world, out, k):
+    """Entry k of the decisions: an order that nobody has taken comes into a queue."""
+    service_zones, orders = world.service_zones, world.orders
+    order, queue, next_slot = (
+        np.int64(out.order[k]),
+        np.int64(out.queue[k]),
+        np.int64(out.next_slot[k]),
+    )
+    legal = 0 <= order < orders.state.shape[0] and 0 <= queue < service_zones.server.shape[0]
+    legal = legal and orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
+    legal = legal and 0 <= next_slot < world.slots.cell.shape[0]
+    if legal and next_slot != orders.target[order]:  # on the way: at another station, or on a shelf
+        legal = world.stations.at[next_slot] != NIL or world.slots.unbounded[next_slot] == 0
+        legal = legal and next_slot != orders.current_slot[order]
     if not legal:
-        world.tally.illegal[ZONING] += 1
+        world.tally.illegal[LAYER_ZONING] += 1
         return
-    if zoning.queue[order] != queue or zoning.stop[order] != stop:
-        world.clock[CHANGES] += 1
-    zoning.queue[order] = queue
-    zoning.stop[order] = stop
-    zoning.direct[order] = given.direct[k]
+    if service_zones.queue[order] != queue or service_zones.next_slot[order] != next_slot:
+        world.clock[CLOCK_REVISION] += 1
+    service_zones.queue[order] = queue
+    service_zones.next_slot[order] = next_slot
+    service_zones.skips_transfer[order] = out.skips_transfer[k]

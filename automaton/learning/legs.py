@@ -62,13 +62,13 @@ def site_of(resolved: Resolved) -> Site:
     """
     fleet, durations = resolved.scenario.fleet, resolved.scenario.durations
     floor = floor_for(
-        resolved.plan,
+        resolved.floor_plan,
         fleet.kinematics,
         durations.move,
         durations.turn,
         resolved.scenario.world.zones,
     )
-    if floor.grid.zones == 0:
+    if floor.grid.traffic_zone_count == 0:
         raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")
     kind = floor.grid.kind[floor.slot_cell]
     outer, inner = kind == DOCK, kind == RACK
@@ -76,7 +76,7 @@ def site_of(resolved: Resolved) -> Site:
         outer, inner = floor.slot_endless == 1, floor.slot_endless == 0
     racks, docks = _access(resolved, floor, inner), _access(resolved, floor, outer)
     if not racks.size or not docks.size:
-        racks = docks = np.flatnonzero(resolved.plan.drivable()).astype(np.int32)
+        racks = docks = np.flatnonzero(resolved.floor_plan.drivable()).astype(np.int32)
     duration = frozen(duration_table(durations))  # as strategies see it: the same compiled search
     return Site(floor, duration, racks, docks)
 
@@ -96,16 +96,16 @@ def legs_of(site: Site, count: int, seed: int) -> Legs:
     """
     start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
     grid = site.floor.grid
-    used = np.zeros((count, words(grid.zones)), np.int64)
-    space = route_space(grid.kind.size * grid.headings, grid.zones)
+    used = np.zeros((count, words(grid.traffic_zone_count)), np.int64)
+    workspace = route_space(grid.kind.size * grid.headings, grid.traffic_zone_count)
     with np.errstate(over="ignore"):
         legs.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
         poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
-        driven = legs.trace_legs(grid, site.duration, space, FIFO, poses, end, used)
+        driven = legs.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
     if driven < count:
         raise InputError("robots cannot drive from everywhere to everywhere on this floor")
-    zone = grid.zone[:, 0].astype(np.int64)
-    return Legs(start, end, zone[start], zone[end], members(used, grid.zones))
+    zone = grid.traffic_zone[:, 0].astype(np.int64)
+    return Legs(start, end, zone[start], zone[end], members(used, grid.traffic_zone_count))
 
 
 def members(used: npt.NDArray[np.int64], zones: int) -> npt.NDArray[np.bool_]:

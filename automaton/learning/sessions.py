@@ -124,6 +124,6 @@ class Session:
         return {
             "scenario": self.name,
             "mode": self.mode,
-            "zones": int(grid.zones),
+            "zones": int(grid.traffic_zone_count),
             "floor": floor_fingerprint(grid, self.site.duration),
         }

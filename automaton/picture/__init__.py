@@ -12,11 +12,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from automaton.picture.floor import floor_drawing, floor_legend, floor_picture
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 if TYPE_CHECKING:
-    from automaton.picture.partition import partition_picture
     from automaton.picture.reading import world_from
+    from automaton.picture.service_zone_lines import partition_picture
     from automaton.picture.story import Story, moved
     from automaton.picture.writing import picture_of
 
@@ -34,7 +34,7 @@ __all__ = [
 
 # Worlds need Numba, floors do not: these are imported when they are first asked for.
 _WORLDS = {
-    "partition_picture": "automaton.picture.partition",
+    "partition_picture": "automaton.picture.service_zone_lines",
     "picture_of": "automaton.picture.writing",
     "world_from": "automaton.picture.reading",
     "Story": "automaton.picture.story",

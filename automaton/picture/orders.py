@@ -12,50 +12,52 @@ import re
 
 from automaton.errors import InputError
 from automaton.picture.phrases import Facts, Phrase, Value, read_facts, write_facts
-from automaton.world.plan import FloorPlan
-from automaton.world.state import CARRIED, DELIVERED, NIL, WAITING, World
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, ORDER_WAITING, World
 
 NUMBERS = ("state", "delivered", "legs")
 
 STATE = (
-    Phrase("delivered to {place} in tick {delivered}", state=DELIVERED),
-    Phrase("lies at {place} as load {spare} for {target}", state=WAITING),
-    Phrase("waits on {place} for {target}", state=WAITING),
-    Phrase("on its way to {target}", state=CARRIED),
+    Phrase("delivered to {current_slot} in tick {delivered}", state=ORDER_DELIVERED),
+    Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
+    Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
+    Phrase("on its way to {target}", state=ORDER_CARRIED),
 )
 GROUPS = (STATE, (Phrase("picked up {legs} time(s)"),))
 LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
 
 
-def order_line(world: World, plan: FloorPlan, order: int) -> str | None:
+def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
     """The line of an order, None if nothing about it needs to be said."""
-    facts = order_facts(world, plan, order)
-    if facts["place"] == facts["source"] and facts["legs"] == 0:
+    facts = order_facts(world, floor_plan, order)
+    if facts["current_slot"] == facts["source"] and facts["legs"] == 0:
         return None  # where it was at the start
-    if facts["state"] == CARRIED and facts["legs"] == 1:
+    if facts["state"] == ORDER_CARRIED and facts["legs"] == 1:
         return None  # the robot's line says it
     return f"order {order} {', '.join(write_facts(GROUPS, facts, default_facts(facts)))}"
 
 
-def order_facts(world: World, plan: FloorPlan, order: int) -> Facts:
+def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
     """What the world holds of an order, slots as (x, y)."""
     orders = world.orders
 
     def xy(slot: int) -> Value:
-        return None if slot == NIL else plan.xy(int(world.slots.cell[slot]))
+        return None if slot == NIL else floor_plan.xy(int(world.slots.cell[slot]))
 
     facts: Facts = {name: int(getattr(orders, name)[order]) for name in NUMBERS}
-    for name in ("place", "target", "source"):
+    for name in ("current_slot", "target", "source"):
         facts[name] = xy(int(getattr(orders, name)[order]))
-    place = int(orders.place[order])
-    facts["spare"] = place - world.slots.spare if place >= world.slots.spare else NIL
+    current_slot = int(orders.current_slot[order])
+    facts["spare"] = (
+        current_slot - world.slots.first_spare if current_slot >= world.slots.first_spare else NIL
+    )
     return facts
 
 
 def default_facts(facts: Facts) -> Facts:
     """The values that a line leaves out: an order with a line was picked up once."""
     numbers: Facts = {"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL}
-    return numbers | {"place": None, "target": None}
+    return numbers | {"current_slot": None, "target": None}
 
 
 def read_order(text: str) -> tuple[int, Facts]:

@@ -11,14 +11,24 @@ import re
 from collections.abc import Iterable
 
 from automaton.errors import InputError
-from automaton.world.condition import PERCENT
+from automaton.world.robot_status import BATTERY_PERCENT
 
 Pair = tuple[int, int]
 Value = int | Pair | None  # a number, or a cell (x, y), or no cell
 Facts = dict[str, Value]
 
-CELLS = {"claim", "stand", "slot", "place", "target"}  # the named values that are cells
-SHARES = {"charge", "level"}  # the named values that are shares of a full battery, in percent
+CELLS = {
+    "claim",
+    "goal_cell",
+    "slot",
+    "place",
+    "current_slot",
+    "target",
+}  # the named values that are cells
+SHARES = {
+    "charge",
+    "charge_target",
+}  # the named values that are shares of a full battery, in percent
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 BETWEEN_FACTS = re.compile(r", (?![^(]*\))")  # a comma, but not the one inside of (x, y)
 
@@ -55,7 +65,7 @@ class Phrase:
         said: Facts = dict(self.fixed)
         for name, value in match.groupdict().items():
             if name in SHARES:
-                said[name] = round(float(value) * PERCENT)
+                said[name] = round(float(value) * BATTERY_PERCENT)
             else:
                 said[name] = pair(value) if name in CELLS else int(value)
         return said
@@ -64,7 +74,7 @@ class Phrase:
 def percents(value: Value) -> str:
     """A share of a full battery, in percent, with all its digits."""
     assert isinstance(value, int)
-    return f"{value / PERCENT:.4f}".rstrip("0").rstrip(".")
+    return f"{value / BATTERY_PERCENT:.4f}".rstrip("0").rstrip(".")
 
 
 def _pattern(template: str) -> str:

@@ -13,43 +13,43 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.kernels.draws import mix
 from automaton.kernels.faults import open_slot
+from automaton.kernels.random_numbers import splitmix64
 from automaton.picture.orders import read_order
 from automaton.picture.phrases import Facts, Pair, Value
 from automaton.picture.robots import NEEDS, NUMBERS, RobotLine, name_of, read_robot
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.condition import GONE, RUNNING
 from automaton.world.floor import floor_for
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.robot_status import STATUS_REMOVED, STATUS_UP
 from automaton.world.starts import occupy_starts
 from automaton.world.state import (
-    CARRIED,
-    CHANGES,
-    DELIVERED,
-    FINISHED,
-    FRESH_ALLOCATION,
+    CLOCK_ALLOCATION_REVISION,
+    CLOCK_FINISHED,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_NEEDING_CHARGING,
+    CLOCK_NEEDING_RIGHT_OF_WAY,
+    CLOCK_NEEDING_ROUTE,
+    CLOCK_NEXT_FAULT,
+    CLOCK_NEXT_RELEASE,
+    CLOCK_REVISION,
+    CLOCK_ROBOTS_DOWN,
+    CLOCK_TICK,
+    CLOCK_TICKETS_ISSUED,
+    CLOCK_UNDELIVERED,
+    CLOCK_UNPARKED,
     GOAL_PARK,
     NEED_ALLOCATION,
     NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
-    NEED_WAY,
-    NEEDING_CHARGING,
-    NEEDING_ROUTE,
-    NEEDING_WAY,
-    NEXT_FAULT,
-    NEXT_ORDER,
     NIL,
-    OUT,
-    SEEN_CHANGES,
-    TICK,
-    TICKETS,
-    UNDELIVERED,
-    UNPARKED,
-    UNRELEASED,
-    WAITING,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
     World,
 )
 
@@ -83,12 +83,12 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     lines = [line.rstrip() for line in text.strip("\n").split("\n")]
     said = read_lines(lines)
     simulation = Simulation(resolved, said.seed)
-    world, plan = simulation.world, resolved.plan
+    world, floor_plan = simulation.world, resolved.floor_plan
     check_names(said, world)
     for identity, line in said.robots.items():
-        set_robot(world, plan, int(world.robots.at_index[identity]), line)
+        set_robot(world, floor_plan, int(world.robots.at_index[identity]), line)
     for order, facts in said.orders.items():
-        set_order(world, plan, order, facts)
+        set_order(world, floor_plan, order, facts)
     set_reservations(world)
     set_occupancy(world, resolved)
     set_clock(world, said, resolved)
@@ -132,62 +132,64 @@ def check_names(said: Said, world: World) -> None:
         raise InputError(f"{PLACE} has an order {max(numbers)}, but the scenario has only {orders}")
 
 
-def set_robot(world: World, plan: FloorPlan, i: int, line: RobotLine) -> None:
+def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> None:
     """Put a robot at storage index i into the state that its line tells."""
     robots, facts = world.robots, line.facts
     for name in NUMBERS:
         getattr(robots, name)[i] = facts[name]
-    robots.zone[i] = _number(facts["zone"]) - 1
-    for name in ("cell", "claim", "stand"):
-        getattr(robots, name)[i] = _cell(plan, facts[name])
+    robots.service_zone[i] = _number(facts["service_zone"]) - 1
+    for name in ("cell", "claim", "goal_cell"):
+        getattr(robots, name)[i] = _cell(floor_plan, facts[name])
     if facts["left"] is not None:
-        robots.home[i] = _cell(plan, facts["left"])
-    if facts["goal"] == GOAL_PARK:
-        robots.stand[i] = robots.home[i]
-    robots.slot[i] = _slot(world, plan, facts["slot"])
+        robots.home[i] = _cell(floor_plan, facts["left"])
+    if facts["goal_type"] == GOAL_PARK:
+        robots.goal_cell[i] = robots.home[i]
+    robots.slot[i] = _slot(world, floor_plan, facts["slot"])
     robots.need[i] = sum(bit for name, bit in NEEDS.items() if facts[name])
-    set_plan(world, i, line.plan)
+    set_order_queue(world, i, line.plan)
     steps, driven = line.route
     if len(steps) > robots.route.shape[1]:
         raise InputError(f"{PLACE} has a route longer than {robots.route.shape[1]} steps")
     robots.route[i, : len(steps)] = steps
-    robots.length[i] = len(steps)
-    robots.at[i] = driven
-    robots.route_sum[i] = route_sum(steps)
+    robots.route_length[i] = len(steps)
+    robots.route_index[i] = driven
+    robots.route_hash[i] = route_hash(steps)
 
 
-def set_plan(world: World, i: int, orders: list[int]) -> None:
+def set_order_queue(world: World, i: int, orders: list[int]) -> None:
     """Let a robot have these orders ahead of it."""
-    if len(orders) > world.robots.plan.shape[1]:
-        raise InputError(f"{PLACE} has a plan longer than {world.robots.plan.shape[1]} orders")
+    if len(orders) > world.robots.order_queue.shape[1]:
+        raise InputError(
+            f"{PLACE} has a plan longer than {world.robots.order_queue.shape[1]} orders"
+        )
     if max(orders, default=0) >= len(world.orders.state):
         raise InputError(f"{PLACE} has a plan with an order {max(orders)}, which does not exist")
-    world.robots.plan[i, : len(orders)] = orders
-    world.robots.planned[i] = len(orders)
+    world.robots.order_queue[i, : len(orders)] = orders
+    world.robots.order_queue_length[i] = len(orders)
 
 
-def route_sum(steps: list[int]) -> int:
+def route_hash(steps: list[int]) -> int:
     """The hash of a route that the digest covers, as the world computes it."""
     total = np.uint64(0)
     with np.errstate(over="ignore"):
         for s, step in enumerate(steps):
-            total += np.uint64(mix(np.uint64(s << 8 | step)))
+            total += np.uint64(splitmix64(np.uint64(s << 8 | step)))
     return int(total >> np.uint64(1))
 
 
-def set_order(world: World, plan: FloorPlan, order: int, facts: Facts) -> None:
+def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> None:
     """Put an order into the state that its line tells."""
     orders = world.orders
     for name in ("state", "delivered", "legs"):
         getattr(orders, name)[order] = facts[name]
     spare = _number(facts["spare"])
     if spare == NIL:
-        orders.place[order] = _slot(world, plan, facts["place"])
+        orders.current_slot[order] = _slot(world, floor_plan, facts["current_slot"])
         return
-    slot, cell = world.slots.spare + spare, _cell(plan, facts["place"])
+    slot, cell = world.slots.first_spare + spare, _cell(floor_plan, facts["current_slot"])
     if slot >= len(world.slots.cell) or not open_slot(world, slot, cell):
         raise InputError(f"{PLACE} has a load {spare} on the floor, which no robot can have left")
-    orders.place[order] = slot
+    orders.current_slot[order] = slot
 
 
 def set_reservations(world: World) -> None:
@@ -196,16 +198,16 @@ def set_reservations(world: World) -> None:
     for i, identity in enumerate(robots.identity.tolist()):
         load, order, slot = int(robots.load[i]), int(robots.order[i]), int(robots.slot[i])
         if order != NIL:
-            orders.by[order] = identity
+            orders.reserved_by[order] = identity
         if load != NIL:
-            orders.state[load] = CARRIED
-            orders.place[load] = NIL
+            orders.state[load] = ORDER_CARRIED
+            orders.current_slot[load] = NIL
             orders.legs[load] = max(1, int(orders.legs[load]))
-        if slot != NIL and not slots.endless[slot]:
-            slots.by[slot] = identity
+        if slot != NIL and not slots.unbounded[slot]:
+            slots.reserved_by[slot] = identity
     slots.content[:] = NIL
-    for order, slot in enumerate(orders.place.tolist()):
-        if slot != NIL and not slots.endless[slot]:
+    for order, slot in enumerate(orders.current_slot.tolist()):
+        if slot != NIL and not slots.unbounded[slot]:
             slots.content[slot] = order
 
 
@@ -213,7 +215,7 @@ def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
     durations, mode = resolved.scenario.durations, resolved.scenario.world.zones
     kinematics = resolved.scenario.fleet.kinematics
-    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, mode)
+    floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, mode)
     robots, occupancy = world.robots, world.traffic.occupancy
     occupancy[:] = floor.occupancy
     on_floor = robots.cell != NIL
@@ -230,37 +232,39 @@ def set_occupancy(world: World, resolved: Resolved) -> None:
 def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     """The tick, and the counters that follow from the robots and orders."""
     robots, clock = world.robots, world.clock
-    clock[TICK] = said.tick
-    clock[CHANGES] = said.changes
-    clock[SEEN_CHANGES] = said.seen
-    clock[UNDELIVERED] = np.count_nonzero(world.orders.state != DELIVERED)
-    clock[UNPARKED] = np.count_nonzero(robots.parked == 0)
+    clock[CLOCK_TICK] = said.tick
+    clock[CLOCK_REVISION] = said.changes
+    clock[CLOCK_ALLOCATION_REVISION] = said.seen
+    clock[CLOCK_UNDELIVERED] = np.count_nonzero(world.orders.state != ORDER_DELIVERED)
+    clock[CLOCK_UNPARKED] = np.count_nonzero(robots.parked == 0)
     orders = world.orders
     if world.rules.in_system:
         restore_closed_loop(world, said.tick)
-    known = orders.released <= said.tick
-    orders.state[known & (orders.state == UNRELEASED)] = WAITING
-    clock[NEXT_ORDER] = np.count_nonzero(known)
-    clock[NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
-    clock[TICKETS] = said.tickets
-    clock[OUT] = np.count_nonzero((robots.status != RUNNING) & (robots.status != GONE))
-    clock[NEEDING_CHARGING] = np.count_nonzero(robots.need & NEED_CHARGING)
+    known = orders.release_tick <= said.tick
+    orders.state[known & (orders.state == ORDER_UNRELEASED)] = ORDER_WAITING
+    clock[CLOCK_NEXT_RELEASE] = np.count_nonzero(known)
+    clock[CLOCK_NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
+    clock[CLOCK_TICKETS_ISSUED] = said.tickets
+    clock[CLOCK_ROBOTS_DOWN] = np.count_nonzero(
+        (robots.status != STATUS_UP) & (robots.status != STATUS_REMOVED)
+    )
+    clock[CLOCK_NEEDING_CHARGING] = np.count_nonzero(robots.need & NEED_CHARGING)
     asking = robots.need & NEED_ALLOCATION != 0
-    clock[FRESH_ALLOCATION] = np.count_nonzero(asking & (robots.asked_at == NIL))
-    clock[NEEDING_ROUTE] = np.count_nonzero(robots.need & NEED_ROUTE)
-    clock[NEEDING_WAY] = np.count_nonzero(robots.need & NEED_WAY)
+    clock[CLOCK_FRESH_ALLOCATION] = np.count_nonzero(asking & (robots.seen_revision == NIL))
+    clock[CLOCK_NEEDING_ROUTE] = np.count_nonzero(robots.need & NEED_ROUTE)
+    clock[CLOCK_NEEDING_RIGHT_OF_WAY] = np.count_nonzero(robots.need & NEED_RIGHT_OF_WAY)
     when = resolved.scenario.stop.when
-    over = when == "delivered" or (when == "parked" and clock[UNPARKED] == 0)
-    clock[FINISHED] = int(said.tick > 0 and clock[UNDELIVERED] == 0 and over)
+    over = when == "delivered" or (when == "parked" and clock[CLOCK_UNPARKED] == 0)
+    clock[CLOCK_FINISHED] = int(said.tick > 0 and clock[CLOCK_UNDELIVERED] == 0 and over)
 
 
 def restore_closed_loop(world: World, tick: int) -> None:
     """When orders became known: for each delivery one in the tick after it, in their sequence."""
     orders, first = world.orders, world.rules.in_system
-    later = orders.coming[first:]
+    later = orders.release_sequence[first:]
     before = np.sort(orders.delivered[(orders.delivered != NIL) & (orders.delivered < tick)])
     shown = min(len(later), len(before))
-    orders.released[later[:shown]] = before[:shown] + 1
+    orders.release_tick[later[:shown]] = before[:shown] + 1
 
 
 def check_against(lines: list[str], drawn: list[str]) -> None:
@@ -281,22 +285,22 @@ def _number(value: Value) -> int:
     return value if isinstance(value, int) else NIL
 
 
-def _cell(plan: FloorPlan, value: Value) -> int:
+def _cell(floor_plan: FloorPlan, value: Value) -> int:
     if not isinstance(value, tuple):
         return NIL
-    return plan.cell(*_on_floor(plan, value))
+    return floor_plan.cell(*_on_floor(floor_plan, value))
 
 
-def _slot(world: World, plan: FloorPlan, value: Value) -> int:
+def _slot(world: World, floor_plan: FloorPlan, value: Value) -> int:
     if not isinstance(value, tuple):
         return NIL
-    slot = int(world.grid.slot[plan.cell(*_on_floor(plan, value))])
+    slot = int(world.grid.slot[floor_plan.cell(*_on_floor(floor_plan, value))])
     if slot == NIL:
         raise InputError(f"{PLACE} has a load at {value}, where there is no shelf or destination")
     return slot
 
 
-def _on_floor(plan: FloorPlan, value: Pair) -> Pair:
-    if not plan.holds(*value):
+def _on_floor(floor_plan: FloorPlan, value: Pair) -> Pair:
+    if not floor_plan.holds(*value):
         raise InputError(f"{PLACE} mentions {value}, which is not on the floor")
     return value

@@ -23,49 +23,65 @@ from automaton.picture.phrases import (
     write_route,
 )
 from automaton.world.cells import DIRECTIONS
-from automaton.world.condition import FULL, STATUS_NAMES
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.robot_status import BATTERY_FULL, STATUS_NAMES
 from automaton.world.state import (
     ACTION_NAMES,
-    AROUND,
-    CHARGING,
-    FREE,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
-    HOLD_ASK,
-    HOLD_WAITED,
-    IDLE_NOW,
+    LAYER_CHARGING,
     NEED_ALLOCATION,
     NEED_CHARGING,
+    NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
-    NEED_WAY,
     NIL,
     NO_STEP,
-    PICKED,
-    PLAN,
-    RELEASED,
-    REPLAN,
-    TOOK,
+    REASON_AROUND_ROBOTS,
+    REASON_IDLE,
+    REASON_NEW_GOAL,
+    REASON_NO_ORDER,
+    REASON_ORDER_RETURNED,
+    REASON_ORDER_TAKEN,
+    REASON_PICKED,
+    REASON_REPLAN,
+    RETRY_EXHAUSTED,
+    RETRY_WAITED,
     World,
 )
 
 # Fields that a line gives as they are, and of those the ones that are 0 unless it says otherwise.
 ZERO = (
-    *("action", "busy", "goal", "level", "yields", "try_drop", "priority"),
-    *("withdrawing", "blocked", "hold", "status", "until", "ticket", "charging_reason"),
+    *(
+        "action",
+        "busy",
+        "goal_type",
+        "charge_target",
+        "charging_interruptible",
+        "try_drop",
+        "priority",
+    ),
+    *(
+        "retreat_moves",
+        "failed_retries",
+        "retry_state",
+        "status",
+        "status_until",
+        "ticket",
+        "charging_reason",
+    ),
 )
 NUMBERS = (
     *ZERO,
     *("heading", "travel", "load", "order", "parked"),
-    *("reason", "route_reason", "asked_at", "step", "charge"),
+    *("reason", "route_reason", "seen_revision", "step", "charge"),
 )
 NEEDS = {
     "need_work": NEED_ALLOCATION,
     "need_route": NEED_ROUTE,
-    "need_way": NEED_WAY,
+    "need_way": NEED_RIGHT_OF_WAY,
     "need_charging": NEED_CHARGING,
 }
 
@@ -87,11 +103,11 @@ DOING = {  # of each action: while it lasts, and when it is over
 }
 
 TASK = (
-    Phrase("carries {load} to {slot} via {stand}", goal=GOAL_DROP),
-    Phrase("carries {load}", goal=GOAL_NONE),
-    Phrase("fetches {order} from {place} via {stand}", goal=GOAL_PICK),
-    Phrase("goes home", goal=GOAL_PARK),
-    Phrase("goes to {stand} to charge up to {level} %", goal=GOAL_CHARGE),
+    Phrase("carries {load} to {slot} via {goal_cell}", goal_type=GOAL_DROP),
+    Phrase("carries {load}", goal_type=GOAL_NONE),
+    Phrase("fetches {order} from {place} via {goal_cell}", goal_type=GOAL_PICK),
+    Phrase("goes home", goal_type=GOAL_PARK),
+    Phrase("goes to {goal_cell} to charge up to {charge_target} %", goal_type=GOAL_CHARGE),
 )
 ACTION = tuple(
     Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
@@ -99,10 +115,10 @@ ACTION = tuple(
     for text in (f"{DOING[name][0]} for {{busy}} more tick(s)", DOING[name][1])
 )
 REASON = (
-    Phrase("last asked as free", reason=FREE),
-    Phrase("last asked after a pick", reason=PICKED),
-    Phrase("last asked after giving its order back", reason=RELEASED),
-    Phrase("last asked for a new plan", reason=REPLAN),
+    Phrase("last asked as free", reason=REASON_IDLE),
+    Phrase("last asked after a pick", reason=REASON_PICKED),
+    Phrase("last asked after giving its order back", reason=REASON_ORDER_RETURNED),
+    Phrase("last asked for a new plan", reason=REASON_REPLAN),
 )
 GROUPS = (
     tuple(Phrase(f"{name}bound", travel=d) for d, name in enumerate(DIRECTIONS)),
@@ -110,34 +126,37 @@ GROUPS = (
     (Phrase("will try to set down first", try_drop=1),),
     ACTION,
     (Phrase("claims {claim}"),),
-    (Phrase("withdraws {withdrawing} more step(s)"),),
-    (Phrase("failed {blocked} time(s)"),),
-    (Phrase("then retries", hold=HOLD_WAITED), Phrase("is stuck", hold=HOLD_ASK)),
+    (Phrase("withdraws {retreat_moves} more step(s)"),),
+    (Phrase("failed {failed_retries} time(s)"),),
+    (
+        Phrase("then retries", retry_state=RETRY_WAITED),
+        Phrase("is stuck", retry_state=RETRY_EXHAUSTED),
+    ),
     (Phrase("asks for the right of way", need_way=1),),
     (
-        Phrase("found no work at change {asked_at}", need_work=1),
+        Phrase("found no work at change {seen_revision}", need_work=1),
         Phrase("asks for work", need_work=1),
     ),
     REASON,
     (Phrase("asks for a route", need_route=1),),
     (
-        Phrase("routed around robots", route_reason=AROUND),
-        Phrase("routed freely", route_reason=PLAN),
+        Phrase("routed around robots", route_reason=REASON_AROUND_ROBOTS),
+        Phrase("routed freely", route_reason=REASON_NEW_GOAL),
         Phrase("never routed", route_reason=0),
     ),
     tuple(Phrase(f"is told to step {name}", step=d) for d, name in enumerate(DIRECTIONS)),
     (Phrase("parked", parked=1),),
     (Phrase("priority {priority}"),),
-    (Phrase("zone {zone}"),),
-    (Phrase("may have an order while it charges", yields=1),),
+    (Phrase("zone {service_zone}"),),
+    (Phrase("may have an order while it charges", charging_interruptible=1),),
     (Phrase("charge {charge} %"),),
     tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
-    (Phrase("for good", until=NIL), Phrase("until tick {until}")),
+    (Phrase("for good", status_until=NIL), Phrase("until tick {status_until}")),
     (Phrase("has ticket {ticket}"),),
     (Phrase("asks for charging", need_charging=1),),
     (
-        Phrase("charging asked after an order", charging_reason=TOOK),
-        Phrase("charging asked when idle", charging_reason=IDLE_NOW),
+        Phrase("charging asked after an order", charging_reason=REASON_ORDER_TAKEN),
+        Phrase("charging asked when idle", charging_reason=REASON_NO_ORDER),
     ),
 )
 
@@ -165,10 +184,10 @@ def identity_of(name: str) -> int:
     return ord(name) - ord("A") if name.isupper() else int(name)
 
 
-def robot_line(world: World, plan: FloorPlan, i: int, brief: bool = False) -> str:
+def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False) -> str:
     """The line of the robot at storage index i; brief: without what tells a person nothing."""
     robots = world.robots
-    facts = robot_facts(world, plan, i)
+    facts = robot_facts(world, floor_plan, i)
     default = default_facts(facts, int(world.clock[0]))
     if brief:
         facts |= {name: default[name] for name in idle_facts(world)}
@@ -178,18 +197,24 @@ def robot_line(world: World, plan: FloorPlan, i: int, brief: bool = False) -> st
     if heading:
         start += f"{',' if facts['cell'] is None else ''} {heading}"
     line = ", ".join([start, *said])
-    length, planned = int(robots.length[i]), int(robots.planned[i])
-    if length:
-        line += f"; route {write_route(robots.route[i, :length].tolist(), int(robots.at[i]))}"
-    if planned:
-        line += f"; plan {' '.join(str(order) for order in robots.plan[i, :planned])}"
+    route_length, order_queue_length = (
+        int(robots.route_length[i]),
+        int(robots.order_queue_length[i]),
+    )
+    if route_length:
+        steps, driven = robots.route[i, :route_length].tolist(), int(robots.route_index[i])
+        line += f"; route {write_route(steps, driven)}"
+    if order_queue_length:
+        line += (
+            f"; plan {' '.join(str(order) for order in robots.order_queue[i, :order_queue_length])}"
+        )
     return line
 
 
 def idle_facts(world: World) -> list[str]:
     """What nothing follows from here: the way of robots that never turn, wishes to charge in vain."""
     names = ["travel"] if world.grid.headings == 1 else []
-    if world.tally.asked[CHARGING] == 0:  # there is no strategy for it
+    if world.tally.batches[LAYER_CHARGING] == 0:  # there is no strategy for it
         names += ["need_charging", "charging_reason"]
     return names
 
@@ -201,21 +226,21 @@ def _place(facts: Facts) -> str:
     return f"{OFF} {facts['left']}" if facts["left"] else "in its bay"
 
 
-def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
+def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
     """What the world holds of a robot, cells as (x, y)."""
     robots = world.robots
 
     def xy(cell: int) -> Value:
-        return None if cell == NIL else plan.xy(cell)
+        return None if cell == NIL else floor_plan.xy(cell)
 
     facts: Facts = {name: int(getattr(robots, name)[i]) for name in NUMBERS}
-    facts["zone"] = int(robots.zone[i]) + 1  # counted from 1, as stations
-    for name in ("cell", "claim", "stand"):
+    facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, as stations
+    for name in ("cell", "claim", "goal_cell"):
         facts[name] = xy(int(getattr(robots, name)[i]))
     off = facts["cell"] is None and robots.bay[i] == NIL
     facts["left"] = xy(int(robots.home[i])) if off else None
     slot, order = int(robots.slot[i]), int(robots.order[i])
-    place = NIL if order == NIL else int(world.orders.place[order])
+    place = NIL if order == NIL else int(world.orders.current_slot[order])
     facts["slot"] = None if slot == NIL else xy(int(world.slots.cell[slot]))
     facts["place"] = None if place == NIL else xy(int(world.slots.cell[place]))
     for name, bit in NEEDS.items():
@@ -225,16 +250,16 @@ def robot_facts(world: World, plan: FloorPlan, i: int) -> Facts:
 
 def default_facts(facts: Facts, tick: int) -> Facts:
     """The values that a line leaves out, given what else it says."""
-    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "zone"], 0)
-    default.update(dict.fromkeys(("load", "order", "asked_at"), NIL))
-    default.update(dict.fromkeys(("claim", "stand", "slot", "place", "left")))
+    default: Facts = dict.fromkeys([*ZERO, *NEEDS, "service_zone"], 0)
+    default.update(dict.fromkeys(("load", "order", "seen_revision"), NIL))
+    default.update(dict.fromkeys(("claim", "goal_cell", "slot", "place", "left")))
     default["step"] = NO_STEP
-    default["charge"] = FULL
+    default["charge"] = BATTERY_FULL
     default["cell"] = None
     default["heading"] = default["travel"] = facts.get("heading", 0)
     default["parked"] = int(facts["cell"] is None)
-    default["reason"] = FREE if facts.get("load", NIL) == NIL else PICKED
-    default["route_reason"] = PLAN if tick else 0
+    default["reason"] = REASON_IDLE if facts.get("load", NIL) == NIL else REASON_PICKED
+    default["route_reason"] = REASON_NEW_GOAL if tick else 0
     return default
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from automaton.errors import InputError, alternatives
 from automaton.kernels.motion import LIVE, REFUSED, move_all
-from automaton.kernels.zones import count_robots, slow_down
+from automaton.kernels.slow_zones import count_robots, set_move_ticks
 from automaton.picture.robots import identity_of, name_of
 from automaton.picture.writing import map_rows
 from automaton.scenario.pictures import Legend, draw_floor
@@ -23,7 +23,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, WorldRules
 from automaton.world.build import build_world
 from automaton.world.cells import DIRECTIONS
-from automaton.world.state import MOVE, TICK
+from automaton.world.state import ACTION_MOVE, CLOCK_TICK
 
 
 class Story:
@@ -46,12 +46,12 @@ class Story:
         legend: Legend = (),
         tick: int = 0,
     ) -> None:
-        self.plan = draw_floor(picture.strip("\n"), legend)
-        if not self.plan.starts:
+        self.floor_plan = draw_floor(picture.strip("\n"), legend)
+        if not self.floor_plan.starts:
             raise InputError("the picture of a story has no robots; draw them as A, B, C ...")
         order = None if storage is None else np.array(storage, np.int32)
         self.world, _ = build_world(_scenario(self, following, move, slow), 1, order)
-        self.world.clock[TICK] = tick
+        self.world.clock[CLOCK_TICK] = tick
         for name, value in (priority or {}).items():
             self.world.robots.priority[self._index(name)] = value
 
@@ -61,35 +61,37 @@ class Story:
         Robots in a long move go on by themselves and want nothing.
         """
         traffic, robots = self.world.traffic, self.world.robots
-        traffic.want[:] = 0
+        traffic.intent[:] = 0
         for name, direction in wants.items():
             if direction not in DIRECTIONS:
                 raise InputError(f"'{direction}' is no direction; try {alternatives(DIRECTIONS)}")
             i = self._index(name)
             if robots.busy[i]:
                 raise InputError(f"robot {name} is still on its way")
-            traffic.want[i] = LIVE | DIRECTIONS.index(direction)
-        traffic.span[:] = self.world.rules.duration[0, MOVE]
-        self.world.clock[TICK] += 1
+            traffic.intent[i] = LIVE | DIRECTIONS.index(direction)
+        traffic.move_ticks[:] = self.world.rules.duration[0, ACTION_MOVE]
+        self.world.clock[CLOCK_TICK] += 1
         with np.errstate(over="ignore"):
-            count_robots(self.world.grid, robots, traffic.crowd)
-            slow_down(self.world)
-            move_all(self.world.grid, self.world.rules, robots, traffic, self.world.clock[TICK])
+            count_robots(self.world.grid, robots, traffic.zone_occupancy)
+            set_move_ticks(self.world)
+            move_all(
+                self.world.grid, self.world.rules, robots, traffic, self.world.clock[CLOCK_TICK]
+            )
         return self.picture
 
     @property
     def picture(self) -> str:
         """The floor and the robots now; '*' is claimed by a long move, '@' holds several robots."""
-        return "\n".join(map_rows(self.world, self.plan))
+        return "\n".join(map_rows(self.world, self.floor_plan))
 
     @property
     def refused(self) -> str:
         """The robots whose wish was refused in the last tick, such as "BC"."""
-        who = self.world.robots.identity[self.world.traffic.want & REFUSED != 0]
+        who = self.world.robots.identity[self.world.traffic.intent & REFUSED != 0]
         return "".join(name_of(identity) for identity in sorted(who.tolist()))
 
     def _index(self, name: str) -> int:
-        if len(name) != 1 or not 0 <= identity_of(name) < len(self.plan.starts):
+        if len(name) != 1 or not 0 <= identity_of(name) < len(self.floor_plan.starts):
             raise InputError(f"there is no robot {name} in this story")
         return int(self.world.robots.at_index[identity_of(name)])
 
@@ -100,11 +102,11 @@ def moved(picture: str, **wants: str) -> str:
 
 
 def _scenario(story: Story, following: bool, move: int, slow: str) -> Resolved:
-    plan = story.plan
+    floor_plan = story.floor_plan
     scenario = Scenario(
         name="story",
         layout={},
-        fleet=Fleet(robots=len(plan.starts), kinematics="omni"),
+        fleet=Fleet(robots=len(floor_plan.starts), kinematics="omni"),
         durations=Durations(move=move),
         orders=Orders(generator="full-shelves"),
         world=WorldRules(
@@ -113,4 +115,4 @@ def _scenario(story: Story, following: bool, move: int, slow: str) -> Resolved:
             slowdown="zones" if slow else "none",
         ),
     )
-    return Resolved(scenario, plan, picks={}, start=plan.starts, source="")
+    return Resolved(scenario, floor_plan, strategies={}, start=floor_plan.starts, source="")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.partition import Design, Roads
+from automaton.world.service_zones import Design, Roads
 
 Cells = NDArray[Any]
 

@@ -25,8 +25,16 @@ from automaton.picture.floor import Drawing, floor_drawing, legend_entry
 from automaton.picture.orders import order_line
 from automaton.picture.robots import name_of, robot_line
 from automaton.units import count
-from automaton.world.plan import FloorPlan
-from automaton.world.state import CHANGES, DELIVERED, NIL, SEEN_CHANGES, TICK, TICKETS, World
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.state import (
+    CLOCK_ALLOCATION_REVISION,
+    CLOCK_REVISION,
+    CLOCK_TICK,
+    CLOCK_TICKETS_ISSUED,
+    NIL,
+    ORDER_DELIVERED,
+    World,
+)
 
 if TYPE_CHECKING:
     from automaton.simulation import Simulation
@@ -37,20 +45,22 @@ EMPTY_SHELF, FULL_SHELF = "s", "$"
 
 
 def picture_of(
-    subject: Simulation | World, plan: FloorPlan | None = None, brief: bool = False
+    subject: Simulation | World, floor_plan: FloorPlan | None = None, brief: bool = False
 ) -> str:
-    """The picture of a simulation, or of a world on the floor `plan`; no newline at its end.
+    """The picture of a simulation, or of a world on the floor `floor_plan`; no newline at its end.
 
     brief: for people; delivered orders are counted. It cannot be read back.
     """
-    world, plan = (subject, plan) if isinstance(subject, World) else _of_simulation(subject)
-    if plan is None:
+    world, floor_plan = (
+        (subject, floor_plan) if isinstance(subject, World) else _of_simulation(subject)
+    )
+    if floor_plan is None:
         raise TypeError("the picture of a world needs its plan: picture_of(world, plan)")
-    lines = [head_line(world), "", *map_rows(world, plan), "", *legend_lines(plan)]
-    lines += [robot_line(world, plan, int(i), brief) for i in world.robots.at_index]
-    delivered = world.orders.state == DELIVERED
+    lines = [head_line(world), "", *map_rows(world, floor_plan), "", *legend_lines(floor_plan)]
+    lines += [robot_line(world, floor_plan, int(i), brief) for i in world.robots.at_index]
+    delivered = world.orders.state == ORDER_DELIVERED
     for order in np.flatnonzero(~delivered) if brief else range(len(delivered)):
-        line = order_line(world, plan, int(order))
+        line = order_line(world, floor_plan, int(order))
         if line is not None:
             lines.append(line)
     if brief and delivered.any():
@@ -59,28 +69,34 @@ def picture_of(
 
 
 def _of_simulation(simulation: Simulation) -> tuple[World, FloorPlan]:
-    return simulation.world, simulation.resolved.plan
+    return simulation.world, simulation.resolved.floor_plan
 
 
 def head_line(world: World) -> str:
     """When it is, how often orders and reservations have changed, and what allocation saw of it."""
     clock = world.clock
-    seen = "none" if clock[SEEN_CHANGES] == NIL else str(clock[SEEN_CHANGES])
-    seed, changes = int(world.rules.seed), clock[CHANGES]
-    text = f"tick {clock[TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
-    return text + (f", {clock[TICKETS]} tickets" if clock[TICKETS] else "")
+    seen = (
+        "none" if clock[CLOCK_ALLOCATION_REVISION] == NIL else str(clock[CLOCK_ALLOCATION_REVISION])
+    )
+    seed, changes = int(world.rules.seed), clock[CLOCK_REVISION]
+    text = (
+        f"tick {clock[CLOCK_TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
+    )
+    return text + (
+        f", {clock[CLOCK_TICKETS_ISSUED]} tickets" if clock[CLOCK_TICKETS_ISSUED] else ""
+    )
 
 
-def map_rows(world: World, plan: FloorPlan) -> list[str]:
+def map_rows(world: World, floor_plan: FloorPlan) -> list[str]:
     """The rows of the floor with its loads and robots."""
-    text, first = _canvas(plan)
+    text, first = _canvas(floor_plan)
     for slot, cell in enumerate(world.slots.cell.tolist()):
-        if not world.slots.endless[slot]:
-            x, y = plan.xy(cell)
+        if not world.slots.unbounded[slot]:
+            x, y = floor_plan.xy(cell)
             text[y, x + first] = EMPTY_SHELF if world.slots.content[slot] == NIL else FULL_SHELF
     robots = world.robots
     for claim in robots.claim[robots.claim != NIL].tolist():
-        x, y = plan.xy(claim)
+        x, y = floor_plan.xy(claim)
         text[y, x + first] = CLAIMED
     held: dict[int, str] = {}
     for i, cell in enumerate(np.where(robots.cell == NIL, robots.bay, robots.cell).tolist()):
@@ -89,14 +105,14 @@ def map_rows(world: World, plan: FloorPlan) -> list[str]:
         name = name_of(int(robots.identity[i]))
         held[cell] = CROWD if cell in held or len(name) > 1 else name
     for cell, mark in held.items():
-        x, y = plan.xy(cell)
+        x, y = floor_plan.xy(cell)
         text[y, x + first] = mark
     return ["".join(row) for row in text]
 
 
-def legend_lines(plan: FloorPlan) -> list[str]:
+def legend_lines(floor_plan: FloorPlan) -> list[str]:
     """What the symbols of the map mean that are not built in; empty, or with a blank line last."""
-    legend = _drawing(plan).legend
+    legend = _drawing(floor_plan).legend
     lines = []
     for mark, symbol in legend:
         entry = legend_entry(symbol)
@@ -111,16 +127,16 @@ def _words(value: object) -> str:
     return str(value)
 
 
-def _canvas(plan: FloorPlan) -> tuple[NDArray[np.str_], int]:
+def _canvas(floor_plan: FloorPlan) -> tuple[NDArray[np.str_], int]:
     """(height, columns) characters of the empty floor, and the column of x = 0."""
-    picture = _drawing(plan).picture
+    picture = _drawing(floor_plan).picture
     text = np.array([list(row) for row in picture.split("\n")])
-    for cell in plan.starts:  # robots are drawn where they are now
-        x, y = plan.xy(cell)
-        text[y, x + text.shape[1] - plan.width] = "."
-    return text, text.shape[1] - plan.width
+    for cell in floor_plan.starts:  # robots are drawn where they are now
+        x, y = floor_plan.xy(cell)
+        text[y, x + text.shape[1] - floor_plan.width] = "."
+    return text, text.shape[1] - floor_plan.width
 
 
 @lru_cache(maxsize=16)
-def _drawing(plan: FloorPlan) -> Drawing:
-    return floor_drawing(plan)
+def _drawing(floor_plan: FloorPlan) -> Drawing:
+    return floor_drawing(floor_plan)

@@ -7,28 +7,44 @@ from typing import Any
 
 import numpy as np
 
-from automaton.world.partition import Partition
-from automaton.world.state import CARRIED, DROP, MOVE, NIL, PICK, WAITING, Array, World
+from automaton.world.service_zones import ServiceZones
+from automaton.world.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_WAITING,
+    Array,
+    World,
+)
 from automaton.zoning.load import work_minutes
 
 
 def minutes_of_zones(
-    zoning: Partition, orders: Any, zones: Sequence[int], tick_s: float, duration: Array
+    service_zones: ServiceZones, orders: Any, zones: Sequence[int], tick_s: float, duration: Array
 ) -> float:
     """Minutes (eq. 1-4) for orders that wait in the queues of zones, are fetched and carried.
 
     tick_s: seconds in a tick; duration: ticks by action.
     """
-    mine = np.flatnonzero(np.isin(zoning.queue, zones) & (zoning.stop != NIL))
+    mine = np.flatnonzero(np.isin(service_zones.queue, zones) & (service_zones.next_slot != NIL))
     mine = mine[mine < len(orders.state)]
-    waits, carried = orders.state[mine] == WAITING, orders.state[mine] == CARRIED
-    at = np.where(waits, orders.place[mine], np.where(carried, zoning.leg[mine], NIL))
-    here, there = zoning.station_of[at], zoning.station_of[zoning.stop[mine]]
+    waits, carried = orders.state[mine] == ORDER_WAITING, orders.state[mine] == ORDER_CARRIED
+    at = np.where(
+        waits, orders.current_slot[mine], np.where(carried, service_zones.picked_from[mine], NIL)
+    )
+    here, there = (
+        service_zones.station_of[at],
+        service_zones.station_of[service_zones.next_slot[mine]],
+    )
     legs = (at != NIL) & (here != NIL) & (there != NIL) & (here != there)
-    flow = np.zeros(zoning.roads.between.shape)
+    flow = np.zeros(service_zones.roads.between.shape)
     np.add.at(flow, (here[legs], there[legs]), 1.0)
-    handling = tick_s * float(duration[PICK] + duration[DROP]) / 60
-    return work_minutes(flow, zoning.roads.between, 60 / (tick_s * float(duration[MOVE])), handling)
+    handling = tick_s * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / 60
+    return work_minutes(
+        flow, service_zones.roads.between, 60 / (tick_s * float(duration[ACTION_MOVE])), handling
+    )
 
 
 def work_of_each(world: World) -> Array:
@@ -37,10 +53,12 @@ def work_of_each(world: World) -> Array:
     A tick is a second where the scenario does not say.
     """
     tick_s = world.rules.tick_us / 1e6 if world.rules.tick_us else 1.0
-    kinds = world.robots.type[world.robots.at_index[world.zoning.server]]
+    kinds = world.robots.type[world.robots.at_index[world.service_zones.server]]
     return np.array(
         [
-            minutes_of_zones(world.zoning, world.orders, [z], tick_s, world.rules.duration[kind])
+            minutes_of_zones(
+                world.service_zones, world.orders, [z], tick_s, world.rules.duration[kind]
+            )
             for z, kind in enumerate(kinds.tolist())
         ]
     )

@@ -26,17 +26,17 @@ from automaton.recording.contents import (
     refusal,
 )
 from automaton.recording.frames import Payload, decode, tick_of
-from automaton.recording.header import plan_of
+from automaton.recording.header import floor_plan_of
 from automaton.scenario.branch import CHANGEABLE
 from automaton.scenario.document import Document
 from automaton.scenario.feasibility import check_energy
 from automaton.scenario.floors import Floor, generator_type, is_shipped
-from automaton.scenario.resolve import checked_start, picks_of
-from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.resolve import checked_start, choose_strategies
+from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
-from automaton.world.cells import KINDS, SHELF, STATION, STEPS
-from automaton.world.plan import FloorPlan, bays_of
+from automaton.world.cells import CELL_KINDS, DIRECTION_VECTORS, SHELF, STATION
+from automaton.world.floor_plan import FloorPlan, bays_of
 
 MOST_CELLS = 200_000_000
 MOST_DIGEST_EVERY = 64  # ticks
@@ -91,37 +91,39 @@ class Admission:
         if not 1 <= header["digest_every"] <= MOST_DIGEST_EVERY:
             raise Unsound(f"digests cannot be {header['digest_every']:,} ticks apart")
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
-        sizes |= {"spare": header["slots"]["spare"], "names": len(header["digest_names"])}
+        sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
         header["scenario"] = msgspec.to_builtins(self.scenario)
         check_layout(self.scenario.layout)
         sizes["robots"] = self.scenario.fleet.robots
         check_arrays(header, HEADER_ARRAYS, sizes)
-        self.plan = plan_of(floor)
-        check_plan(self.plan)
+        self.floor_plan = floor_plan_of(floor)
+        check_plan(self.floor_plan)
         self._check_slots(header)
         start = checked_start(
-            Document(header["scenario"]), self.scenario, Floor(self.plan, _on_floor)
+            Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
         )
         if start != (
             header["start"] if isinstance(header["start"], str) else tuple(header["start"])
         ):
             raise Unsound("robots start elsewhere than its scenario says")
-        self._check_picks(self.scenario, header["picks"])
+        self._check_strategies(self.scenario, header["strategies"])
         self._check_counts(header)
 
     def _check_slots(self, header: Content) -> None:
         cells, spare = header["slots"]["cell"], self.sizes["spare"]
-        if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.plan.slots()):
+        if not 0 <= spare <= len(cells) or not np.array_equal(
+            cells[:spare], self.floor_plan.slots()
+        ):
             raise Unsound("its slots are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and works as the scenario has, before a world is built for them."""
-        orders, works = counted(self.scenario, self.plan)
+        orders, works = counted(self.scenario, self.floor_plan)
         for name, wanted in (("orders", orders), ("works", works)):
             if self.sizes[name] != wanted:
                 raise Unsound(f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}")
-        coming = header["orders"].get("coming")
+        coming = header["orders"].get("release_sequence")
         stream = self.scenario.orders.stream
         if (
             stream is not None
@@ -130,18 +132,20 @@ class Admission:
         ):
             raise Unsound("its orders do not come one after another")
 
-    def _check_picks(self, scenario: Scenario, recorded: Content) -> None:
+    def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
         """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
-        given = picked(recorded)
-        choices = {layer: getattr(scenario.strategy, layer) for layer in LAYERS}
+        given = recorded_strategies(recorded)
+        choices = {layer: getattr(scenario.strategy, layer) for layer in LAYER_NAMES}
         for layer, choice in choices.items():
             name = choice.get("name") if isinstance(choice, dict) else choice
             if given[layer].name != name:
                 raise Unsound(f"strategy.{layer} is {name} here and {given[layer].name} there")
-        known = [layer for layer in LAYERS if lookup.is_built_in(layer, given[layer].name)]
+        known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
         document = Document(msgspec.to_builtins(scenario))
-        for layer, pick in picks_of(document, scenario, self.plan, known).items():
-            if _as_stored(pick.parameters) != given[layer].parameters:
+        for layer, strategy in choose_strategies(
+            document, scenario, self.floor_plan, known
+        ).items():
+            if _as_stored(strategy.parameters) != given[layer].parameters:
                 raise Unsound(f"the parameters of strategy.{layer} are not those of its scenario")
 
     def _admit_conditions(self, content: Content) -> None:
@@ -154,22 +158,22 @@ class Admission:
                 name not in CHANGEABLE or not (content["tick"] or content["settings"])
             ):
                 raise Unsound(f"{name} is not as in the header")
-        check_energy(Document(content["scenario"]), scenario, self.plan)
-        self._check_picks(scenario, content["picks"])
+        check_energy(Document(content["scenario"]), scenario, self.floor_plan)
+        self._check_strategies(scenario, content["strategies"])
 
 
-class _Picked(msgspec.Struct, forbid_unknown_fields=True):
+class _RecordedStrategy(msgspec.Struct, forbid_unknown_fields=True):
     name: str
     parameters: dict[str, Any]
 
 
-def picked(recorded: Content) -> dict[str, _Picked]:
+def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
     """The recorded strategies by layer. Raises Unsound."""
     try:
-        found = msgspec.convert(recorded, dict[str, _Picked])
+        found = msgspec.convert(recorded, dict[str, _RecordedStrategy])
     except msgspec.ValidationError as error:
         raise Unsound(f"its strategies cannot be: {error}") from None
-    if tuple(found) != LAYERS:
+    if tuple(found) != LAYER_NAMES:
         raise Unsound(f"it has strategies for {', '.join(found) or 'nothing'}")
     return found
 
@@ -186,7 +190,7 @@ def scenario_of(given: Content) -> Scenario:
         raise Unsound(f"its scenario cannot be: {error}") from None
 
 
-def counted(scenario: Scenario, plan: FloorPlan) -> tuple[int, int]:
+def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
     """How many orders and how many works at stations a scenario has."""
     orders = scenario.orders
     if orders.parts is not None:
@@ -196,8 +200,8 @@ def counted(scenario: Scenario, plan: FloorPlan) -> tuple[int, int]:
         return len(orders.listed), 0
     if orders.count is not None:
         return orders.count, 0
-    shelves = plan.kind == SHELF
-    drawn = shelves & (plan.loads == 1) if orders.generator == "drawn-loads" else shelves
+    shelves = floor_plan.kind == SHELF
+    drawn = shelves & (floor_plan.loads == 1) if orders.generator == "drawn-loads" else shelves
     return int(np.count_nonzero(drawn)), 0
 
 
@@ -208,27 +212,27 @@ def check_layout(layout: Content) -> None:
         validated(Document({}), parameters, generator_type(layout["generator"]), ("layout",))
 
 
-def check_plan(plan: FloorPlan) -> None:
+def check_plan(floor_plan: FloorPlan) -> None:
     """A floor that a generator may have built: nobody drives off it. Raises Unsound, InputError."""
-    kinds = np.array([kind.drivable for kind in KINDS])
-    drivable = kinds[plan.kind]
+    kinds = np.array([kind.drivable for kind in CELL_KINDS])
+    drivable = kinds[floor_plan.kind]
     inside = np.zeros_like(drivable)
     inside[1:-1, 1:-1] = True
     if drivable[~inside].any():
         raise Unsound("robots can drive off its floor")
-    for direction, (x, y) in enumerate(STEPS):
-        leads = plan.exits >> direction & 1 == 1
+    for direction, (x, y) in enumerate(DIRECTION_VECTORS):
+        leads = floor_plan.exits >> direction & 1 == 1
         if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
             raise Unsound("a cell of its floor has an exit to where no robot can stand")
-    if not np.array_equal(plan.bays, bays_of(plan.kind)):
+    if not np.array_equal(floor_plan.bays, bays_of(floor_plan.kind)):
         raise Unsound("its bays are not those of its floor")
     cells = drivable.reshape(-1)
-    if not all(0 <= cell < cells.size and cells[cell] for cell in plan.starts):
+    if not all(0 <= cell < cells.size and cells[cell] for cell in floor_plan.starts):
         raise Unsound("robots are drawn where none can stand")
-    stations = np.flatnonzero(plan.kind == STATION).tolist()
-    if plan.numbered and sorted(plan.numbered) != stations:
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
+    if floor_plan.numbered and sorted(floor_plan.numbered) != stations:
         raise Unsound("its stations are not those of its floor")
-    if (plan.loads[plan.kind != SHELF] != 0).any():
+    if (floor_plan.loads[floor_plan.kind != SHELF] != 0).any():
         raise Unsound("a load is drawn where there is no shelf")
 
 

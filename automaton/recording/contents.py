@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from automaton.errors import InputError
 from automaton.printable import cleaned
 from automaton.recording.codes import (
-    DURATION,
-    LEFT_LOAD,
-    ORDER_BY,
-    PICKED_UP,
-    SET_AT,
-    SLOT_BY,
-    STATUS,
-    ZONE,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+    CHANGE_STATUS,
+    CHANGE_ZONE,
 )
-from automaton.world.cells import ALL_EXITS, KINDS
+from automaton.world.cells import ALL_EXITS, CELL_KINDS
 
 HEADER: Final = 1  # what the run follows from
 TICKS: Final = 2  # decisions, committed actions, changes and digests of consecutive ticks
@@ -70,13 +70,23 @@ NUMBER: Final = 1 << 31
 KEYFRAME_ARRAYS: Final = {
     "robots": (
         *("cell", "claim", "heading", "travel", "action", "busy", "priority", "load", "order"),
-        *("slot", "goal", "stand", "level", "try_drop", "withdrawing", "blocked", "hold", "parked"),
-        *("zone", "need", "reason", "charge", "status"),
+        *(
+            "slot",
+            "goal_type",
+            "goal_cell",
+            "charge_target",
+            "try_drop",
+            "retreat_moves",
+            "failed_retries",
+            "retry_state",
+            "parked",
+        ),
+        *("service_zone", "need", "reason", "charge", "status"),
     ),
-    "orders": ("state", "place", "by", "released", "delivered", "legs"),
-    "slots": ("content", "by", "cell"),
-    "stations": ("first", "until", "came", "done"),
-    "zoning": ("server", "queue", "stop", "direct", "halt"),
+    "orders": ("state", "current_slot", "reserved_by", "release_tick", "delivered", "legs"),
+    "slots": ("content", "reserved_by", "cell"),
+    "stations": ("in_service", "job_done_tick", "arrival_tick", "completion_tick"),
+    "service_zones": ("server", "queue", "next_slot", "skips_transfer", "halt"),
 }
 
 
@@ -99,7 +109,10 @@ _FLOOR = _part(
     ("numbered", _Places),
 )
 _ORDERS = _part(
-    "Orders", ("source", "target", "released"), ("coming", _MAYBE, UNSET), ("weight", _MAYBE, UNSET)
+    "Orders",
+    ("source", "target", "release_tick"),
+    ("release_sequence", _MAYBE, UNSET),
+    ("weight", _MAYBE, UNSET),
 )
 
 
@@ -110,7 +123,7 @@ class _Frame(msgspec.Struct, forbid_unknown_fields=True):
 class _Header(_Frame):
     scenario: msgspec.Raw
     seed: int
-    picks: msgspec.Raw
+    strategies: msgspec.Raw
     start: _Text | _Places
     overrides: _Labels
     text: _Text
@@ -121,8 +134,8 @@ class _Header(_Frame):
     floor: _FLOOR  # type: ignore[valid-type]
     robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
     orders: _ORDERS  # type: ignore[valid-type]
-    works: _part("Works", ("ticks", "came"))  # type: ignore[valid-type]
-    slots: _part("Slots", ("cell",), ("spare", int))  # type: ignore[valid-type]
+    works: _part("Works", ("processing_time", "arrival_tick"))  # type: ignore[valid-type]
+    slots: _part("Slots", ("cell",), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
 
 
@@ -130,15 +143,15 @@ class _Conditions(_Frame):
     tick: int
     settings: _Labels
     scenario: msgspec.Raw
-    picks: msgspec.Raw
-    every: np.ndarray
+    strategies: msgspec.Raw
+    period: np.ndarray
     wait: np.ndarray
     files: _Named | UnsetType = UNSET
 
 
 class _Ticks(_Frame):
     first: int
-    did: np.ndarray
+    executed: np.ndarray
     decisions: np.ndarray
     changes: np.ndarray
     due: np.ndarray
@@ -293,7 +306,7 @@ class Range(NamedTuple):
 
 # Those that others are measured by come first.
 HEADER_ARRAYS: Final = {
-    "floor.kind": Range("u1", ("rows", "columns"), 0, len(KINDS)),
+    "floor.kind": Range("u1", ("rows", "columns"), 0, len(CELL_KINDS)),
     "floor.exits": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
     "floor.capacity": Range("u1", ("rows", "columns"), 0, 3),
     "floor.loads": Range("u1", ("rows", "columns"), 0, 2),
@@ -306,14 +319,14 @@ HEADER_ARRAYS: Final = {
     "slots.cell": Range("i4", ("slots",), -1, "cells"),
     "orders.source": Range("i4", ("orders",), 0, "spare"),
     "orders.target": Range("i4", ("orders",), 0, "spare"),
-    "orders.released": Range("i4", ("orders",), 0, NUMBER),
-    "orders.coming": Range("i4", ("orders",), -1, "orders"),
+    "orders.release_tick": Range("i4", ("orders",), 0, NUMBER),
+    "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
     "orders.weight": Range("i4", ("orders",), 0, NUMBER),
-    "works.ticks": Range("i4", ("works",), 0, NUMBER),
-    "works.came": Range("i4", ("works",), -1, NUMBER),
+    "works.processing_time": Range("i4", ("works",), 0, NUMBER),
+    "works.arrival_tick": Range("i4", ("works",), -1, NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
-    "every": Range("i4", (5,), 0, NUMBER),
+    "period": Range("i4", (5,), 0, NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
@@ -368,11 +381,11 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     `known`: how many robots and names of digests there are, where that is known. Raises Unsound if
     parts do not fit it or each other.
     """
-    ticks = content["did"].shape[1] if content["did"].ndim == 2 else 0
+    ticks = content["executed"].shape[1] if content["executed"].ndim == 2 else 0
     sizes = {**known, "ticks": ticks}
     if not 0 < ticks <= FRAME_TICKS or not 0 < content["first"] <= LAST_TICK:
         raise Unsound(f"it tells of {ticks} ticks from tick {content['first']} on")
-    most = MOST_ROWS * (len(content["did"]) + 1)  # in a tick
+    most = MOST_ROWS * (len(content["executed"]) + 1)  # in a tick
     if content["changes"].ndim == 2 and content["changes"].shape[1] > min(
         MOST_CHANGES, most * ticks
     ):
@@ -380,7 +393,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     check_arrays(
         content,
         {
-            "did": Range("u1", ("robots", "ticks"), 0, 256),
+            "executed": Range("u1", ("robots", "ticks"), 0, 256),
             "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
             "changes": Range("i4", (4, "changes"), -NUMBER, NUMBER),
             "due": Range("i4", ("due",), 0, "ticks"),
@@ -402,7 +415,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
     return {
         "first": content["first"],
-        "did": np.ascontiguousarray(content["did"].T),
+        "executed": np.ascontiguousarray(content["executed"].T),
         "decisions": content["decisions"],
         "changes": changes,
         "digests": digests,
@@ -413,14 +426,14 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
     """Changes name robots, orders and slots that there are. Raises Unsound."""
     robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
     limits = {
-        ORDER_BY: (orders, -1, robots),
-        SLOT_BY: (slots, -1, robots),
-        DURATION: (robots, 0, NUMBER),
-        PICKED_UP: (robots, 0, orders),
-        SET_AT: (robots, 0, slots),
-        ZONE: (robots, -1, NUMBER),
-        LEFT_LOAD: (robots, 0, slots),
-        STATUS: (robots, 0, 7),
+        CHANGE_ORDER_RESERVED: (orders, -1, robots),
+        CHANGE_SLOT_RESERVED: (slots, -1, robots),
+        CHANGE_DURATION: (robots, 0, NUMBER),
+        CHANGE_PICKED: (robots, 0, orders),
+        CHANGE_DROPPED: (robots, 0, slots),
+        CHANGE_ZONE: (robots, -1, NUMBER),
+        CHANGE_LOAD_LEFT: (robots, 0, slots),
+        CHANGE_STATUS: (robots, 0, 7),
     }
     table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
     code, subject, value = changes[:, 1:].T

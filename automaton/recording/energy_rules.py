@@ -11,20 +11,20 @@ from typing import Any, Final
 
 from automaton.recording.codes import (
     ACTION_MASK,
-    DID_BLOCKED,
-    DID_CHARGE,
-    DID_DROP,
-    DID_ILLEGAL,
-    DID_PICK,
-    DID_TRY_DROP,
-    DID_WAIT,
-    DID_WITHDRAW,
-    DURATION,
-    INTO_BAY,
-    LEFT_LOAD,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_STATUS,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BLOCKED,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_RETREAT,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
     MOVE_EAST,
     MOVE_NORTH,
-    STATUS,
     TURN_LEFT,
     TURN_RIGHT,
 )
@@ -32,24 +32,24 @@ from automaton.recording.motion_rules import Acts, Complaint, Motion
 from automaton.recording.pace_rules import NONE
 from automaton.world.cells import CHARGER
 
-FULL: Final = 1_000_000
+BATTERY_FULL: Final = 1_000_000
 RUNNING, EMPTY, BROKEN, TOWED, GONE = 0, 3, 4, 5, 6  # statuses as they are recorded
 OPERATIONS: Final = {
     **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
     TURN_LEFT: "turn",
     TURN_RIGHT: "turn",
-    DID_PICK: "pick",
-    DID_DROP: "drop",
-    DID_TRY_DROP: "try_drop",
+    EXECUTED_PICK: "pick",
+    EXECUTED_DROP: "drop",
+    EXECUTED_TRY_DROP: "try_drop",
 }
-WAITS: Final = (DID_WAIT, DID_BLOCKED, DID_WITHDRAW, DID_ILLEGAL)
+WAITS: Final = (EXECUTED_WAIT, EXECUTED_BLOCKED, EXECUTED_RETREAT, EXECUTED_ILLEGAL)
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 
 
 def units(percent: float) -> int:
     """Percent of a battery in units of charge."""
-    return round(percent * FULL / 100)
+    return round(percent * BATTERY_FULL / 100)
 
 
 class Energy:
@@ -88,7 +88,7 @@ class Energy:
                 self.complain(tick, "energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
-        lengths = {row[2]: row[3] for row in rows if row[1] == DURATION}
+        lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
         for r, did in acts:
             code, loaded = did & ACTION_MASK, int(load[r] != NONE)
             if code in OPERATIONS:
@@ -98,10 +98,10 @@ class Energy:
                 self._operate(tick, r, name, ticks * self.rates[name][loaded])
             elif code in WAITS:
                 self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
-            elif code == DID_CHARGE:
+            elif code == EXECUTED_CHARGE:
                 self._take_in(tick, r)
         if any(self.rates["wait"]):
-            busy = {r for r, did in acts if did & (ACTION_MASK | INTO_BAY)}
+            busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
             for r, cell in enumerate(self.motion.cell):
                 free = self.motion.free[r] <= tick and self.status[r] == RUNNING
                 if cell != NONE and free and r not in busy:
@@ -121,7 +121,7 @@ class Energy:
         if cell == NONE or self.motion.kind[cell] != CHARGER:
             self.complain(tick, "energy", [r], cell, "charges where there is no charger")
         rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
-        self.charge[r] += min(rate, FULL - self.charge[r])
+        self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
     def become(self, tick: int, r: int, status: int) -> None:
         """A robot goes out of order, is towed, or comes back."""
@@ -185,9 +185,9 @@ class Energy:
 
 def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
     """The changes of a tick: robots that go out of order, are towed or come back, then the others."""
-    told = [k for k, row in enumerate(rows) if row[1] in (STATUS, LEFT_LOAD)]
+    told = [k for k, row in enumerate(rows) if row[1] in (CHANGE_STATUS, CHANGE_LOAD_LEFT)]
     if not told:
         return [], rows
     # The order of a load that was left is given back right after it.
-    first = told[-1] + (2 if rows[told[-1]][1] == LEFT_LOAD else 1)
+    first = told[-1] + (2 if rows[told[-1]][1] == CHANGE_LOAD_LEFT else 1)
     return rows[:first], rows[first:]

@@ -184,7 +184,7 @@ def tick_of(kind: int, content: Content) -> int:
     if kind == HEADER:
         return 0
     if kind == TICKS:
-        return int(content["first"]) + len(content["did"]) - 1
+        return int(content["first"]) + len(content["executed"]) - 1
     return int(content["ticks" if kind == END else "tick"])
 
 
@@ -302,7 +302,7 @@ def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
         if not chain.follow(head, data):
             raise damaged("is not what was written")
         before = sequence.tick
-        if why := sequence.objection(kind, tick):
+        if why := sequence.check_scenario(kind, tick):
             raise damaged(why)
         yield Payload(kind, tick, data, at, before)
         at, number = at + FRAME.size + length, number + 1
@@ -320,7 +320,7 @@ class Sequel:
         self._number = 0
         self._conditions = 0  # the last tick at which they changed
 
-    def objection(self, kind: int, tick: int) -> str:
+    def check_scenario(self, kind: int, tick: int) -> str:
         """What is wrong with the next frame, or ""; takes it in."""
         first = (HEADER, CONDITIONS, KEYFRAME)
         number, self._number = self._number, self._number + 1
@@ -369,7 +369,7 @@ def _pack_ticks(content: Content) -> Content:
     changes[0] -= content["first"]
     return {
         "first": content["first"],
-        "did": np.ascontiguousarray(content["did"].T),
+        "executed": np.ascontiguousarray(content["executed"].T),
         "decisions": content["decisions"],
         "changes": changes.astype(np.int32),
         "due": due,

@@ -19,11 +19,11 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.recording.contents import Content
 from automaton.scenario.reading import content_hash
-from automaton.scenario.resolve import Pick, Resolved
-from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.resolve import Resolved, StrategyChoice
+from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.entry import AsRecorded, files_of
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 PACKAGES = ("automaton", "strategies", "layouts")
 DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks
@@ -33,14 +33,14 @@ FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 
 def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str, ...]) -> Content:
     """The header of a run; `world` is its state at tick 0 with robots stored by identity."""
-    plan, robots = resolved.plan, world.robots
+    floor_plan, robots = resolved.floor_plan, world.robots
     closed = resolved.scenario.orders.in_system
     weighs = bool((world.orders.weight != 1).any())
-    plugins = tuple(pick.name for pick in resolved.picks.values() if ":" in pick.name)
+    plugins = tuple(choice.name for choice in resolved.strategies.values() if ":" in choice.name)
     return {
         "scenario": msgspec.to_builtins(resolved.scenario),
         "seed": seed,
-        "picks": _picks(resolved),
+        "strategies": _strategies(resolved),
         "start": resolved.start,
         "overrides": resolved.overrides,
         "text": resolved.source,
@@ -49,11 +49,11 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "versions": versions(),
         "digest_names": digest_names,
         "floor": {
-            "width": plan.width,
-            "height": plan.height,
-            "starts": plan.starts,
-            "numbered": plan.numbered,
-            **{name: getattr(plan, name) for name in FLOOR_ARRAYS},
+            "width": floor_plan.width,
+            "height": floor_plan.height,
+            "starts": floor_plan.starts,
+            "numbered": floor_plan.numbered,
+            **{name: getattr(floor_plan, name) for name in FLOOR_ARRAYS},
         },
         "robots": {
             name: getattr(robots, name).copy()
@@ -62,13 +62,16 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "orders": {
             name: getattr(world.orders, name).copy()
             for name in (
-                *("source", "target", "released"),
-                *(["coming"] if closed else []),
+                *("source", "target", "release_tick"),
+                *(["release_sequence"] if closed else []),
                 *(["weight"] if weighs else []),
             )
         },
-        "works": {name: getattr(world.stations, name).copy() for name in ("ticks", "came")},
-        "slots": {"cell": world.slots.cell.copy(), "spare": world.slots.spare},
+        "works": {
+            name: getattr(world.stations, name).copy()
+            for name in ("processing_time", "arrival_tick")
+        },
+        "slots": {"cell": world.slots.cell.copy(), "first_spare": world.slots.first_spare},
     }
 
 
@@ -79,23 +82,23 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
         "tick": simulation.tick,
         "settings": settings,
         "scenario": msgspec.to_builtins(resolved.scenario),
-        "picks": _picks(resolved),
+        "strategies": _strategies(resolved),
         **file_hashes(resolved),
-        "every": rules.every.copy(),
+        "period": rules.period.copy(),
         "wait": rules.wait.copy(),
     }
 
 
-def _picks(resolved: Resolved) -> Content:
+def _strategies(resolved: Resolved) -> Content:
     return {
-        layer: {"name": pick.name, "parameters": msgspec.to_builtins(pick.parameters)}
-        for layer, pick in resolved.picks.items()
+        layer: {"name": choice.name, "parameters": msgspec.to_builtins(choice.parameters)}
+        for layer, choice in resolved.strategies.items()
     }
 
 
 def changed(header: Content, rules: Content) -> Content:
     """The header with the scenario and the strategies that hold after a CONDITIONS frame."""
-    return {**header, "scenario": rules["scenario"], "picks": rules["picks"]}
+    return {**header, "scenario": rules["scenario"], "strategies": rules["strategies"]}
 
 
 def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
@@ -107,12 +110,12 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     start = header["start"]
     return Resolved(
         scenario=msgspec.convert(header["scenario"], Scenario),
-        plan=plan_of(header["floor"]),
-        picks={
-            layer: _pick(layer, **given)
+        floor_plan=floor_plan_of(header["floor"]),
+        strategies={
+            layer: _strategy_choice(layer, **given)
             if with_strategies or lookup.is_built_in(layer, given["name"])
-            else Pick(given["name"], AsRecorded(given["parameters"]))
-            for layer, given in ((layer, header["picks"][layer]) for layer in LAYERS)
+            else StrategyChoice(given["name"], AsRecorded(given["parameters"]))
+            for layer, given in ((layer, header["strategies"][layer]) for layer in LAYER_NAMES)
         },
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
         source=header["text"],
@@ -120,7 +123,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     )
 
 
-def plan_of(floor: Content) -> FloorPlan:
+def floor_plan_of(floor: Content) -> FloorPlan:
     """The floor that a header tells of."""
     return FloorPlan(
         width=floor["width"],
@@ -131,10 +134,10 @@ def plan_of(floor: Content) -> FloorPlan:
     )
 
 
-def _pick(layer: str, name: str, parameters: Content) -> Pick:
+def _strategy_choice(layer: str, name: str, parameters: Content) -> StrategyChoice:
     wanted = lookup.parameters_type(layer, name)
     try:
-        return Pick(name, msgspec.convert(parameters, wanted))
+        return StrategyChoice(name, msgspec.convert(parameters, wanted))
     except msgspec.ValidationError as error:
         raise InputError(
             f"the recorded parameters of the {layer} strategy {name!r} do not fit it now: {error}"
@@ -165,7 +168,9 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
 
 def file_hashes(resolved: Resolved) -> Content:
     """{"files": {file: 16 hex digits of its content}} of those that strategies read, if any do."""
-    files = [file for pick in resolved.picks.values() for file in files_of(pick.parameters)]
+    files = [
+        file for choice in resolved.strategies.values() for file in files_of(choice.parameters)
+    ]
     return {"files": {str(file): content_hash(file) for file in files}} if files else {}
 
 

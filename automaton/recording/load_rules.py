@@ -11,27 +11,27 @@ from typing import Any, Final
 
 from automaton.recording.codes import (
     ACTION_MASK,
-    DID_DROP,
-    DID_PICK,
-    DID_TRY_DROP,
-    DID_WAIT,
-    DROPPED_AT_ONCE,
-    DURATION,
-    INTO_BAY,
-    LEFT_LOAD,
+    CHANGE_DROPPED,
+    CHANGE_DURATION,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    CHANGE_SLOT_RESERVED,
+    CHANGE_STATUS,
+    CHANGE_ZONE,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
     MOVE_NORTH,
-    ORDER_BY,
-    PICKED_AT_ONCE,
-    PICKED_UP,
-    SET_AT,
-    SLOT_BY,
-    STATUS,
-    ZONE,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.recording.motion_rules import Acts, Complaint, Motion
 from automaton.recording.pace_rules import NONE
 from automaton.recording.station_rules import Work
-from automaton.world.cells import KINDS, RACK, STATION
+from automaton.world.cells import CELL_KINDS, RACK, STATION
 
 WAITING: Final = 0  # states of an order
 CARRIED: Final = 1
@@ -43,19 +43,19 @@ Rows = list[list[int]]  # (tick, code, subject, value)
 
 # Handling on arrival: the flag, what it is like, and the duration that has to be 0.
 AT_ONCE: Final = (
-    (PICKED_AT_ONCE, DID_PICK, "pick"),
-    (DROPPED_AT_ONCE, DID_DROP, "drop"),
+    (PICKED_ON_ARRIVAL, EXECUTED_PICK, "pick"),
+    (DROPPED_ON_ARRIVAL, EXECUTED_DROP, "drop"),
 )
 
 
 def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
     """The changes before the moves of a tick have ended, and those of robots that arrive."""
-    arriving = {r for r, did in acts if did & (PICKED_AT_ONCE | DROPPED_AT_ONCE)}
+    arriving = {r for r, did in acts if did & (PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL)}
     for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
-        if code in (PICKED_UP, SET_AT) and subject in arriving:
+        if code in (CHANGE_PICKED, CHANGE_DROPPED) and subject in arriving:
             # How long moves and waits take is told in between.
-            lengths = [row for row in rows[at:] if row[1] == DURATION]
-            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != DURATION]
+            lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
+            return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
     return rows, []
 
 
@@ -66,19 +66,21 @@ class Loads:
         self.motion = motion
         self.complain = complain
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        self.spare: int = header["slots"]["spare"]  # the first slot for loads that robots left
+        self.spare: int = header["slots"][
+            "first_spare"
+        ]  # the first slot for loads that robots left
         spares = len(self.slot_cell) - self.spare
-        kinds = [KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
+        kinds = [CELL_KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
         none = [False] * spares
         self.rack = [kind.code == RACK for kind in kinds] + none
-        self.dock = [kind.supplies and not kind.swallows for kind in kinds] + none
+        self.dock = [kind.is_source and not kind.is_sink for kind in kinds] + none
         self.station = [kind.code == STATION for kind in kinds] + none
-        self.endless = [kind.swallows or kind.supplies for kind in kinds] + [True] * spares
+        self.endless = [kind.is_sink or kind.is_source for kind in kinds] + [True] * spares
         self.target: list[int] = header["orders"]["target"].tolist()
         weights = header["orders"].get("weight")
         self.weight = [1] * len(self.target) if weights is None else weights.tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
-        released = header["orders"]["released"].tolist()
+        released = header["orders"]["release_tick"].tolist()
         self.state = [UNRELEASED if tick else WAITING for tick in released]
         self.work = Work(header)
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
@@ -87,7 +89,7 @@ class Loads:
         stream = header["scenario"]["orders"].get("stream") or {}
         self._in_system: int = (stream.get("closed") or {}).get("in_system", 0)
         if self._in_system:
-            later = header["orders"]["coming"].tolist()[self._in_system :]
+            later = header["orders"]["release_sequence"].tolist()[self._in_system :]
             self._coming = [(0, order) for order in reversed(later)]
             for order in later:
                 self.state[order] = UNRELEASED
@@ -138,19 +140,19 @@ class Loads:
         """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
         lengths: dict[int, int] = {}
         self._lengths, self._arriving = lengths, False
-        if not rows and not any(did & ACTION_MASK >= DID_PICK for _, did in acts):
+        if not rows and not any(did & ACTION_MASK >= EXECUTED_PICK for _, did in acts):
             return lengths
         did = {r: code & ACTION_MASK for r, code in acts}
         handled: set[int] = set()
         for _, code, subject, value in rows:
             if not self.exists(code, subject, value):
                 self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
-            elif code == DURATION:
+            elif code == CHANGE_DURATION:
                 lengths[subject] = value
                 self._check_length(tick, subject, value, did.get(subject, 0))
             else:
                 self._change(tick, code, subject, value, did)
-                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
+                handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
         self._check_acts(tick, did, lengths, handled)
         return lengths
 
@@ -167,19 +169,19 @@ class Loads:
         for _, code, subject, value in rows:
             if self.exists(code, subject, value):
                 self._change(tick, code, subject, value, did)
-                handled |= {subject} if code in (PICKED_UP, SET_AT) else set()
+                handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
             else:
                 self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
         self._check_acts(tick, did, {}, handled)
 
     def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
-        if code == ORDER_BY:
+        if code == CHANGE_ORDER_RESERVED:
             self._reserve_order(tick, subject, value)
-        elif code == SLOT_BY:
+        elif code == CHANGE_SLOT_RESERVED:
             self._reserve_slot(tick, subject, value)
-        elif code == PICKED_UP:
+        elif code == CHANGE_PICKED:
             self._pick(tick, subject, value, did.get(subject, 0))
-        elif code == SET_AT:
+        elif code == CHANGE_DROPPED:
             self._drop(tick, subject, value, did.get(subject, 0))
 
     def _check_arrival(self, tick: int, r: int, name: str) -> None:
@@ -197,26 +199,26 @@ class Loads:
         """Whether a change names things that there are."""
         robots, orders, slots = len(self.load), len(self.place), len(self.slot_cell)
         limits = {
-            ORDER_BY: (orders, robots),
-            SLOT_BY: (slots, robots),
-            DURATION: (robots, 1 << 31),
-            PICKED_UP: (robots, orders),
-            SET_AT: (robots, slots),
-            LEFT_LOAD: (robots, slots),
-            STATUS: (robots, GONE + 1),
-            ZONE: (robots, 1 << 31),
+            CHANGE_ORDER_RESERVED: (orders, robots),
+            CHANGE_SLOT_RESERVED: (slots, robots),
+            CHANGE_DURATION: (robots, 1 << 31),
+            CHANGE_PICKED: (robots, orders),
+            CHANGE_DROPPED: (robots, slots),
+            CHANGE_LOAD_LEFT: (robots, slots),
+            CHANGE_STATUS: (robots, GONE + 1),
+            CHANGE_ZONE: (robots, 1 << 31),
         }
         subjects, values = limits.get(code, (0, 0))
-        least = NONE if code in (ORDER_BY, SLOT_BY, ZONE) else 0
+        least = NONE if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
         return 0 <= subject < subjects and least <= value < values
 
     def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
-        if code in (DID_PICK, DID_DROP):
+        if code in (EXECUTED_PICK, EXECUTED_DROP):
             least = self.motion.duration[code]
             if not least <= ticks <= least + self.motion.given["delay"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
                 self.complain(tick, "duration", [r], self.motion.cell[r], text)
-        elif ticks < 1 or not (code == DID_WAIT or 1 <= code <= MOVE_NORTH):
+        elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
             self.complain(tick, "duration", [r], self.motion.cell[r], text)
 
@@ -225,13 +227,14 @@ class Loads:
     ) -> None:
         for r, code in did.items():
             cell = self.motion.cell[r]
-            if code in (DID_PICK, DID_DROP) and r not in handled:
+            if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
                 self.complain(tick, "load", [r], cell, "handles a load that is not named")
             elif (
-                code == DID_WAIT or (code in (DID_PICK, DID_DROP) and self.motion.given["delay"])
+                code == EXECUTED_WAIT
+                or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["delay"])
             ) and (r not in lengths):
                 self.complain(tick, "duration", [r], cell, "waits without a duration")
-            elif code == DID_TRY_DROP and self.load[r] == NONE:
+            elif code == EXECUTED_TRY_DROP and self.load[r] == NONE:
                 self.complain(tick, "load", [r], cell, "tries to set down without a load")
 
     def _reserve_order(self, tick: int, order: int, r: int) -> None:
@@ -283,7 +286,7 @@ class Loads:
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]
         cell = self.motion.cell[r]
-        if code != DID_PICK:
+        if code != EXECUTED_PICK:
             self.complain(tick, "load", [r], cell, "gets a load without picking it up")
         if self.load[r] != NONE:
             self.complain(tick, "load", [r], cell, "picks up a second load")
@@ -304,7 +307,7 @@ class Loads:
         if slot != NONE and slot == self.target[order]:
             self.state[order] = DELIVERED  # it had only to be visited
             self.undelivered -= 1
-            self.work.deliver(tick + self._handling(r, DID_PICK), order)
+            self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
         self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
         if slot >= self.spare:
@@ -312,7 +315,7 @@ class Loads:
 
     def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
         order, cell = self.load[r], self.slot_cell[slot]
-        if code != DID_DROP:
+        if code != EXECUTED_DROP:
             self.complain(tick, "load", [r], cell, "loses a load without setting it down")
         if order == NONE:
             self.complain(tick, "load", [r], cell, "sets down without a load")
@@ -333,7 +336,7 @@ class Loads:
         self.state[order] = DELIVERED if delivered else WAITING
         self.undelivered -= delivered
         if delivered:
-            self.work.deliver(tick + self._handling(r, DID_DROP), order)
+            self.work.deliver(tick + self._handling(r, EXECUTED_DROP), order)
 
     def _handling(self, r: int, code: int) -> int:
         """Ticks that a robot handles its load for; none as it arrives."""
@@ -344,5 +347,5 @@ class Loads:
     def check_parked(self, tick: int, acts: Acts) -> None:
         """A robot parks only with nothing to do."""
         for r, did in acts:
-            if did & INTO_BAY and (self.load[r] != NONE or self.order[r] != NONE):
+            if did & ENTERED_PARKING_BAY and (self.load[r] != NONE or self.order[r] != NONE):
                 self.complain(tick, "bay", [r], self.motion.home[r], "parks with an order")

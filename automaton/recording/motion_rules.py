@@ -13,21 +13,21 @@ from typing import Any, Final
 
 from automaton.recording.codes import (
     ACTION_MASK,
-    DID_BAY_BLOCKED,
-    DID_DROP,
-    DID_ILLEGAL,
-    DID_PICK,
-    DID_TRY_DROP,
-    DID_WAIT,
-    INTO_BAY,
-    LEFT_BAY,
+    ENTERED_PARKING_BAY,
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_DROP,
+    EXECUTED_ILLEGAL,
+    EXECUTED_PICK,
+    EXECUTED_TRY_DROP,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
     MOVE_NORTH,
     TURN_LEFT,
     TURN_RIGHT,
 )
 from automaton.recording.pace_rules import NONE, Pace
 from automaton.recording.type_rules import Types
-from automaton.world.cells import EAST, KINDS, NORTH, SOUTH, WEST
+from automaton.world.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
 HEADINGS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
@@ -86,7 +86,7 @@ class Motion:
                 self.complain(0, "bay", [r], self.bay[r], "its bay does not open on its home cell")
             if cell == NONE:
                 continue
-            if not KINDS[self.kind[cell]].drivable:
+            if not CELL_KINDS[self.kind[cell]].drivable:
                 self.complain(0, "exits", [r], cell, "it starts where no robot can stand")
             self._check_area(0, r, cell)
             self._take(0, r, cell, self.heading[r])
@@ -125,7 +125,7 @@ class Motion:
         """Place the robots that leave their bays; returns them."""
         placed: set[int] = set()
         for r, did in acts:
-            if not did & LEFT_BAY:
+            if not did & LEFT_PARKING_BAY:
                 continue
             if self.cell[r] != NONE or self.free[r] > tick:
                 self.complain(tick, "bay", [r], self.cell[r], "leaves a bay it is not parked in")
@@ -156,7 +156,7 @@ class Motion:
         movers: list[Mover] = []
         parking = False
         for r, did in acts:
-            parking |= did & INTO_BAY != 0
+            parking |= did & ENTERED_PARKING_BAY != 0
             code = did & ACTION_MASK
             if not code or not self._may_act(tick, r, code):
                 continue
@@ -174,7 +174,7 @@ class Motion:
         self._carry_out(tick, movers)
         if parking:
             for r, did in acts:
-                if did & INTO_BAY:
+                if did & ENTERED_PARKING_BAY:
                     self._park(tick, r)
 
     def _may_act(self, tick: int, r: int, code: int) -> bool:
@@ -183,12 +183,12 @@ class Motion:
             self.complain(tick, "busy", [r], self.cell[r], text)
             return False
         if self.cell[r] == NONE:
-            if code not in (DID_BAY_BLOCKED, DID_ILLEGAL):
+            if code not in (EXECUTED_BAY_BLOCKED, EXECUTED_ILLEGAL):
                 self.complain(tick, "bay", [r], self.home[r], "acts although it is in its bay")
             return False
-        if code == DID_BAY_BLOCKED:
+        if code == EXECUTED_BAY_BLOCKED:
             self.complain(tick, "bay", [r], self.cell[r], "waits to leave a bay it is not in")
-        if code != DID_ILLEGAL:
+        if code != EXECUTED_ILLEGAL:
             self.parked[r] = False
             self.unsure.discard(r)
         elif self.parked[r]:
@@ -228,7 +228,7 @@ class Motion:
         if self.headings == 1:
             self.complain(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
             return
-        if self.headings == 2 and not KINDS[self.kind[cell]].turns:
+        if self.headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
             self.complain(tick, "turn", [r], cell, "turns on rails without a turntable")
         if self.headings == 2 and code == TURN_LEFT:
             self.complain(tick, "turn", [r], cell, "on rails a turn has no side")
@@ -328,7 +328,7 @@ def _durations(given: dict[str, int]) -> list[int]:
     ticks[1 : MOVE_NORTH + 1] = [given["move"]] * 4
     ticks[TURN_LEFT] = ticks[TURN_RIGHT] = given["turn"]
     # One that takes no time costs a tick where no move precedes it.
-    ticks[DID_PICK], ticks[DID_DROP] = max(1, given["pick"]), max(1, given["drop"])
-    ticks[DID_TRY_DROP] = given["try_drop"]
-    ticks[DID_WAIT] = 1  # the recording says how long
+    ticks[EXECUTED_PICK], ticks[EXECUTED_DROP] = max(1, given["pick"]), max(1, given["drop"])
+    ticks[EXECUTED_TRY_DROP] = given["try_drop"]
+    ticks[EXECUTED_WAIT] = 1  # the recording says how long
     return ticks

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from automaton.world.cells import EAST, KINDS, NORTH, SOUTH, WEST
+from automaton.world.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
 NONE: Final = -1
-MOST_TICKS: Final = 65_535  # of a move
+MAX_MOVE_TICKS: Final = 65_535  # of a move
 EXTRA_TICKS: Final = 6  # the stream of draws that say whether a move takes a tick more
 ALL_BITS: Final = 2**64 - 1
 STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
@@ -67,16 +67,16 @@ class Pace:
             late = self.draw(tick, robot) < self.extra
             ticks += late
             why += f" and chance adds {'a tick' if late else 'none'}"
-        return min(ticks, MOST_TICKS), why
+        return min(ticks, MAX_MOVE_TICKS), why
 
     def draw(self, tick: int, robot: int) -> int:
         """The 32 bits that decide on the extra tick of a robot's move."""
-        state = mixed(self.seed + STEP_OF_STATE * EXTRA_TICKS)
-        state = mixed(state ^ (tick + STEP_OF_STATE & ALL_BITS))
-        return mixed(state ^ (robot * STEP_OF_STATE + 0xBF58476D1CE4E5B9 & ALL_BITS)) >> 32
+        state = splitmix64(self.seed + STEP_OF_STATE * EXTRA_TICKS)
+        state = splitmix64(state ^ (tick + STEP_OF_STATE & ALL_BITS))
+        return splitmix64(state ^ (robot * STEP_OF_STATE + 0xBF58476D1CE4E5B9 & ALL_BITS)) >> 32
 
 
-def mixed(value: int) -> int:
+def splitmix64(value: int) -> int:
     """The finalizer of SplitMix64 (Steele, Lea & Flood 2014)."""
     value &= ALL_BITS
     value = (value ^ (value >> 30)) * 0xBF58476D1CE4E5B9 & ALL_BITS
@@ -88,7 +88,7 @@ def zones_by_cell(floor: dict[str, Any], mode: str) -> list[tuple[int, int]]:
     """The zones of each flat cell, for travel east or south and for travel west or north."""
     stride = floor["width"] + 2
     exits: list[int] = floor["exits"].ravel().tolist()
-    drivable = [KINDS[kind].drivable for kind in floor["kind"].ravel().tolist()]
+    drivable = [CELL_KINDS[kind].drivable for kind in floor["kind"].ravel().tolist()]
     steps = {EAST: 1, SOUTH: stride, WEST: -1, NORTH: -stride}
 
     def neighbours(cell: int, *directions: int) -> list[int]:

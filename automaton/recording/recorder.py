@@ -44,7 +44,14 @@ from automaton.recording.header import header_of, rules_of, state_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.build import build_world
-from automaton.world.state import CHANGED, DECIDED, RECORDED, TICK, Array, Record
+from automaton.world.state import (
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_RECORDED_TICKS,
+    CLOCK_TICK,
+    Array,
+    Record,
+)
 
 FRAME_SECONDS = 1.0  # what a killed process may lose
 FRAME_BYTES = (
@@ -80,7 +87,7 @@ class Capture:
         """Take what the buffers of a simulation hold, and empty them."""
         self._begin(simulation)
         world, record = simulation.world, simulation.record
-        rows = int(world.clock[RECORDED])
+        rows = int(world.clock[CLOCK_RECORDED_TICKS])
         if rows:
             if self._held + rows > FRAME_TICKS or self._bytes > FRAME_BYTES:
                 self.flush()
@@ -91,7 +98,11 @@ class Capture:
         if self._held >= FRAME_TICKS or due:
             self.flush()
         tick = self._first + self._held - 1
-        if tick % KEYFRAME_TICKS == 0 and tick > self._keyframe_at and world.clock[TICK] == tick:
+        if (
+            tick % KEYFRAME_TICKS == 0
+            and tick > self._keyframe_at
+            and world.clock[CLOCK_TICK] == tick
+        ):
             self.flush()
             self._keyframe(world)
 
@@ -110,10 +121,12 @@ class Capture:
     def _rows(self, clock: Array, record: Record, rows: int) -> Rows:
         # After an interrupt those of an unfinished tick may be there: they are not kept.
         last = self._first + self._held + rows - 1
-        changes = record.changes[: clock[CHANGED]]
-        decisions = record.decisions[: words_until(record.decisions, int(clock[DECIDED]), last)]
+        changes = record.changes[: clock[CLOCK_CHANGE_ROWS]]
+        decisions = record.decisions[
+            : words_until(record.decisions, int(clock[CLOCK_DECISION_WORDS]), last)
+        ]
         kept = changes[changes[:, 0] <= last].copy()
-        return record.did[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
+        return record.executed[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
 
     def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None:
         """The run goes on as `simulation`, in which something was changed after this tick."""
@@ -131,7 +144,7 @@ class Capture:
         self._pending = []
         content = {
             "first": self._first,
-            "did": did,
+            "executed": did,
             "decisions": decisions,
             "changes": changes,
             "digests": digests,
@@ -163,7 +176,7 @@ class Capture:
 
     def _keyframe(self, world: Any) -> None:
         state = state_of(world, KEYFRAME_ARRAYS)
-        self._keyframe_at = int(world.clock[TICK])
+        self._keyframe_at = int(world.clock[CLOCK_TICK])
         self.write(KEYFRAME, {"tick": self._keyframe_at, **state})
 
 

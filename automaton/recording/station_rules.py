@@ -35,8 +35,10 @@ class Work:
         self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
         # What is drawn stands in the header; older ones have nothing that is.
         drawn = header.get("works", {})
-        self._drawn: list[int] = drawn["ticks"].tolist() if "ticks" in drawn else []
-        came: list[int] = drawn["came"].tolist() if "came" in drawn else []
+        self._drawn: list[int] = (
+            drawn["processing_time"].tolist() if "processing_time" in drawn else []
+        )
+        came: list[int] = drawn["arrival_tick"].tolist() if "arrival_tick" in drawn else []
         for kind in orders.get("parts") or ():
             for _ in range(kind["count"]):
                 tick = came[len(self.station)] if came else kind["at"]

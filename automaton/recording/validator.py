@@ -15,14 +15,14 @@ import numpy as np
 
 from automaton.recording.codes import (
     ACTION_MASK,
-    DROPPED_AT_ONCE,
-    INTO_BAY,
-    LEFT_BAY,
-    LEFT_LOAD,
-    ORDER_BY,
-    PICKED_AT_ONCE,
-    SLOT_BY,
-    STATUS,
+    CHANGE_LOAD_LEFT,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_SLOT_RESERVED,
+    CHANGE_STATUS,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    LEFT_PARKING_BAY,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
 from automaton.recording.energy_rules import Energy, parted_faults
@@ -147,7 +147,7 @@ class Validator:
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""
-        did = content["did"]
+        did = content["executed"]
         if content["first"] != self.report.ticks + 1 or did.shape[1] != len(self.motion.home):
             text = f"tick {content['first']} follows tick {self.report.ticks}"
             self._complain(self.report.ticks, "record", [], NONE, text)
@@ -168,7 +168,7 @@ class Validator:
             self._complain(self.report.ticks, "record", [], NONE, text)
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
-        leaves = any(did & LEFT_BAY for _, did in acts)
+        leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
         faults, rows = parted_faults(rows)
         self._change_status(tick, faults)
         self.loads.release(tick)
@@ -187,11 +187,11 @@ class Validator:
         for row in rows:
             _, code, subject, value = row
             known = self.loads.exists(code, subject, value)
-            if known and code == STATUS and value in STATUSES:
+            if known and code == CHANGE_STATUS and value in STATUSES:
                 self.energy.become(tick, subject, value)
-            elif known and code == LEFT_LOAD:
+            elif known and code == CHANGE_LOAD_LEFT:
                 self.loads.leave(tick, subject, value)
-            elif code in (ORDER_BY, SLOT_BY) and value == NONE:
+            elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NONE:
                 self.loads.apply(tick, [row], [])
             else:
                 text = f"a change among faults: {code} {subject} {value}"
@@ -224,9 +224,13 @@ class Validator:
                 "charge": self.energy.charge,
                 "status": self._statuses(content),
             },
-            "orders": {"state": loads.state, "place": loads.place, "by": loads.by},
-            "stations": {"first": loads.work.first(), "done": loads.work.done},
-            "slots": {"content": loads.content, "by": loads.reserved, "cell": loads.slot_cell},
+            "orders": {"state": loads.state, "current_slot": loads.place, "reserved_by": loads.by},
+            "stations": {"in_service": loads.work.first(), "completion_tick": loads.work.done},
+            "slots": {
+                "content": loads.content,
+                "reserved_by": loads.reserved,
+                "cell": loads.slot_cell,
+            },
         }
         for part, arrays in expected.items():
             for name, values in arrays.items():
@@ -286,10 +290,10 @@ class Validator:
         for did in np.flatnonzero(self._acts).tolist():
             times = int(self._acts[did])
             counts[ACTS[did & ACTION_MASK]] += times
-            counts["left_bay"] += times * bool(did & LEFT_BAY)
-            counts["parked"] += times * bool(did & INTO_BAY)
-            counts["pick"] += times * bool(did & PICKED_AT_ONCE)
-            counts["drop"] += times * bool(did & DROPPED_AT_ONCE)
+            counts["left_bay"] += times * bool(did & LEFT_PARKING_BAY)
+            counts["parked"] += times * bool(did & ENTERED_PARKING_BAY)
+            counts["pick"] += times * bool(did & PICKED_ON_ARRIVAL)
+            counts["drop"] += times * bool(did & DROPPED_ON_ARRIVAL)
         self.report.counts = {name: number for name, number in counts.items() if number}
         return self.report
 

@@ -18,10 +18,10 @@ from automaton.kernels.digest import DIGEST_NAMES
 from automaton.metrics import metrics_of
 from automaton.recording.codes import (
     ACTION_MASK,
-    DROPPED_AT_ONCE,
-    INTO_BAY,
-    LEFT_BAY,
-    PICKED_AT_ONCE,
+    DROPPED_ON_ARRIVAL,
+    ENTERED_PARKING_BAY,
+    LEFT_PARKING_BAY,
+    PICKED_ON_ARRIVAL,
 )
 from automaton.recording.contents import KEYFRAME_ARRAYS
 from automaton.recording.frames import (
@@ -51,7 +51,12 @@ from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.strategy.entry import files_of
-from automaton.world.state import CHANGED, DECIDED, RECORDED, Array
+from automaton.world.state import (
+    CLOCK_CHANGE_ROWS,
+    CLOCK_DECISION_WORDS,
+    CLOCK_RECORDED_TICKS,
+    Array,
+)
 
 # What of a header nothing follows from: it is not checked.
 LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
@@ -92,7 +97,7 @@ def verify(path: str | Path) -> Verification:
 def verify_recording(recording: Recording) -> Verification:
     """Verify a recording that is open or in memory."""
     header = recording.header
-    plugins = tuple(pick["name"] for pick in header["picks"].values() if ":" in pick["name"])
+    plugins = tuple(one["name"] for one in header["strategies"].values() if ":" in one["name"])
     files = changed_files(recording)
     try:
         difference = first_difference(recording)
@@ -146,10 +151,12 @@ class Rerun:
 
     def _take(self, simulation: Simulation) -> None:
         clock, record = simulation.world.clock, simulation.record
-        rows, changed, decided = (int(clock[k]) for k in (RECORDED, CHANGED, DECIDED))
+        rows, changed, decided = (
+            int(clock[k]) for k in (CLOCK_RECORDED_TICKS, CLOCK_CHANGE_ROWS, CLOCK_DECISION_WORDS)
+        )
         self._parts.append(
             (
-                record.did[:rows].copy(),
+                record.executed[:rows].copy(),
                 record.decisions[:decided].copy(),
                 record.changes[:changed].copy(),
                 record.digests[:rows].copy(),
@@ -192,18 +199,18 @@ class Rerun:
 
     def compare(self, content: Content) -> Difference | None:
         """Run through the ticks of a frame and compare them."""
-        first, ticks = content["first"], len(content["did"])
+        first, ticks = content["first"], len(content["executed"])
         self.simulation.run(until=first + ticks - 1)
         parts = zip(*self._parts, strict=True)
         did, decisions, changes, digests = (np.concatenate(part) for part in parts)
         self._parts.clear()
         if self.simulation.tick < first + ticks - 1:
             return Difference(self.simulation.tick, "end", "made again, the run ends here")
-        if did.shape != content["did"].shape:
+        if did.shape != content["executed"].shape:
             return Difference(first, "record", "ticks are missing or doubled")
         found = (
             self._digests(first, content["digests"], digests),
-            _actions(first, content["did"], did),
+            _actions(first, content["executed"], did),
             _decisions(first, content["decisions"], decisions),
             _changes(content["changes"], changes),
         )
@@ -249,7 +256,7 @@ def _number(value: Any) -> Any:
 def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...]) -> Scenario:
     """The scenario after settings were changed; files are named from another folder perhaps."""
     scenario = branched(before, settings).scenario
-    if any(files_of(pick.parameters) for pick in resolved.picks.values()):
+    if any(files_of(choice.parameters) for choice in resolved.strategies.values()):
         return msgspec.structs.replace(scenario, strategy=resolved.scenario.strategy)
     return scenario
 
@@ -259,7 +266,7 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
-    return floor_of(Document({}), layout).plan != resolved.plan
+    return floor_of(Document({}), layout).floor_plan != resolved.floor_plan
 
 
 def _has_files(recorded: Content, resolved: Resolved) -> bool:
@@ -321,8 +328,8 @@ def _changes(recorded: Array, ours: Array) -> Difference | None:
 def action_text(did: int) -> str:
     """A recorded action in words."""
     words = [ACTS[did & ACTION_MASK].replace("_", " ")]
-    words += ["out of its bay"] if did & LEFT_BAY else []
-    words += ["parked"] if did & INTO_BAY else []
-    words += ["picked up on arrival"] if did & PICKED_AT_ONCE else []
-    words += ["set down on arrival"] if did & DROPPED_AT_ONCE else []
+    words += ["out of its bay"] if did & LEFT_PARKING_BAY else []
+    words += ["parked"] if did & ENTERED_PARKING_BAY else []
+    words += ["picked up on arrival"] if did & PICKED_ON_ARRIVAL else []
+    words += ["set down on arrival"] if did & DROPPED_ON_ARRIVAL else []
     return ", ".join(words)

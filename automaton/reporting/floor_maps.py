@@ -10,9 +10,9 @@ from automaton.headless import strategies_blamed
 from automaton.reporting.document import HeatMap
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.plan import DRIVABLE
+from automaton.world.floor_plan import DRIVABLE
+from automaton.world.observation import LOST_EVER, visits_of
 from automaton.world.state import NIL, Array
-from automaton.world.waiting import LOST_EVER, visits_of
 
 
 def floor_maps(
@@ -37,7 +37,7 @@ def floor_maps(
     note = f"one run, seed {seed}, {ticks}"
     if simulation.digest != digest:
         note += "; this code comes to another end than that of the results"
-    zone = grid.zone.max(axis=1)
+    zone = grid.traffic_zone.max(axis=1)
     slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
     yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
     if slowed.any():
@@ -48,11 +48,11 @@ def floor_maps(
 
 def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
     """By cell the robot ticks lost so far, by zone those driven slowly, by cell the robots so far."""
-    grid, watch = simulation.world.grid, simulation.watch
+    grid, observation = simulation.world.grid, simulation.observation
     return (
-        watch.delay[:, LOST_EVER].astype(np.float64),
-        watch.lost_in_zone.astype(np.float64),
-        visits_of(watch.flow, grid.offset).astype(np.float64),
+        observation.lost_ticks_by_cell[:, LOST_EVER].astype(np.float64),
+        observation.lost_in_zone.astype(np.float64),
+        visits_of(observation.flow, grid.offset).astype(np.float64),
     )
 
 
@@ -65,7 +65,7 @@ def by_cell(lost: Array, zone: Array) -> Array:
 
 def laid_out(resolved: Resolved, values: Array) -> Array:
     """(height, width) the values of cells; NaN where robots do not drive."""
-    plan = resolved.plan
-    field = np.where(DRIVABLE[plan.kind.reshape(-1)], values, np.nan)
-    whole: Array = field.reshape(plan.kind.shape)[1:-1, 1:-1]
+    floor_plan = resolved.floor_plan
+    field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
+    whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
     return whole

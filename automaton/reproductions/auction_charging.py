@@ -15,10 +15,10 @@ import numpy as np
 from automaton.auctions import quotes, sequential
 from automaton.auctions.bids import MIX
 from automaton.auctions.market import (
+    BATTERY_FULL,
     COST,
     END,
     FILL_UP,
-    FULL,
     GROSS,
     HIERARCHICAL,
     INF,
@@ -33,7 +33,7 @@ from automaton.auctions.market import (
 )
 from automaton.auctions.preparation import scratch_for
 from automaton.auctions.winners import LOWEST as LOWEST_BID
-from automaton.kernels.draws import STARTS, draw_between
+from automaton.kernels.random_numbers import STREAM_STARTS, random_between
 from automaton.reproductions.auction_floor import (
     NO_BATTERY,
     PERCENT,
@@ -132,7 +132,7 @@ def drive(stations: tuple[int, ...], start: int, charge: int, rule: Battery) -> 
 def start_of(seed: int, n: int, number: int) -> int:
     """A depot, drawn from 1 to 3."""
     with np.errstate(over="ignore"):
-        return int(draw_between(1, 3, np.uint64(seed), STARTS, n, number))
+        return int(random_between(1, 3, np.uint64(seed), STREAM_STARTS, n, number))
 
 
 def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) -> dict[str, float]:
@@ -140,7 +140,7 @@ def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) ->
     start = start_of(seed, n, number)
     stations = tour(task_set(seed, n, number), start)
     by = {
-        name: drive(stations, start, FULL, battery(name, chargers))
+        name: drive(stations, start, BATTERY_FULL, battery(name, chargers))
         for name in ("r0", "r20", "look", "safe")
     }
     direct = by["r0"].cost - by["r0"].net
@@ -153,7 +153,7 @@ def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) ->
     found["empty look"] = float(by["look"].lowest < 0)
     found["below 20 look"] = float(by["look"].lowest < THRESHOLD and by["look"].stops > 0)
     found["end r20"], found["end look"], found["end safe"] = (
-        by[name].end / FULL for name in ("r20", "look", "safe")
+        by[name].end / BATTERY_FULL for name in ("r20", "look", "safe")
     )
     # Per instance: where anything is charged, is the plan dearer than the threshold's?
     found["gross worse"] = float(by["r20"].gross > by["look"].gross)
@@ -180,7 +180,7 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
             found[f"SSI {name}"] = float(fleet.cost[0])
     inserted = inserted_by_arrival(stations, start)
     for name in ("look", "safe"):
-        found[f"GA {name}"] = drive(inserted, start, FULL, battery(name)).cost
+        found[f"GA {name}"] = drive(inserted, start, BATTERY_FULL, battery(name)).cost
     return found
 
 
@@ -205,14 +205,14 @@ def rolling(seed: int, size: int, name: str, taper: bool) -> tuple[float, float]
     """
     rule = battery(name, (2,), taper)
     charger = 2
-    here, charge, total, stuck = start_of(seed, size, 0), FULL, 0.0, 0
+    here, charge, total, stuck = start_of(seed, size, 0), BATTERY_FULL, 0.0, 0
     for number in range(BATCHES):
         stations = task_set(seed, size, number)
         driven = drive(tour(stations, here), here, charge, rule)
         if not driven.feasible:
             stuck += 1
             total += float(seconds()[here - 1, charger - 1]) + full_charge(charge, taper)
-            here, charge = charger, FULL
+            here, charge = charger, BATTERY_FULL
             driven = drive(tour(stations, here), here, charge, rule)
         total += driven.cost
         here, charge = tour(stations, here)[-1], driven.end
@@ -224,7 +224,7 @@ def full_charge(level: int, taper: bool) -> float:
     ticks = 0
     pieces = TAPER if taper else ((0, RATE),)
     for k, (_, rate) in enumerate(pieces):
-        until = pieces[k + 1][0] if k + 1 < len(pieces) else FULL
+        until = pieces[k + 1][0] if k + 1 < len(pieces) else BATTERY_FULL
         if level < until:
             needed = -(-(until - level) // rate)
             ticks, level = ticks + needed, level + needed * rate

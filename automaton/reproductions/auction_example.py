@@ -13,9 +13,9 @@ from typing import Any, Final
 from automaton.auctions import bids
 from automaton.auctions.bids import MIX
 from automaton.auctions.market import (
+    BATTERY_FULL,
     CHARGING,
     END,
-    FULL,
     HIERARCHICAL,
     INF,
     JOINT,
@@ -35,7 +35,7 @@ from automaton.reproductions.auction_floor import (
 )
 
 STARTS: Final = (3, 1)
-CHARGES: Final = (FULL, 45 * PERCENT)
+CHARGES: Final = (BATTERY_FULL, 45 * PERCENT)
 LISTS: Final = ((7, 8, 13), (5, 4, 9))
 NEW: Final = 14
 DRAIN: Final = 5_000  # 0.5 % a second

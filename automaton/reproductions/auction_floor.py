@@ -11,12 +11,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from automaton.auctions.market import FULL, NO_CHARGING, Array, Battery, Fleet, Scratch, Work
+from automaton.auctions.market import (
+    BATTERY_FULL,
+    NO_CHARGING,
+    Array,
+    Battery,
+    Fleet,
+    Scratch,
+    Work,
+)
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
 from automaton.auctions.quotes import settle_all
 from automaton.scenario.floors import generator_type
 
-PERCENT: Final = FULL // 100
+PERCENT: Final = BATTERY_FULL // 100
 DEPOTS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
 STATIONS: Final = tuple(range(4, 17))
 
@@ -56,7 +64,9 @@ NO_BATTERY: Final[Mapping[str, Battery]] = {
 }
 
 
-def fleet_at(positions: Sequence[int], tasks: int, charge: int | Sequence[int] = FULL) -> Fleet:
+def fleet_at(
+    positions: Sequence[int], tasks: int, charge: int | Sequence[int] = BATTERY_FULL
+) -> Fleet:
     """Robots at these positions with empty lists."""
     return fleet_of([place(position) for position in positions], tasks, charge)
 

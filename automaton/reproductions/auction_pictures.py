@@ -10,7 +10,7 @@ from typing import Final
 from automaton.reproductions.auction_floor import DEPOTS
 from automaton.reproductions.auction_trials import OPTIMUM, Solved, solve
 from automaton.scenario.floors import generator_type
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 ROBOTS: Final = 3
 TASKS: Final = 10
@@ -55,7 +55,7 @@ def way_length(solved: Solved, r: int) -> int:
 def drawing(lists: Sequence[Sequence[int]]) -> str:
     """The floor; a cell shows who drives over it, a station its number, * where a task is."""
     floor = generator_type("depots")()
-    plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
+    floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
     at = {cell: position for position, cell in floor.places().items()}  # type: ignore[attr-defined]
     drivers: dict[Cell, str] = {}
     for r, stations in enumerate(lists):
@@ -63,12 +63,12 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
             drivers[cell] = drivers.get(cell, "") + name(r)
     tasks = {station for stations in lists for station in stations}
     rows = []
-    for y in range(plan.height):
+    for y in range(floor_plan.height):
         cells = []
-        for x in range(plan.width):
+        for x in range(floor_plan.width):
             position = at.get((x, y))
             sign = "" if position is None else f"{position}{'*' if position in tasks else ''} "
-            drivable = plan.drivable()[y + 1, x + 1]
+            drivable = floor_plan.drivable()[y + 1, x + 1]
             cells.append(
                 f"{sign + drivers.get((x, y), '' if sign or not drivable else '.'):{WIDTH}}"
             )
@@ -79,26 +79,26 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
 def route(positions: Sequence[int]) -> list[Cell]:
     """The cells of the shortest ways from position to position."""
     floor = generator_type("depots")()
-    plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
+    floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
     places: dict[int, Cell] = floor.places()  # type: ignore[attr-defined]
     cells = [places[positions[0]]]
     for start, target in itertools.pairwise(positions):
-        cells += way(plan, places[start], places[target])[1:]
+        cells += way(floor_plan, places[start], places[target])[1:]
     return cells
 
 
-def way(plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
+def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
     """A shortest way over cells, both ends included."""
-    begin, goal = plan.cell(*start), plan.cell(*target)
-    exits = plan.exits.reshape(-1)
+    begin, goal = floor_plan.cell(*start), floor_plan.cell(*target)
+    exits = floor_plan.exits.reshape(-1)
     before, queue = {begin: begin}, deque([begin])
     while goal not in before:
         cell = queue.popleft()
-        for direction, neighbour in enumerate(plan.neighbours(cell)):
+        for direction, neighbour in enumerate(floor_plan.neighbours(cell)):
             if exits[cell] >> direction & 1 and neighbour not in before:
                 before[neighbour] = cell
                 queue.append(neighbour)
     path = [goal]
     while path[-1] != begin:
         path.append(before[path[-1]])
-    return [plan.xy(cell) for cell in reversed(path)]
+    return [floor_plan.xy(cell) for cell in reversed(path)]

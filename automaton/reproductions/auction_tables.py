@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from automaton.auctions.market import FULL
+from automaton.auctions.market import BATTERY_FULL
 from automaton.parallel import OnDone
 from automaton.reproductions.auction_charging import (
     POLICIES,
@@ -91,7 +91,7 @@ def example_figures(labels: Mapping[str, Label], seed: int) -> list[Figures]:
     found: dict[str, float] = {} if one.before is None else {"c1": one.before}
     if one.cost is not None and one.added is not None and one.mixed is not None:
         found |= {"c2": one.cost, "MiniSum": one.added, "bid": one.mixed}
-        found |= {"charging": one.charging, "end %": 100 * one.end / FULL}
+        found |= {"charging": one.charging, "end %": 100 * one.end / BATTERY_FULL}
     return [found]
 
 

@@ -20,7 +20,7 @@ from automaton.auctions.bids import MIX
 from automaton.auctions.bundle_space import bundles_for, generations, population_for
 from automaton.auctions.market import BIDS, POSITIONS, Array, Battery, Fleet, Scratch, Work
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
-from automaton.kernels.draws import TASK_SETS, draw_between
+from automaton.kernels.random_numbers import STREAM_TASK_SETS, random_between
 from automaton.reproductions.auction_floor import (
     DEPOTS,
     NO_BATTERY,
@@ -45,7 +45,7 @@ def task_set(seed: int, n: int, number: int = 0) -> tuple[int, ...]:
     address = number * (MOST_TASKS + 1) + n
     with np.errstate(over="ignore"):
         for i in range(n):
-            j = draw_between(i, len(left) - 1, np.uint64(seed), TASK_SETS, address, i)
+            j = random_between(i, len(left) - 1, np.uint64(seed), STREAM_TASK_SETS, address, i)
             left[i], left[int(j)] = left[int(j)], left[i]
     return tuple(left[:n])
 
@@ -98,14 +98,14 @@ def auction_and_search(one: Instance) -> None:
 
 def optimum(one: Instance) -> None:
     """The best lists of all."""
-    space = bundles_for(one.robots, one.tasks)
-    exact.exact(*one.market, space, one.items, one.tasks, one.epsilon)
+    workspace = bundles_for(one.robots, one.tasks)
+    exact.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
 
 def best_allotment(one: Instance) -> None:
     """The best of all m^n allotments, each robot inserting its tasks in the order of arrival."""
-    space = bundles_for(one.robots, one.tasks)
-    bundles.combinatorial(*one.market, space, one.items, one.tasks, one.epsilon)
+    workspace = bundles_for(one.robots, one.tasks)
+    bundles.combinatorial(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
 
 def evolve(one: Instance, each_gene: int) -> None:

@@ -12,15 +12,15 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from automaton.kernels.draws import BREAKDOWNS, draw_between
+from automaton.kernels.random_numbers import STREAM_BREAKDOWNS, random_between
 from automaton.metrics import metrics_of
 from automaton.parallel import Conduct, OnDone, Result, conducted, run_jobs
 from automaton.reproductions.study import Runner, ScenarioCase
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Fault
 from automaton.simulation import Simulation
-from automaton.world.condition import RAN_EMPTY
-from automaton.world.state import CHARGE, DELIVERED, IN_LINE, World
+from automaton.world.robot_status import FAILURE_DEPLETED
+from automaton.world.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED, World
 
 LOOK_EVERY: Final = 5  # ticks between two looks at the line before a charger; a move takes 10
 LAST_FAILURE: Final = 2500  # tick until which a robot fails
@@ -37,8 +37,8 @@ def to_the_end(simulation: Simulation) -> Figures:
 def outcome_of(world: World) -> Figures:
     """Shares of runs (0 or 1 in a single one), and the loads that were picked up twice."""
     return {
-        "stranded": float(world.tally.out[:, RAN_EMPTY].any()),
-        "all_delivered": float((world.orders.state == DELIVERED).all()),
+        "stranded": float(world.tally.failures[:, FAILURE_DEPLETED].any()),
+        "all_delivered": float((world.orders.state == ORDER_DELIVERED).all()),
         "recovered": int((world.orders.legs > 1).sum()),
     }
 
@@ -52,14 +52,14 @@ def with_lines(simulation: Simulation) -> Figures:
     while not simulation.finished and simulation.tick < limit:
         simulation.run(until=simulation.tick + LOOK_EVERY)
         looks += 1
-        lines += int((simulation.world.robots.action == IN_LINE).sum()) >= 2
+        lines += int((simulation.world.robots.action == ACTION_QUEUE).sum()) >= 2
     tally = simulation.world.tally
-    stays = int(tally.times[:, CHARGE].sum())
+    stays = int(tally.operations[:, ACTION_CHARGE].sum())
     return {
         **metrics_of(simulation),
         **outcome_of(simulation.world),
         "in_line": lines / looks,
-        "wait": float(tally.ticks[:, IN_LINE].sum()) / max(1, stays),
+        "wait": float(tally.ticks[:, ACTION_QUEUE].sum()) / max(1, stays),
         "stays": stays,
     }
 
@@ -67,9 +67,9 @@ def with_lines(simulation: Simulation) -> Figures:
 def with_failure(resolved: Resolved, seed: int) -> Resolved:
     """The same scenario in which one robot, drawn by the seed, fails at a tick drawn by it."""
     with np.errstate(over="ignore"):
-        address = np.uint64(seed), BREAKDOWNS, 0
-        robot = draw_between(0, resolved.scenario.fleet.robots - 1, *address, 0)
-        at = draw_between(1, LAST_FAILURE, *address, 1)
+        address = np.uint64(seed), STREAM_BREAKDOWNS, 0
+        robot = random_between(0, resolved.scenario.fleet.robots - 1, *address, 0)
+        at = random_between(1, LAST_FAILURE, *address, 1)
     faults = msgspec.structs.replace(
         resolved.scenario.faults, listed=(Fault(robot=int(robot), at=int(at)),), tow_after=TOW_AFTER
     )

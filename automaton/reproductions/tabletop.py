@@ -17,7 +17,7 @@ from automaton.reproductions.study import Key, Label, Reproduction, ScenarioCase
 from automaton.reproductions.tabletop_claims import CLAIMS
 from automaton.simulation import Simulation
 from automaton.strategy import lookup
-from automaton.world.state import PICK
+from automaton.world.state import ACTION_PICK
 
 CONFIGURATIONS: Final = (1, 2)
 STRATEGIES: Final = ("independent", "cooperative")
@@ -96,7 +96,7 @@ def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
 def with_least_busy(simulation: Simulation) -> Figures:
     """A run to its end: how often its least busy robot picked up something, and whether it never did."""
     figures = conducted(simulation)
-    least = int(simulation.world.tally.times[:, PICK].sum(1).min())
+    least = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
     return figures | {"least_picks": least, "sixth_idle": float(least == 0)}
 
 

@@ -32,8 +32,8 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
     A robot uses the zones of either of its two legs.
     """
     trained = network_for(where.grid, where.duration, shipped(SCENARIO))
-    zones = where.grid.zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
-    foreseen = np.zeros((len(tasks), where.grid.zones), np.int32)
+    zones = where.grid.traffic_zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
+    foreseen = np.zeros((len(tasks), where.grid.traffic_zone_count), np.int32)
     for robot in range(zones.shape[1]):
         start, pick, drop = zones[:, robot].T
         foreseen += predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)

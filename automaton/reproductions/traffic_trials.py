@@ -13,15 +13,20 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from automaton.kernels.routes import trial
+from automaton.kernels.routes import monte_carlo
 from automaton.kernels.routes.avoidance import LEAST_TIME, MOST_CAUTIOUS
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, false_alarms
 from automaton.scenario.floors import generator_type
 from automaton.world.cells import DOCK, EAST, RACK
 from automaton.world.floor import Floor, floor_for
-from automaton.world.route_space import RouteSpace, TrialSpace, route_space, trial_space
-from automaton.world.state import ACTIONS, NIL, Array, Grid
+from automaton.world.route_space import (
+    MonteCarloWorkspace,
+    RouteSpace,
+    monte_carlo_workspace,
+    route_space,
+)
+from automaton.world.state import ACTION_COUNT, NIL, Array, Grid
 
 SIDE: Final = 100  # cells
 ROBOTS: Final = 6  # five are active, one is dispatched
@@ -36,8 +41,8 @@ class Warehouse(NamedTuple):
     duration: Array  # (A,) int32
     racks: Array  # (k,) int32: the cell from which each rack is served
     docks: Array  # (k,) int32
-    space: RouteSpace
-    trial: TrialSpace
+    workspace: RouteSpace
+    trial: MonteCarloWorkspace
 
 
 Predictor = Callable[[Warehouse, int, Array], Array]  # warehouse, seed, tasks -> (trials, Z) int32
@@ -57,7 +62,7 @@ def warehouse(side: int = SIDE) -> Warehouse:
     """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
     plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
     floor = floor_for(plan, "omni", 1, 1, "undirected")
-    duration = np.ones(ACTIONS, np.int32)
+    duration = np.ones(ACTION_COUNT, np.int32)
     duration.setflags(write=False)
     grid = floor.grid.read_only()
     return Warehouse(
@@ -65,8 +70,8 @@ def warehouse(side: int = SIDE) -> Warehouse:
         duration,
         stands(floor, RACK),
         stands(floor, DOCK),
-        route_space(grid.kind.size, grid.zones),
-        trial_space(ROBOTS, 2 * floor.longest_route, grid.zones),
+        route_space(grid.kind.size, grid.traffic_zone_count),
+        monte_carlo_workspace(ROBOTS, 2 * floor.longest_route, grid.traffic_zone_count),
     )
 
 
@@ -81,7 +86,7 @@ def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
     """(trials, ROBOTS, 3) int32: start, pick-up and drop-off cells."""
     tasks = np.zeros((trials, ROBOTS, 3), np.int32)
     with np.errstate(over="ignore"):
-        trial.draw_tasks(np.uint64(seed), where.racks, where.docks, tasks)
+        monte_carlo.draw_tasks(np.uint64(seed), where.racks, where.docks, tasks)
     return tasks
 
 
@@ -90,11 +95,11 @@ def noisy(precision: float, recall: float) -> Predictor:
     add = false_alarms(precision, recall, USED_SHARE)
 
     def predict(where: Warehouse, seed: int, tasks: Array) -> Array:
-        foreseen = np.zeros((len(tasks), where.grid.zones), np.int32)
+        foreseen = np.zeros((len(tasks), where.grid.traffic_zone_count), np.int32)
         chances = round(recall * CERTAIN), round(add * CERTAIN)
-        arguments = (where.grid, where.duration, where.space, where.trial, LARGER_G)
+        arguments = (where.grid, where.duration, where.workspace, where.trial, LARGER_G)
         with np.errstate(over="ignore"):
-            trial.count_foreseen(*arguments, np.uint64(seed), tasks, *chances, foreseen)
+            monte_carlo.count_foreseen(*arguments, np.uint64(seed), tasks, *chances, foreseen)
         return foreseen
 
     return predict
@@ -114,12 +119,12 @@ def run_seed(setting: Setting, seed: int) -> list[Trial]:
     """The TRIALS trials of a seed; the same tasks for every setting."""
     where = warehouse()
     tasks = tasks_of(where, seed)
-    out = np.zeros((TRIALS, trial.COLUMNS), np.int64)
+    out = np.zeros((TRIALS, monte_carlo.TRIAL_COLUMNS), np.int64)
     with np.errstate(over="ignore"):
-        trial.run_trials(
+        monte_carlo.run_trials(
             where.grid,
             where.duration,
-            where.space,
+            where.workspace,
             where.trial,
             LARGER_G,
             np.uint64(seed),
@@ -140,9 +145,15 @@ def run_seeds(setting: Setting, seeds: Iterable[int]) -> list[Trial]:
 
 def _figures(row: Sequence[int]) -> Trial:
     """Saving is known only of trials in which the path is another one than that of plain A*."""
-    plain, chosen = row[: trial.CHOSEN], row[trial.CHOSEN : trial.TAKEN]
+    plain, chosen = (
+        row[: monte_carlo.TRIAL_CHOSEN],
+        row[monte_carlo.TRIAL_CHOSEN : monte_carlo.TRIAL_ALTERNATIVE],
+    )
     names = ("time", "distance", "encounters")
-    taken, saved = row[trial.TAKEN], plain[trial.TIME] - chosen[trial.TIME]
+    taken, saved = (
+        row[monte_carlo.TRIAL_ALTERNATIVE],
+        plain[monte_carlo.TRIAL_TIME] - chosen[monte_carlo.TRIAL_TIME],
+    )
     found = dict(zip(names, chosen, strict=True)) | {"taken": taken, "saved": saved}
     if taken:
         found["saving"] = saved

@@ -14,7 +14,7 @@ import numpy as np
 from automaton.headless import run_to_end
 from automaton.simulation import Simulation
 from automaton.units import unit
-from automaton.world.state import MOVE, NIL, PICK, Array
+from automaton.world.state import ACTION_MOVE, ACTION_PICK, NIL, Array
 
 SECONDS_IN_HOUR: Final = 3600.0
 CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
@@ -35,12 +35,12 @@ def first_legs(simulation: Simulation) -> Array:
     Runs the simulation up to the last of these. A robot that never picks anything up has none.
     """
     limit = simulation.resolved.scenario.stop.at_most
-    times = simulation.world.tally.times
-    legs = np.full(len(times), NIL, np.int64)
+    operations = simulation.world.tally.operations
+    legs = np.full(len(operations), NIL, np.int64)
     while not simulation.finished and simulation.tick < limit and (legs == NIL).any():
         simulation.run(until=simulation.tick + 1)
-        begun = (legs == NIL) & (times[:, PICK].sum(1) > 0)
-        legs[begun] = times[begun, MOVE].sum(1)
+        begun = (legs == NIL) & (operations[:, ACTION_PICK].sum(1) > 0)
+        legs[begun] = operations[begun, ACTION_MOVE].sum(1)
     legs[legs == NIL] = 0
     return legs
 
@@ -49,7 +49,7 @@ def feet_by_robot(simulation: Simulation, legs: Array) -> Array:
     """(n,) feet that each robot drove, by identity, without its first leg."""
     cell = simulation.resolved.scenario.units.cell
     assert cell is not None, "the scenario says what a cell is"
-    moves = simulation.world.tally.times[:, MOVE].sum(1) - legs
+    moves = simulation.world.tally.operations[:, ACTION_MOVE].sum(1) - legs
     feet: Array = unit(cell).size * moves[simulation.world.robots.at_index]
     return feet
 
@@ -57,7 +57,11 @@ def feet_by_robot(simulation: Simulation, legs: Array) -> Array:
 def finished_parts(simulation: Simulation) -> Array:
     """(p,) ticks in which parts were finished, in order."""
     stations = simulation.world.stations
-    return np.sort(stations.done[(stations.frees == NIL) & (stations.done != NIL)])
+    return np.sort(
+        stations.completion_tick[
+            (stations.releases_order == NIL) & (stations.completion_tick != NIL)
+        ]
+    )
 
 
 def completed(simulation: Simulation) -> Figures:
@@ -67,7 +71,7 @@ def completed(simulation: Simulation) -> Figures:
     feet = feet_by_robot(simulation, legs)
     done, counted = finished_parts(simulation), simulation.counted
     figures: Figures = {
-        "hours": hours_of(simulation, float(simulation.world.stations.done.max())),
+        "hours": hours_of(simulation, float(simulation.world.stations.completion_tick.max())),
         "mean_ft": float(feet.mean()),
         "sigma_ft": float(feet.std()),
         "parts": len(done),

@@ -16,15 +16,15 @@ import numpy.typing as npt
 from automaton.errors import nearest
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.schema import Scenario
-from automaton.world.cells import DESTINATION, DOCK, KINDS, RACK, SHELF, STATION, UNLIMITED
-from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import around_home, rack_stands, slot_access
+from automaton.world.cells import CELL_KINDS, DESTINATION, DOCK, RACK, SHELF, STATION, UNLIMITED
+from automaton.world.floor_plan import DRIVABLE, FloorPlan
+from automaton.world.reachability import around_home, rack_stands, slot_access
 from automaton.world.state import NIL
 from automaton.world.types import (
     RobotType,
     closed_cells,
     first_open,
-    plan_for,
+    floor_plan_for,
     type_of_each,
     types_of,
 )
@@ -42,13 +42,13 @@ ENDS = {  # generator: kinds of slots where its orders begin and end
 }
 
 
-def check_areas(document: Document, scenario: Scenario, plan: FloorPlan) -> None:
+def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Areas lie on the floor, and are closed to types that there are. Raises InputError."""
     names = [kind.name for kind in scenario.fleet.types]
     for area, given in scenario.areas.items():
         for key, (x, y) in (("from", given.first), ("to", given.last)):
-            if not plan.holds(x, y):
-                extent = f"(x 0..{plan.width - 1}, y 0..{plan.height - 1})"
+            if not floor_plan.holds(x, y):
+                extent = f"(x 0..{floor_plan.width - 1}, y 0..{floor_plan.height - 1})"
                 text = f"the corner [{x}, {y}] of the area {area} lies outside the floor {extent}"
                 raise document.error(("areas", area, key), text)
         for number, name in enumerate(given.closed_to):
@@ -60,13 +60,15 @@ def check_areas(document: Document, scenario: Scenario, plan: FloorPlan) -> None
                 raise document.error(("areas", area, "closed_to", number), text)
 
 
-def check_starts(document: Document, scenario: Scenario, plan: FloorPlan, start: Start) -> None:
+def check_starts(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, start: Start
+) -> None:
     """No robot begins where its type may not go. Raises InputError."""
     each, types = type_of_each(scenario.fleet), types_of(scenario)
     if not isinstance(start, tuple):
         counts = np.bincount(each)
-        for number, cells in enumerate(starts_by_type(scenario, plan, start)):
-            many = start == "stands" and (plan.capacity.flat[cells] == UNLIMITED).all()
+        for number, cells in enumerate(starts_by_type(scenario, floor_plan, start)):
+            many = start == "stands" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
             # Of cells drawn at random others may have taken as many as there are others.
             needed = counts[number] if start == "bays" else 1 if many else len(each)
             if len(cells) < needed:
@@ -75,28 +77,28 @@ def check_starts(document: Document, scenario: Scenario, plan: FloorPlan, start:
                 raise document.error(("fleet", "types"), f"{text} {name}: {len(cells)}")
         return
     for robot, cell in enumerate(start):
-        kind = types[each[robot]]
-        if closed_cells(plan, kind)[cell]:
-            x, y = plan.xy(cell)
-            area = area_at(scenario, kind, x, y)
+        robot_type = types[each[robot]]
+        if closed_cells(floor_plan, robot_type)[cell]:
+            x, y = floor_plan.xy(cell)
+            area = area_at(scenario, robot_type, x, y)
             text = (
                 f"robot {robot} would start at [{x}, {y}], in the area {area}, which is closed to"
             )
-            raise document.error(("fleet", "start", robot), f"{text} {kind.name}")
+            raise document.error(("fleet", "start", robot), f"{text} {robot_type.name}")
 
 
-def area_at(scenario: Scenario, kind: RobotType, x: int, y: int) -> str:
+def area_at(scenario: Scenario, robot_type: RobotType, x: int, y: int) -> str:
     """The area that keeps a type out of a cell."""
     for name, area in scenario.areas.items():
         columns, rows = sorted((area.first[0], area.last[0])), sorted((area.first[1], area.last[1]))
         inside = columns[0] <= x <= columns[1] and rows[0] <= y <= rows[1]
-        if inside and kind.name in area.closed_to:
+        if inside and robot_type.name in area.closed_to:
             return name
-    raise ValueError(f"({x}, {y}) is open to {kind.name}")
+    raise ValueError(f"({x}, {y}) is open to {robot_type.name}")
 
 
 def starts_by_type(
-    scenario: Scenario, plan: FloorPlan, start: Start
+    scenario: Scenario, floor_plan: FloorPlan, start: Start
 ) -> list[npt.NDArray[np.int64]]:
     """For each type the cells where its robots may begin."""
     each, types = type_of_each(scenario.fleet), types_of(scenario)
@@ -104,20 +106,23 @@ def starts_by_type(
         cells = np.array(start, np.int64)
         return [cells[each == number] for number in range(len(types))]
     if start == "bays":
-        homes = plan.bays[:, 1].astype(np.int64)
-        chosen = first_open(homes, scenario, plan)
+        homes = floor_plan.bays[:, 1].astype(np.int64)
+        chosen = first_open(homes, scenario, floor_plan)
         return [homes[numbers] for numbers in chosen]
-    cells = np.flatnonzero(DRIVABLE[plan.kind.reshape(-1)])
+    cells = np.flatnonzero(DRIVABLE[floor_plan.kind.reshape(-1)])
     if start == "stands":
-        cells = np.unique(rack_stands(plan)).astype(np.int64)
-    return [cells[~closed_cells(plan, kind)[cells]] for kind in types]
+        cells = np.unique(rack_stands(floor_plan)).astype(np.int64)
+    return [cells[~closed_cells(floor_plan, robot_type)[cells]] for robot_type in types]
 
 
-def within_by_type(scenario: Scenario, plan: FloorPlan, start: Start) -> list[Mask]:
+def within_by_type(scenario: Scenario, floor_plan: FloorPlan, start: Start) -> list[Mask]:
     """For each type (C,) bool: the cells that its robots get to from where they begin, and back."""
     rail = scenario.fleet.kinematics == "rail"
-    pairs = zip(types_of(scenario), starts_by_type(scenario, plan, start), strict=True)
-    return [around_home(plan_for(plan, kind), int(cells[0]), rail) for kind, cells in pairs]
+    pairs = zip(types_of(scenario), starts_by_type(scenario, floor_plan, start), strict=True)
+    return [
+        around_home(floor_plan_for(floor_plan, robot_type), int(cells[0]), rail)
+        for robot_type, cells in pairs
+    ]
 
 
 class Way(NamedTuple):
@@ -131,13 +136,13 @@ class Way(NamedTuple):
     stays: bool = False  # each ends where it begins: a visit
 
 
-def ways(scenario: Scenario, plan: FloorPlan, served: Mask) -> Iterator[Way]:
+def ways(scenario: Scenario, floor_plan: FloorPlan, served: Mask) -> Iterator[Way]:
     """All orders of a scenario. `served`: (s,) slots that robots of some type get to."""
-    orders, slots = scenario.orders, plan.slots().astype(np.int64)
+    orders, slots = scenario.orders, floor_plan.slots().astype(np.int64)
     for index, line in enumerate(orders.listed or ()):
-        source, target = (np.array([plan.cell(*end)]) for end in (line.source, line.target))
+        source, target = (np.array([floor_plan.cell(*end)]) for end in (line.source, line.target))
         yield Way(("orders", "list", index), f"order {index}", source, target, line.weight)
-    stations = plan.stations().astype(np.int64)
+    stations = floor_plan.stations().astype(np.int64)
     for row, parts in enumerate(orders.parts or ()):
         name = parts.name or f"parts {row + 1}"
         for here, then in itertools.pairwise(parts.route):
@@ -145,28 +150,30 @@ def ways(scenario: Scenario, plan: FloorPlan, served: Mask) -> Iterator[Way]:
             source, target = stations[[here - 1]], stations[[then - 1]]
             yield Way(("orders", "parts", row), what, source, target, parts.weight)
     if orders.generator is not None:
-        kinds = plan.kind.reshape(-1)[slots]
+        kinds = floor_plan.kind.reshape(-1)[slots]
         begin, end = (slots[(kinds == kind) & served] for kind in ENDS[orders.generator])
         if orders.generator == "drawn-loads":
-            begin = begin[plan.loads.reshape(-1)[begin] == 1]
+            begin = begin[floor_plan.loads.reshape(-1)[begin] == 1]
         weight = orders.weight if isinstance(orders.weight, int) else orders.weight.most
         keys: Keys = ("orders", "generator")
         yield Way(keys, "an order", begin, end, weight, orders.generator == "visits")
 
 
-def sources(scenario: Scenario, plan: FloorPlan) -> set[int]:
+def sources(scenario: Scenario, floor_plan: FloorPlan) -> set[int]:
     """The kinds of slots where orders begin."""
     orders = scenario.orders
-    found = {int(plan.kind.flat[plan.cell(*line.source)]) for line in orders.listed or ()}
+    found = {
+        int(floor_plan.kind.flat[floor_plan.cell(*line.source)]) for line in orders.listed or ()
+    }
     if orders.generator is not None:
         found.add(ENDS[orders.generator][0])
     return found | ({STATION} if orders.parts is not None else set())
 
 
-def abilities(way: Way, plan: FloorPlan, types: tuple[RobotType, ...], served: Mask) -> Any:
+def abilities(way: Way, floor_plan: FloorPlan, types: tuple[RobotType, ...], served: Mask) -> Any:
     """(2, K, most ends) bool: whether a type can begin an order at each source, and end it."""
-    number = {cell: slot for slot, cell in enumerate(plan.slots().tolist())}
-    carries = np.array([kind.payload >= way.weight for kind in types])
+    number = {cell: slot for slot, cell in enumerate(floor_plan.slots().tolist())}
+    carries = np.array([robot_type.payload >= way.weight for robot_type in types])
     found = []
     for cells in (way.source, way.target):
         rows = [number[cell] for cell in cells.tolist()]
@@ -174,47 +181,53 @@ def abilities(way: Way, plan: FloorPlan, types: tuple[RobotType, ...], served: M
     return found
 
 
-def served_by_type(scenario: Scenario, plan: FloorPlan, start: Start) -> Mask:
+def served_by_type(scenario: Scenario, floor_plan: FloorPlan, start: Start) -> Mask:
     """(K, s) bool: the slots that robots of each type get to from where they begin, and back."""
-    access = slot_access(plan)
-    masks = within_by_type(scenario, plan, start)
+    access = slot_access(floor_plan)
+    masks = within_by_type(scenario, floor_plan, start)
     return np.stack([((access != NIL) & within[access]).any(axis=1) for within in masks])
 
 
-def check_abilities(document: Document, scenario: Scenario, plan: FloorPlan, start: Start) -> None:
+def check_abilities(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, start: Start
+) -> None:
     """Every order can be picked up by some robot, and delivered by some. Raises InputError."""
-    types, served = types_of(scenario), served_by_type(scenario, plan, start)
-    most = max(kind.payload for kind in types)
-    for way in ways(scenario, plan, np.logical_or.reduce(served)):
+    types, served = types_of(scenario), served_by_type(scenario, floor_plan, start)
+    most = max(robot_type.payload for robot_type in types)
+    for way in ways(scenario, floor_plan, np.logical_or.reduce(served)):
         if way.weight > most:
             text = f"{way.what} weighs {way.weight:,}, but no robot carries more than {most:,}"
             raise document.error(way.keys, text)
         for verb, cells, able in zip(
             ("begins", "ends"),
             (way.source, way.target),
-            abilities(way, plan, types, served),
+            abilities(way, floor_plan, types, served),
             strict=True,
         ):
             lost = np.flatnonzero(~able.any(axis=0))
             if lost.size:
                 cell = int(cells[lost[0]])
-                x, y = plan.xy(cell)
+                x, y = floor_plan.xy(cell)
                 weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
-                text = f"{way.what}{weight} {verb} at the {KINDS[plan.kind.flat[cell]].name} [{x}, {y}]"
+                name = CELL_KINDS[floor_plan.kind.flat[cell]].name
+                text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
                 raise document.error(way.keys, f"{text}, where no robot that carries it may go")
 
 
-def handed_over(scenario: Scenario, plan: FloorPlan, start: Start) -> str:
+def handed_over(scenario: Scenario, floor_plan: FloorPlan, start: Start) -> str:
     """A sentence on the first order that no type of robot carries all the way; "" if there is none."""
-    types, served = types_of(scenario), served_by_type(scenario, plan, start)
+    types, served = types_of(scenario), served_by_type(scenario, floor_plan, start)
     if len(types) == 1:
         return ""
-    for way in ways(scenario, plan, np.logical_or.reduce(served)):
-        begins, ends = abilities(way, plan, types, served)
+    for way in ways(scenario, floor_plan, np.logical_or.reduce(served)):
+        begins, ends = abilities(way, floor_plan, types, served)
         together = begins.astype(int).T @ ends.astype(int)
         lost = np.argwhere(together == 0)
         if lost.size and not way.stays:
-            (x, y), (u, v) = plan.xy(way.source[lost[0][0]]), plan.xy(way.target[lost[0][1]])
+            (x, y), (u, v) = (
+                floor_plan.xy(way.source[lost[0][0]]),
+                floor_plan.xy(way.target[lost[0][1]]),
+            )
             return (
                 f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type of "
                 "robot; only zoning hands orders over from one type to another"

@@ -26,8 +26,8 @@ from automaton.scenario.part_bounds import part_bounds, ways
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Battery, ChargeRange
 from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
-from automaton.world.plan import TURNS
-from automaton.world.reach import backward_exits, slot_access
+from automaton.world.floor_plan import CAN_TURN
+from automaton.world.reachability import backward_exits, slot_access
 from automaton.world.state import NIL, Array
 from automaton.world.types import least_move
 
@@ -70,18 +70,18 @@ def bounds(resolved: Resolved) -> Bounds:
     durations, battery = scenario.durations, scenario.battery
     turn = 0 if scenario.fleet.kinematics == "omni" else durations.turn
     handling = durations.pick + durations.drop
-    drives, picks, drops = least_drives(resolved, Price(least_move(scenario), turn, handling))
+    drives, picks, drops = min_drive_cost(resolved, Price(least_move(scenario), turn, handling))
     ticks = handling + drives
     if scenario.orders.generator == "visits" or _visits(resolved):
         ticks = np.zeros(len(drives))  # a visit may take no operation at all
-    stations = int(np.count_nonzero(resolved.plan.kind == STATION))
+    stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
     busy = picks * durations.pick + drops * durations.drop
     parts = part_bounds(scenario.orders, ticks)
     energy = 0.0
     if battery is not None:
         drain, loaded = battery.drain, battery.drain.loaded
         price = Price(loaded * drain.move * least_move(scenario), loaded * drain.turn * turn, 0.0)
-        energy = float(least_drives(resolved, price)[0].sum())
+        energy = float(min_drive_cost(resolved, price)[0].sum())
     return Bounds(
         orders=len(drives),
         work=float(ticks.sum()),
@@ -125,25 +125,27 @@ def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tupl
     )
 
 
-def least_drives(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
+def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
-    scenario, plan = resolved.scenario, resolved.plan
-    orders, kinds = scenario.orders, plan.kind.reshape(-1)
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    orders, kinds = scenario.orders, floor_plan.kind.reshape(-1)
     if orders.listed is not None:
-        pairs = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
+        pairs = [
+            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+        ]
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
         return _listed_drives(resolved, pairs, price), int(picks), int(drops)
     if orders.parts is not None:
-        cells = plan.stations().tolist()
+        cells = floor_plan.stations().tolist()
         pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
         return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
     if orders.generator not in ENDS:
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
-    slots = plan.slots()
+    slots = floor_plan.slots()
     source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
     if orders.generator == "drawn-loads":
-        source = source[plan.loads.reshape(-1)[source] == 1]
+        source = source[floor_plan.loads.reshape(-1)[source] == 1]
     if orders.generator in DRAWN:
         count = orders.count or 0
         if begin == end:  # from a station to another one
@@ -166,9 +168,9 @@ def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Pric
 
 def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
     """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
-    plan = resolved.plan
-    index = {cell: row for row, cell in enumerate(plan.slots().tolist())}
-    access = slot_access(plan).tolist()
+    floor_plan = resolved.floor_plan
+    index = {cell: row for row, cell in enumerate(floor_plan.slots().tolist())}
+    access = slot_access(floor_plan).tolist()
     goals = {cell for slot in target.tolist() for cell in access[index[slot]] if cell != NIL}
     cost = _costs(resolved, goals, access, price)
     found = [
@@ -182,11 +184,14 @@ def _costs(
     resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
 ) -> list[list[float]]:
     """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
-    plan = resolved.plan
-    back, offsets = backward_exits(plan).tolist(), (1, plan.stride, -1, -plan.stride)
+    floor_plan = resolved.floor_plan
+    back, offsets = (
+        backward_exits(floor_plan).tolist(),
+        (1, floor_plan.stride, -1, -floor_plan.stride),
+    )
     rail = resolved.scenario.fleet.kinematics == "rail"
-    kind = plan.kind.reshape(-1)
-    turns = (TURNS[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
+    kind = floor_plan.kind.reshape(-1)
+    turns = (CAN_TURN[kind] if rail else np.ones(kind.size, np.bool_)).tolist()
     beside: dict[int, list[int]] = {}  # cell: slots that are served from it
     for slot, cells in enumerate(access):
         for cell in cells:
@@ -233,7 +238,7 @@ def _given(resolved: Resolved) -> float:
         return 0.0
     charge = battery.charge
     rate = max(step[1] for step in charge) if isinstance(charge, tuple) else charge
-    return float(rate * np.count_nonzero(resolved.plan.kind == CHARGER))
+    return float(rate * np.count_nonzero(resolved.floor_plan.kind == CHARGER))
 
 
 def _mended(resolved: Resolved) -> float:

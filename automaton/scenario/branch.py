@@ -10,7 +10,7 @@ import msgspec
 from automaton.scenario.document import Document
 from automaton.scenario.feasibility import check_energy
 from automaton.scenario.overrides import override
-from automaton.scenario.resolve import Resolved, naming_files, picks_of
+from automaton.scenario.resolve import Resolved, choose_strategies, naming_files
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 
@@ -32,6 +32,6 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             raise document.error(
                 (name,), f"{name} cannot change while a run goes on; what can: {can}"
             )
-    check_energy(document, scenario, resolved.plan)
-    picks = picks_of(document, scenario, resolved.plan)
-    return replace(resolved, scenario=naming_files(scenario, picks), picks=picks)
+    check_energy(document, scenario, resolved.floor_plan)
+    strategies = choose_strategies(document, scenario, resolved.floor_plan)
+    return replace(resolved, scenario=naming_files(scenario, strategies), strategies=strategies)

@@ -9,7 +9,7 @@ from automaton.scenario.abilities import handed_over
 from automaton.scenario.resolve import Resolved
 from automaton.units import SECONDS, count, unit
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
-from automaton.world.reach import steps_from
+from automaton.world.reachability import steps_from
 from automaton.world.types import least_move
 
 AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
@@ -29,7 +29,7 @@ def doubts(resolved: Resolved) -> list[str]:
         out_of_range(resolved),
         never_charges(resolved),
         stays_on_station(resolved),
-        handed_over(resolved.scenario, resolved.plan, resolved.start),
+        handed_over(resolved.scenario, resolved.floor_plan, resolved.start),
         counts_as_seconds(resolved),
     )
     return [sentence for sentence in found if sentence]
@@ -37,9 +37,9 @@ def doubts(resolved: Resolved) -> list[str]:
 
 def nothing_to_avoid(resolved: Resolved) -> str:
     """Avoiding traffic where no robot slows another."""
-    world, routing = resolved.scenario.world, resolved.picks["routing"].name
-    plan = resolved.plan
-    crowds = bool((plan.capacity[plan.drivable()] == UNLIMITED).all())
+    world, routing = resolved.scenario.world, resolved.strategies["routing"].name
+    floor_plan = resolved.floor_plan
+    crowds = bool((floor_plan.capacity[floor_plan.drivable()] == UNLIMITED).all())
     if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
         return (
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
@@ -50,15 +50,15 @@ def nothing_to_avoid(resolved: Resolved) -> str:
 
 def parks_on_charger(resolved: Resolved) -> str:
     """A robot parks where it begins: on a charger it is in the way of those that must charge."""
-    scenario, plan, start = resolved.scenario, resolved.plan, resolved.start
-    robots, chargers = scenario.fleet.robots, int(np.count_nonzero(plan.kind == CHARGER))
-    if resolved.picks["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    robots, chargers = scenario.fleet.robots, int(np.count_nonzero(floor_plan.kind == CHARGER))
+    if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
         return ""
     if scenario.fleet.when_done != "park" or chargers >= robots:
         return ""
     for robot, cell in enumerate(start):
-        if plan.kind.flat[cell] == CHARGER:
-            x, y = plan.xy(cell)
+        if floor_plan.kind.flat[cell] == CHARGER:
+            x, y = floor_plan.xy(cell)
             return (
                 f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
                 f"need: {robots} robots share {chargers}; let it begin beside it"
@@ -71,19 +71,23 @@ def out_of_range(resolved: Resolved) -> str:
 
     By the moves alone: with turns and handling it takes more.
     """
-    scenario, plan, pick = resolved.scenario, resolved.plan, resolved.picks["charging"]
+    scenario, floor_plan, choice = (
+        resolved.scenario,
+        resolved.floor_plan,
+        resolved.strategies["charging"],
+    )
     battery = scenario.battery
-    if battery is None or pick.name not in KEEPS_WAY_BACK:
+    if battery is None or choice.name not in KEEPS_WAY_BACK:
         return ""
     pairs = station_pairs(resolved)
-    if not pairs or not getattr(pick.parameters, "never_strand", True):
+    if not pairs or not getattr(choice.parameters, "never_strand", True):
         return ""
-    chargers = np.flatnonzero(plan.kind == CHARGER).tolist()
-    there, back = steps_from(plan, chargers), steps_from(plan, chargers, backwards=True)
+    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
     move = battery.drain.move * least_move(scenario)
     dearest, way = 0.0, pairs[0]
     for source in dict.fromkeys(source for source, _ in pairs):
-        ahead = steps_from(plan, [source])
+        ahead = steps_from(floor_plan, [source])
         for target in (target for begin, target in pairs if begin == source):
             empty, loaded = int(there[source] + back[target]), int(ahead[target])
             cost = move * (empty + battery.drain.loaded * loaded)
@@ -92,7 +96,7 @@ def out_of_range(resolved: Resolved) -> str:
     least = 100 - battery.reserve
     if dearest <= least:
         return ""
-    (x, y), (to_x, to_y) = (plan.xy(cell) for cell in way)
+    (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
     return (
         f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
         f"and back to one, and above the reserve there are {least:g} %: a robot that comes from a "
@@ -102,8 +106,8 @@ def out_of_range(resolved: Resolved) -> str:
 
 def never_charges(resolved: Resolved) -> str:
     """Batteries and chargers, and nobody who says when to charge."""
-    chargers = int(np.count_nonzero(resolved.plan.kind == CHARGER))
-    none = resolved.picks["charging"].name == NO_STRATEGY
+    chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+    none = resolved.strategies["charging"].name == NO_STRATEGY
     if resolved.scenario.battery is None or not chargers or not none:
         return ""
     return (
@@ -114,15 +118,15 @@ def never_charges(resolved: Resolved) -> str:
 
 def stays_on_station(resolved: Resolved) -> str:
     """Who has nothing to do stands on a station for one robot that others must reach, for ever."""
-    scenario, plan, start = resolved.scenario, resolved.plan, resolved.start
-    right_of_way = resolved.picks["right_of_way"]
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    right_of_way = resolved.strategies["right_of_way"]
     settled = right_of_way.name in KEEPS_PLACE and not getattr(
         right_of_way.parameters, "give_way", False
     )
-    used = {cell for cell in served_stations(resolved) if plan.capacity.flat[cell] == 1}
+    used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
     if not settled or not used or scenario.fleet.robots < 2:
         return ""
-    if getattr(resolved.picks["allocation"].parameters, "idle", "park") == "stay":
+    if getattr(resolved.strategies["allocation"].parameters, "idle", "park") == "stay":
         who = "robots without an order stay where they set down the last one (idle: stay)"
     elif scenario.fleet.when_done != "park" or start in ("bays", "stands"):
         return ""
@@ -144,7 +148,7 @@ def counts_as_seconds(resolved: Resolved) -> str:
     """Zoning has parameters in seconds and minutes, and a tick is in a unit that is no time."""
     text = resolved.scenario.units.tick
     tick = unit(text)
-    if resolved.picks["zoning"].name == NO_STRATEGY or tick.seconds is not None:
+    if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
         return ""
     if tick.name in ("tick", "ticks"):
         return ""
@@ -156,22 +160,26 @@ def counts_as_seconds(resolved: Resolved) -> str:
 
 def served_stations(resolved: Resolved) -> set[int]:
     """Flat cells of stations where orders begin or end."""
-    orders, plan = resolved.scenario.orders, resolved.plan
-    stations = plan.stations().tolist()
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = floor_plan.stations().tolist()
     if orders.parts is not None:
         return {stations[number - 1] for kind in orders.parts for number in kind.route}
     if orders.listed is not None:
-        ends = {plan.cell(*end) for line in orders.listed for end in (line.source, line.target)}
+        ends = {
+            floor_plan.cell(*end) for line in orders.listed for end in (line.source, line.target)
+        }
         return ends & set(stations)
     return set(stations) if orders.generator in ("stations", "visits") else set()
 
 
 def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
     """Flat cells of stations between which orders may lead."""
-    orders, plan = resolved.scenario.orders, resolved.plan
-    stations = np.flatnonzero(plan.kind == STATION).tolist()
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if orders.listed is not None:
-        ends = [(plan.cell(*line.source), plan.cell(*line.target)) for line in orders.listed]
+        ends = [
+            (floor_plan.cell(*line.source), floor_plan.cell(*line.target)) for line in orders.listed
+        ]
         return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
     if len(stations) > MOST_STATIONS:
         return []

@@ -13,18 +13,18 @@ from automaton.scenario.floors import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.schema import Scenario
 from automaton.world.cells import (
+    CELL_KINDS,
     CHARGER,
     DESTINATION,
     DIRECTIONS,
     DOCK,
-    KINDS,
     RACK,
     SHELF,
     STATION,
     UNLIMITED,
 )
-from automaton.world.plan import DRIVABLE, FloorPlan
-from automaton.world.reach import (
+from automaton.world.floor_plan import DRIVABLE, FloorPlan
+from automaton.world.reachability import (
     closed_step,
     rack_stands,
     reached,
@@ -49,19 +49,20 @@ SOURCES = (SHELF, DOCK, STATION)  # kinds of slots where an order may begin, and
 TARGETS = (SHELF, DESTINATION, RACK, STATION)
 
 
-def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
+def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> Start:
     """Where robots begin, defaults filled in and checked. Raises InputError."""
     fleet = scenario.fleet
     if isinstance(fleet.start, tuple):
-        return _listed_start(document, fleet.start, fleet.robots, plan)
-    if fleet.start is None and plan.starts:
-        return _drawn_start(document, fleet.robots, plan)
-    start = fleet.start or ("bays" if len(plan.bays) else "random")
-    if start == "bays" and fleet.robots > len(plan.bays):
+        return _listed_start(document, fleet.start, fleet.robots, floor_plan)
+    if fleet.start is None and floor_plan.starts:
+        return _drawn_start(document, fleet.robots, floor_plan)
+    start = fleet.start or ("bays" if len(floor_plan.bays) else "random")
+    if start == "bays" and fleet.robots > len(floor_plan.bays):
         raise document.error(
-            ROBOTS, f"{_robots(fleet.robots)} but the floor has {_count(len(plan.bays), 'bay')}"
+            ROBOTS,
+            f"{_robots(fleet.robots)} but the floor has {_count(len(floor_plan.bays), 'bay')}",
         )
-    cells = int(np.count_nonzero(plan.drivable()))
+    cells = int(np.count_nonzero(floor_plan.drivable()))
     if start == "random" and fleet.robots > cells:
         raise document.error(
             ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
@@ -72,34 +73,34 @@ def start_of(document: Document, scenario: Scenario, plan: FloorPlan) -> Start:
             "fleet.when_done is leave, but robots that begin in bays park there",
         )
     if start == "stands":
-        _check_stands(document, fleet.robots, plan)
+        _check_stands(document, fleet.robots, floor_plan)
     return start
 
 
-def _check_stands(document: Document, robots: int, plan: FloorPlan) -> None:
-    stands = np.unique(rack_stands(plan))
+def _check_stands(document: Document, robots: int, floor_plan: FloorPlan) -> None:
+    stands = np.unique(rack_stands(floor_plan))
     if not len(stands):
         raise document.error(
             START, "fleet.start is stands, but there is no rack that robots can stand in front of"
         )
-    limited = (plan.capacity.flat[stands] != UNLIMITED).any()
+    limited = (floor_plan.capacity.flat[stands] != UNLIMITED).any()
     if limited and robots > len(stands):
         room = f"in front of racks there is room for {len(stands)}"
         raise document.error(ROBOTS, f"{_robots(robots)} but {room}")
 
 
-def _drawn_start(document: Document, robots: int, plan: FloorPlan) -> Start:
-    if robots != len(plan.starts):
+def _drawn_start(document: Document, robots: int, floor_plan: FloorPlan) -> Start:
+    if robots != len(floor_plan.starts):
         raise document.error(
             ROBOTS,
-            f"{_robots(robots)} but the picture draws {len(plan.starts)}; "
+            f"{_robots(robots)} but the picture draws {len(floor_plan.starts)}; "
             "change one of them, or say fleet.start",
         )
-    return plan.starts
+    return floor_plan.starts
 
 
 def _listed_start(
-    document: Document, cells: tuple[tuple[int, int], ...], robots: int, plan: FloorPlan
+    document: Document, cells: tuple[tuple[int, int], ...], robots: int, floor_plan: FloorPlan
 ) -> Start:
     if len(cells) != robots:
         raise document.error(
@@ -109,21 +110,21 @@ def _listed_start(
     for robot, (x, y) in enumerate(cells):
         keys: Keys = (*START, robot)
         where = f"robot {robot} would start at [{x}, {y}]"
-        if not plan.holds(x, y):
-            raise document.error(keys, f"{where}, outside the floor {_extent(plan)}")
-        cell = plan.cell(x, y)
-        if not DRIVABLE[plan.kind.flat[cell]]:
-            name = KINDS[plan.kind.flat[cell]].name
+        if not floor_plan.holds(x, y):
+            raise document.error(keys, f"{where}, outside the floor {_extent(floor_plan)}")
+        cell = floor_plan.cell(x, y)
+        if not DRIVABLE[floor_plan.kind.flat[cell]]:
+            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
             raise document.error(keys, f"{where}, a {name}: robots do not drive there")
-        if cell in taken and plan.capacity.flat[cell] != UNLIMITED:
+        if cell in taken and floor_plan.capacity.flat[cell] != UNLIMITED:
             raise document.error(keys, f"{where}, where robot {taken[cell]} starts already")
         taken[cell] = robot
-    return tuple(plan.cell(x, y) for x, y in cells)
+    return tuple(floor_plan.cell(x, y) for x, y in cells)
 
 
-def check_parts(document: Document, scenario: Scenario, plan: FloorPlan) -> None:
+def check_parts(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Parts go through stations that there are, and work is done there. Raises InputError."""
-    count = len(plan.stations())
+    count = len(floor_plan.stations())
     if not count:
         raise document.error(("layout",), "parts need stations, and the floor has none")
     there = f"the floor has the stations 1 to {count}"
@@ -142,16 +143,16 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     """Orders lead from slots that supply loads to slots that take them. Raises InputError."""
     generator = scenario.orders.generator
     if scenario.orders.parts is not None:
-        check_parts(document, scenario, floor.plan)
+        check_parts(document, scenario, floor.floor_plan)
         return
     if scenario.orders.listed is None:
         for kind in NEEDED.get(generator or "", (SHELF, DESTINATION)):
-            if not np.any(floor.plan.kind == kind):
-                name = KINDS[kind].name
+            if not np.any(floor.floor_plan.kind == kind):
+                name = CELL_KINDS[kind].name
                 raise document.error(
                     ("layout",), f"the orders {generator} need a {name}, the floor has none"
                 )
-        if generator == "stations" and np.count_nonzero(floor.plan.kind == STATION) < 2:
+        if generator == "stations" and np.count_nonzero(floor.floor_plan.kind == STATION) < 2:
             raise document.error(
                 ("layout",), "the orders stations lead from a station to another, there is only one"
             )
@@ -159,8 +160,8 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
     taken: dict[tuple[int, int], int] = {}
     for index, order in enumerate(scenario.orders.listed):
         keys: Keys = ("orders", "list", index)
-        _check_order(document, order, keys, floor.plan)
-        if KINDS[floor.plan.kind.flat[floor.plan.cell(*order.source)]].supplies:
+        _check_order(document, order, keys, floor.floor_plan)
+        if CELL_KINDS[floor.floor_plan.kind.flat[floor.floor_plan.cell(*order.source)]].is_source:
             continue
         if order.source in taken:
             x, y = order.source
@@ -172,45 +173,45 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
         taken[order.source] = index
 
 
-def _check_order(document: Document, order: OrderLine, keys: Keys, plan: FloorPlan) -> None:
+def _check_order(document: Document, order: OrderLine, keys: Keys, floor_plan: FloorPlan) -> None:
     for name, (x, y) in (("from", order.source), ("to", order.target)):
-        if not plan.holds(x, y):
+        if not floor_plan.holds(x, y):
             raise document.error(
-                (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(plan)}"
+                (*keys, name), f"[{x}, {y}] lies outside the floor {_extent(floor_plan)}"
             )
-        kind = KINDS[plan.kind.flat[plan.cell(x, y)]]
+        kind = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(x, y)]]
         allowed = SOURCES if name == "from" else TARGETS
         if kind.code not in allowed:
-            names = alternatives(f"a {KINDS[code].name}" for code in allowed)
+            names = alternatives(f"a {CELL_KINDS[code].name}" for code in allowed)
             verb = "begins" if name == "from" else "ends"
             raise document.error(
                 (*keys, name), f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
             )
-    visit = KINDS[plan.kind.flat[plan.cell(*order.source)]].code == STATION
+    visit = CELL_KINDS[floor_plan.kind.flat[floor_plan.cell(*order.source)]].code == STATION
     if order.source == order.target and not visit:
         raise document.error((*keys, "to"), "an order ends where it begins")
 
 
 def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
     """Every robot can serve every shelf and destination and come home again. Raises InputError."""
-    plan = floor.plan
-    homes = starts_by_type(scenario, plan, start)
-    masks = within_by_type(scenario, plan, start)
-    lonely, remote = _unserved(plan, np.logical_or.reduce(masks))
+    floor_plan = floor.floor_plan
+    homes = starts_by_type(scenario, floor_plan, start)
+    masks = within_by_type(scenario, floor_plan, start)
+    lonely, remote = _unserved(floor_plan, np.logical_or.reduce(masks))
     for cell, why in (
         (lonely, "has no cell beside it that robots drive on"),
         (remote, "cannot be served: a robot must get beside it from its start, and back"),
     ):
         if cell is not None:
-            why += closed_way(scenario, plan, start, cell)
-            x, y = plan.xy(cell)
-            name = KINDS[plan.kind.flat[cell]].name
+            why += closed_way(scenario, floor_plan, start, cell)
+            x, y = floor_plan.xy(cell)
+            name = CELL_KINDS[floor_plan.kind.flat[cell]].name
             raise floor.error(f"the {name} at ({x}, {y}) {why}", y)
-    for kind, cells, within in zip(types_of(scenario), homes, masks, strict=True):
+    for robot_type, cells, within in zip(types_of(scenario), homes, masks, strict=True):
         apart = cells[~within[cells]]
         if apart.size:
-            (x, y), (x0, y0) = plan.xy(int(apart[0])), plan.xy(int(cells[0]))
-            who = f"robots ({kind.name})" if kind.name else "robots"
+            (x, y), (x0, y0) = floor_plan.xy(int(apart[0])), floor_plan.xy(int(cells[0]))
+            who = f"robots ({robot_type.name})" if robot_type.name else "robots"
             raise floor.error(
                 f"{who} start in parts of the floor that are not connected both ways: "
                 f"({x0}, {y0}) and ({x}, {y})",
@@ -218,39 +219,41 @@ def check_floor(scenario: Scenario, floor: Floor, start: Start) -> None:
             )
 
 
-def check_service(document: Document, scenario: Scenario, plan: FloorPlan, start: Start) -> None:
+def check_service(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, start: Start
+) -> None:
     """Robots reach the docks and racks that orders name, and some of each. Raises InputError."""
     orders = scenario.orders
-    served = np.logical_or.reduce(served_by_type(scenario, plan, start))
+    served = np.logical_or.reduce(served_by_type(scenario, floor_plan, start))
     why = "a robot must get in front of it from its start, and back"
-    kinds = plan.kind.reshape(-1)[plan.slots()]
+    kinds = floor_plan.kind.reshape(-1)[floor_plan.slots()]
     for kind in NEEDED.get(orders.generator or "", ()):
         few = 2 if orders.generator == "stations" else 1
         if np.count_nonzero(served[kinds == kind]) < few:
-            name = KINDS[kind].name
+            name = CELL_KINDS[kind].name
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             raise document.error(("layout",), f"{found} can be served: {why}")
-    slots = {cell: slot for slot, cell in enumerate(plan.slots().tolist())}
+    slots = {cell: slot for slot, cell in enumerate(floor_plan.slots().tolist())}
 
     def because(cell: int) -> str:
-        return why + closed_way(scenario, plan, start, cell)
+        return why + closed_way(scenario, floor_plan, start, cell)
 
     for number in sorted({number for kind in orders.parts or () for number in kind.route}):
-        cell = int(plan.stations()[number - 1])
+        cell = int(floor_plan.stations()[number - 1])
         if not served[slots[cell]]:
             raise document.error(("layout",), f"station {number} cannot be served: {because(cell)}")
     for index, order in enumerate(orders.listed or ()):
         for name, (x, y) in (("from", order.source), ("to", order.target)):
-            cell = plan.cell(x, y)
+            cell = floor_plan.cell(x, y)
             if not served[slots[cell]]:
-                kind_name = KINDS[plan.kind.flat[cell]].name
+                kind_name = CELL_KINDS[floor_plan.kind.flat[cell]].name
                 raise document.error(
                     ("orders", "list", index, name),
                     f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
                 )
 
 
-def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> None:
+def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
     """Batteries fit the fleet, and there is a charger if something charges. Raises InputError."""
     battery, robots = scenario.battery, scenario.fleet.robots
     charging = scenario.strategy.charging
@@ -260,7 +263,7 @@ def check_energy(document: Document, scenario: Scenario, plan: FloorPlan) -> Non
             ("strategy", "charging"),
             f"strategy.charging is {named}, but the scenario has no battery",
         )
-    if named != NO_STRATEGY and not np.any(plan.kind == CHARGER):
+    if named != NO_STRATEGY and not np.any(floor_plan.kind == CHARGER):
         raise document.error(
             ("layout",), f"strategy.charging is {named}, but the floor has no charger"
         )
@@ -295,32 +298,38 @@ def check_sight(document: Document, scenario: Scenario) -> None:
         )
 
 
-def _unserved(plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
+def _unserved(floor_plan: FloorPlan, within: Mask) -> tuple[int | None, int | None]:
     """The first slot that nothing drives beside, and the first that is out of reach.
 
     Racks, docks and stations may be: orders are given to the others alone.
     """
-    kind = plan.kind.reshape(-1)
-    lonely, remote = slots_without_access(plan), slots_out_of_reach(plan, within)
+    kind = floor_plan.kind.reshape(-1)
+    lonely, remote = slots_without_access(floor_plan), slots_out_of_reach(floor_plan, within)
     lonely, remote = (
         slots[~np.isin(kind[slots], (RACK, DOCK, STATION))] for slots in (lonely, remote)
     )
     return (int(lonely[0]) if lonely.size else None, int(remote[0]) if remote.size else None)
 
 
-def closed_way(scenario: Scenario, plan: FloorPlan, start: Start, cell: int) -> str:
+def closed_way(scenario: Scenario, floor_plan: FloorPlan, start: Start, cell: int) -> str:
     """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
     rail = scenario.fleet.kinematics == "rail"
-    homes = starts_by_type(scenario, plan, start)[0][:1].tolist()
-    access = slot_access(plan)[plan.slots().tolist().index(cell)]
+    homes = starts_by_type(scenario, floor_plan, start)[0][:1].tolist()
+    access = slot_access(floor_plan)[floor_plan.slots().tolist().index(cell)]
     beside = access[access != NIL].tolist()
-    there = [c for c in beside if reached(plan, homes, rail)[c]]
-    found = closed_step(plan, there, homes) if there else closed_step(plan, homes, beside)
+    there = [c for c in beside if reached(floor_plan, homes, rail)[c]]
+    found = (
+        closed_step(floor_plan, there, homes) if there else closed_step(floor_plan, homes, beside)
+    )
     if found is None:
         return ""
     a, b, direction = found
-    against = plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
-    (x, y), (x1, y1), (x2, y2) = plan.xy(a), plan.xy(b), plan.xy(b if against else a)
+    against = floor_plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
+    (x, y), (x1, y1), (x2, y2) = (
+        floor_plan.xy(a),
+        floor_plan.xy(b),
+        floor_plan.xy(b if against else a),
+    )
     step = f"{DIRECTIONS[direction]} from ({x}, {y}) into ({x1}, {y1})"
     return (
         f"; the way {'back' if there else 'there'} leads {step}, which is closed: "
@@ -336,5 +345,5 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _extent(plan: FloorPlan) -> str:
-    return f"(x 0..{plan.width - 1}, y 0..{plan.height - 1})"
+def _extent(floor_plan: FloorPlan) -> str:
+    return f"(x 0..{floor_plan.width - 1}, y 0..{floor_plan.height - 1})"

@@ -24,7 +24,7 @@ from automaton.scenario.pictures import (
 from automaton.scenario.reading import read_text
 from automaton.scenario.schema import FileLayout, LegendEntry, MatrixLayout, PictureLayout
 from automaton.scenario.validation import shown, validated
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 LAYOUT: Keys = ("layout",)
 
@@ -39,7 +39,7 @@ class Generator(Hashable, Protocol):
 class Floor(NamedTuple):
     """A floor and how to place an error about one of its rows."""
 
-    plan: FloorPlan
+    floor_plan: FloorPlan
     error: Callable[[str, int], InputError]  # message, row y
 
 
@@ -116,16 +116,18 @@ def _generated(document: Document, layout: dict[str, Any]) -> Floor:
         return document.error(LAYOUT, message)
 
     try:
-        plan = _built(generator)
+        floor_plan = _built(generator)
     except InputError as error:
         raise document.error(LAYOUT, error.message) from None
     except Exception as error:  # the generator is a user's code
         text = f"generator {layout['generator']!r} failed: {type(error).__name__}: {error}"
         raise document.error(LAYOUT, text) from error
-    if not isinstance(plan, FloorPlan):
-        text = f"generator {layout['generator']!r} built {type(plan).__name__}, not a FloorPlan"
+    if not isinstance(floor_plan, FloorPlan):
+        text = (
+            f"generator {layout['generator']!r} built {type(floor_plan).__name__}, not a FloorPlan"
+        )
         raise document.error(LAYOUT, text)
-    return Floor(plan, error_at)
+    return Floor(floor_plan, error_at)
 
 
 @lru_cache(maxsize=64)

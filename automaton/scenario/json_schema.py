@@ -8,7 +8,7 @@ import msgspec
 
 from automaton.scenario.floors import generator_type, generators
 from automaton.scenario.schema import (
-    LAYERS,
+    LAYER_NAMES,
     FileLayout,
     LegendEntry,
     MatrixLayout,
@@ -30,7 +30,7 @@ def json_schema() -> Schema:
         "oneOf": _layouts(definitions),
     }
     layers = definitions["Strategies"]["properties"]
-    for layer in LAYERS:
+    for layer in LAYER_NAMES:
         layers[layer] = {**_kept(layers[layer]), "anyOf": _choices(layer, definitions)}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -22,9 +22,9 @@ import numpy.typing as npt
 
 from automaton.errors import InputError, alternatives
 from automaton.scenario.pictures import MAX_SIDE
-from automaton.world.cells import ALL_EXITS, DOCK, FLOOR, KINDS, RACK, WALL
-from automaton.world.plan import FloorPlan, bordered, floor_plan
-from automaton.world.zones import zones_of
+from automaton.world.cells import ALL_EXITS, CELL_KINDS, DOCK, FLOOR, RACK, WALL
+from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.world.traffic_zones import traffic_zones_of
 
 INTERSECTION: Final = 50
 SEPARATORS: Final = (
@@ -66,26 +66,26 @@ def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
     return _plan(kind, capacity)
 
 
-def write_matrix(plan: FloorPlan) -> str:
+def write_matrix(floor_plan: FloorPlan) -> str:
     """The matrix of a floor, intersections marked, with a newline at its end.
 
     Raises InputError for a floor with other kinds of cells, one-way cells or mixed capacities.
     """
-    kind, free = plan.kind[1:-1, 1:-1], plan.kind == FLOOR
+    kind, free = floor_plan.kind[1:-1, 1:-1], floor_plan.kind == FLOOR
     for y, x in np.argwhere(~np.isin(kind, list(CODE_OF))).tolist():
-        known = alternatives(KINDS[code].name for code in CODE_OF)
-        name = KINDS[kind[y, x]].name
+        known = alternatives(CELL_KINDS[code].name for code in CODE_OF)
+        name = CELL_KINDS[kind[y, x]].name
         raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
-    if len(plan.bays):
-        x, y = plan.xy(int(plan.bays[0, 0]))
+    if len(floor_plan.bays):
+        x, y = floor_plan.xy(int(floor_plan.bays[0, 0]))
         raise InputError(f"a matrix has no code for the bay at ({x}, {y})")
-    capacities = np.unique(plan.capacity[free]).tolist()
+    capacities = np.unique(floor_plan.capacity[free]).tolist()
     if len(capacities) > 1:
         raise InputError("a matrix cannot say that free cells hold different numbers of robots")
-    if not np.array_equal(_plan(plan.kind, 0).exits, plan.exits):
+    if not np.array_equal(_plan(floor_plan.kind, 0).exits, floor_plan.exits):
         raise InputError("a matrix cannot say which cells are one-way")
     codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
-    crossing = zones_of(plan).intersection.reshape(free.shape)[1:-1, 1:-1]
+    crossing = traffic_zones_of(floor_plan).intersection.reshape(free.shape)[1:-1, 1:-1]
     codes = np.where(crossing, INTERSECTION, codes)
     return "".join(",".join(map(str, row)) + "\n" for row in codes.tolist())
 
@@ -114,4 +114,4 @@ def _number(text: str) -> float:
 def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
     """A floor on which every free cell may be left in all directions."""
     leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
-    return floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))
+    return make_floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

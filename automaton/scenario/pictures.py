@@ -17,17 +17,17 @@ from automaton.world.cells import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
+    CELL_KINDS,
     DIRECTIONS,
     FLOOR,
     KIND_BY_NAME,
-    KINDS,
     NO_EXITS,
     SHELF,
     SYMBOLS,
     TRACK,
     Symbol,
 )
-from automaton.world.plan import FloorPlan, floor_plan, home_of
+from automaton.world.floor_plan import FloorPlan, home_of, make_floor_plan
 
 Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; hashable
 
@@ -83,9 +83,9 @@ def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
         if home_of(kind, bay) is None:
             row = bay // kind.shape[1] - 1
             raise PictureError("a bay in this row opens on no cell that robots drive on", row)
-    if not any(KINDS[symbol.kind].drivable for symbol in used.values()):
+    if not any(CELL_KINDS[symbol.kind].drivable for symbol in used.values()):
         raise PictureError("the picture has no cell that robots drive on")
-    return floor_plan(kind, leave, capacity, loads, _starts(codes))
+    return make_floor_plan(kind, leave, capacity, loads, _starts(codes))
 
 
 def _codes(rows: list[str]) -> npt.NDArray[np.uint32]:
@@ -150,6 +150,6 @@ def check_new_symbol(character: str) -> None:
     if character in ROBOTS:
         raise InputError(f"'{character}': capital letters stand for robots")
     if character in SYMBOLS:
-        name = KINDS[SYMBOLS[character].kind].name
+        name = CELL_KINDS[SYMBOLS[character].kind].name
         free = alternatives(sorted(set("oxytkz*:") - set(SYMBOLS)))
         raise InputError(f"'{character}' already stands for {name}; take another such as {free}")

@@ -26,13 +26,13 @@ from automaton.scenario.floors import Floor, floor_of
 from automaton.scenario.order_file import with_orders_of_file
 from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
-from automaton.scenario.schema import LAYERS, Scenario
+from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
-from automaton.strategy.entry import files_of, located
-from automaton.world.plan import FloorPlan
+from automaton.strategy.entry import files_of, resolve_paths
+from automaton.world.floor_plan import FloorPlan
 
 
-class Pick(NamedTuple):
+class StrategyChoice(NamedTuple):
     """The strategy of one layer."""
 
     name: str  # of the table of built-ins, of a plug-in, or "module:Class"
@@ -44,8 +44,8 @@ class Resolved:
     """Everything that a run follows from."""
 
     scenario: Scenario
-    plan: FloorPlan
-    picks: dict[str, Pick]  # by layer
+    floor_plan: FloorPlan
+    strategies: dict[str, StrategyChoice]  # by layer
     start: Literal["bays", "random", "stands"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
@@ -72,11 +72,11 @@ def resolve(
     document, checked, order_file = with_orders_of_file(document, checked)
     floor = floor_of(document, checked.layout)
     start = checked_start(document, checked, floor)
-    picks = picks_of(document, checked, floor.plan)
+    strategies = choose_strategies(document, checked, floor.floor_plan)
     return Resolved(
-        scenario=naming_files(checked, picks),
-        plan=floor.plan,
-        picks=picks,
+        scenario=naming_files(checked, strategies),
+        floor_plan=floor.floor_plan,
+        strategies=strategies,
         start=start,
         source=document.text,
         overrides=tuple(
@@ -88,44 +88,47 @@ def resolve(
 
 def checked_start(document: Document, scenario: Scenario, floor: Floor) -> Start:
     """Where robots begin; the scenario fits its floor. Raises InputError."""
-    check_areas(document, scenario, floor.plan)
-    start = start_of(document, scenario, floor.plan)
-    check_starts(document, scenario, floor.plan, start)
+    check_areas(document, scenario, floor.floor_plan)
+    start = start_of(document, scenario, floor.floor_plan)
+    check_starts(document, scenario, floor.floor_plan, start)
     check_orders(document, scenario, floor)
     check_floor(scenario, floor, start)
-    check_service(document, scenario, floor.plan, start)
-    check_abilities(document, scenario, floor.plan, start)
-    check_energy(document, scenario, floor.plan)
+    check_service(document, scenario, floor.floor_plan, start)
+    check_abilities(document, scenario, floor.floor_plan, start)
+    check_energy(document, scenario, floor.floor_plan)
     check_sight(document, scenario)
     return start
 
 
-def picks_of(
-    document: Document, scenario: Scenario, plan: FloorPlan, layers: Iterable[str] = LAYERS
-) -> dict[str, Pick]:
+def choose_strategies(
+    document: Document,
+    scenario: Scenario,
+    floor_plan: FloorPlan,
+    layers: Iterable[str] = LAYER_NAMES,
+) -> dict[str, StrategyChoice]:
     """The strategies that a scenario names, by layer. Raises InputError.
 
-    Parameters may have a method `objection(scenario, plan)`: one sentence on what they do not go
-    with, or None.
+    Parameters may have a method `check_scenario(scenario, floor_plan)`: one sentence on what they
+    do not go with, or None.
     """
-    picks = {layer: _pick(document, scenario, layer) for layer in layers}
-    for layer, pick in picks.items():
-        objection = getattr(pick.parameters, "objection", None)
-        sentence = objection(scenario, plan) if objection else None
+    strategies = {layer: _choose_strategy(document, scenario, layer) for layer in layers}
+    for layer, choice in strategies.items():
+        objection = getattr(choice.parameters, "check_scenario", None)
+        sentence = objection(scenario, floor_plan) if objection else None
         if sentence:
             raise document.error(
-                ("strategy", layer), f"strategy.{layer} is {pick.name}: {sentence}"
+                ("strategy", layer), f"strategy.{layer} is {choice.name}: {sentence}"
             )
-    return picks
+    return strategies
 
 
-def naming_files(scenario: Scenario, picks: dict[str, Pick]) -> Scenario:
+def naming_files(scenario: Scenario, strategies: dict[str, StrategyChoice]) -> Scenario:
     """The scenario with the files of its strategies named as they are found from anywhere."""
     choices: dict[str, Any] = {}
-    for layer, pick in picks.items():
+    for layer, strategy in strategies.items():
         choice: Any = getattr(scenario.strategy, layer)
-        if files_of(pick.parameters) and isinstance(choice, dict):
-            found = msgspec.to_builtins(pick.parameters)
+        if files_of(strategy.parameters) and isinstance(choice, dict):
+            found = msgspec.to_builtins(strategy.parameters)
             choices[layer] = {key: found.get(key, choice[key]) for key in choice}
     return msgspec.structs.replace(
         scenario, strategy=msgspec.structs.replace(scenario.strategy, **choices)
@@ -144,7 +147,7 @@ def document_of(
     return override(Document(data=copy.deepcopy(msgspec.to_builtins(scenario))), settings)
 
 
-def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:
+def _choose_strategy(document: Document, scenario: Scenario, layer: str) -> StrategyChoice:
     from automaton.strategy import lookup
 
     choice: Any = getattr(scenario.strategy, layer)
@@ -164,6 +167,6 @@ def _pick(document: Document, scenario: Scenario, layer: str) -> Pick:
     # Nobody keeps files beside the shipped scenarios.
     own = document.folder.resolve() != SHIPPED_FOLDER
     try:
-        return Pick(choice, located(given, document.folder if own else Path()))
+        return StrategyChoice(choice, resolve_paths(given, document.folder if own else Path()))
     except InputError as error:
         raise document.error(("strategy", layer), error.message) from None

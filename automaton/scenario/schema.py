@@ -38,9 +38,9 @@ Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
 
-LONGEST_MOVE = 65_535  # ticks
+MAX_MOVE_TICKS = 65_535  # ticks
 
-LAYERS = ("zoning", "charging", "allocation", "routing", "right_of_way")
+LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 
 class Units(Part, frozen=True, kw_only=True):
@@ -293,10 +293,10 @@ class Scenario(Part, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         slowest = max((kind.pace for kind in self.fleet.types), default=1) * self.durations.move
-        if slowest > LONGEST_MOVE:
+        if slowest > MAX_MOVE_TICKS:
             raise ValueError(
                 f"fleet has robots whose moves take {slowest:,} ticks (pace x durations.move), "
-                f"at most {LONGEST_MOVE:,} are allowed"
+                f"at most {MAX_MOVE_TICKS:,} are allowed"
             )
         if self.measure is not None and self.measure.warm_up >= self.stop.at_most:
             raise ValueError(

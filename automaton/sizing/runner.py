@@ -32,7 +32,7 @@ from automaton.sizing.session import Session
 from automaton.tasks import TASK_METRICS
 from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
-from automaton.world.state import CHARGE, DROP, PICK, TRY_DROP
+from automaton.world.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
 
 ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
@@ -47,12 +47,14 @@ def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
     begin, before = (0, 0) if since is None else (since.tick, since.actions)
     ticks, elapsed = now.actions - before, max(1, now.tick - begin)
     figures[MEASURED] = elapsed
-    world, plan = simulation.world, simulation.resolved.plan
-    stations, chargers = (int(np.count_nonzero(plan.kind == k)) for k in (STATION, CHARGER))
+    world, floor_plan = simulation.world, simulation.resolved.floor_plan
+    stations, chargers = (int(np.count_nonzero(floor_plan.kind == k)) for k in (STATION, CHARGER))
     if stations:
-        figures[STATION_USE] = float(ticks[[PICK, DROP, TRY_DROP]].sum()) / (stations * elapsed)
+        figures[STATION_USE] = float(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum()) / (
+            stations * elapsed
+        )
     if chargers and world.rules.battery:
-        figures[CHARGER_USE] = float(ticks[CHARGE].sum()) / (chargers * elapsed)
+        figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (chargers * elapsed)
     return figures
 
 
@@ -198,7 +200,7 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     settings = []
     if isinstance(resolved.scenario.fleet.start, tuple):
         settings.append("fleet.start=random")
-    if getattr(resolved.picks["zoning"].parameters, "design", None) is not None:
+    if getattr(resolved.strategies["zoning"].parameters, "design", None) is not None:
         settings.append("strategy.zoning.design=null")
     return settings
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from automaton.errors import InputError, nearest
-from automaton.scenario.schema import LAYERS
+from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 
 
@@ -33,11 +33,11 @@ def strategies_named(text: str) -> tuple[str, ...]:
         if equals:
             found.append(f"strategy.{layer.removeprefix('strategy.').strip()}={choice.strip()}")
             continue
-        layers = [layer for layer in LAYERS if name in lookup.names(layer)]
+        layers = [layer for layer in LAYER_NAMES if name in lookup.names(layer)]
         if ":" in name:
             layers = ["allocation"]
-        if not layers or name == lookup.NONE:
-            known = [known for layer in LAYERS for known in lookup.names(layer)]
+        if not layers or name == lookup.NO_STRATEGY:
+            known = [known for layer in LAYER_NAMES for known in lookup.names(layer)]
             raise InputError(
                 f"--strategies: no strategy is called '{name}'{nearest(name, known)}; "
                 "or say LAYER=NAME"

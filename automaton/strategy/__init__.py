@@ -1,1 +1,1 @@
-"""Strategies: what a layer is asked, how it answers, and how a scenario's names find it."""
+"""Strategies: what a layer is asked, how it decides, and how a scenario's names find it."""

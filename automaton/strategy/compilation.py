@@ -9,7 +9,7 @@ from typing import Any
 from automaton.compiled import jit_is_on
 from automaton.errors import InputError
 
-ARGUMENTS = ("view", "asked", "answers", "memory", "space")
+ARGUMENTS = ("view", "batch", "decisions", "memory", "workspace")
 _COMPILED: dict[Any, Any] = {}
 
 

@@ -11,11 +11,11 @@ from automaton.strategy.layer import Strategy
 from automaton.sums import TAKEN
 from automaton.world.state import Memory, World
 
-LONGEST = 10_000  # ticks of a wait
+MAX_WAIT_TICKS = 10_000  # ticks of a wait
 
 
 def check_decides(strategy: Strategy) -> None:
-    """Raises InputError for a class that answers nothing: a misspelt `decide`, mostly."""
+    """Raises InputError for a class that decides nothing: a misspelt `decide`, mostly."""
     kind = type(strategy)
     if kind.compiled is None and kind.decide is Strategy.decide:
         names = [name for name in vars(kind) if not name.startswith("_")]
@@ -23,51 +23,53 @@ def check_decides(strategy: Strategy) -> None:
 
 
 def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
-    """The answer of `reset`. Raises InputError if it is no memory for this fleet."""
+    """What `reset` returns. Raises InputError if it is no memory for this fleet."""
     robots = len(view.robots.cell)
-    shapes = {"own": (2, "(robots, k)"), "shared": (1, "(q,)"), "parameters": (1, "(p,)")}
+    shapes = {"per_robot": (2, "(robots, k)"), "shared": (1, "(q,)"), "parameters": (1, "(p,)")}
     if not isinstance(memory, Memory):
         raise _fault(strategy, f"reset() must return memory_of(view, ...), found {memory!r}")
     for name, (dimensions, shape) in shapes.items():
         array = getattr(memory, name)
         wrong = not isinstance(array, np.ndarray) or array.ndim != dimensions
-        if wrong or array.dtype != np.int64 or (name == "own" and len(array) != robots):
+        if wrong or array.dtype != np.int64 or (name == "per_robot" and len(array) != robots):
             raise _fault(strategy, f"reset() must give memory.{name} as int64 of shape {shape}")
     if memory.parameters.flags.writeable:
         raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
     for name, column in strategy.counters.items():
         if name in TAKEN:
             raise _fault(strategy, f"counter {name!r}: every run counts this itself; rename it")
-        columns = memory.own.shape[1]
+        columns = memory.per_robot.shape[1]
         if not isinstance(column, int) or not 0 <= column < columns:
-            found = f"memory.own has {columns} columns, found {column!r}"
-            raise _fault(strategy, f"counter {name!r} must name a column of memory.own: {found}")
+            found = f"memory.per_robot has {columns} columns, found {column!r}"
+            raise _fault(
+                strategy, f"counter {name!r} must name a column of memory.per_robot: {found}"
+            )
     return memory
 
 
-def checked_waits(strategy: Strategy) -> tuple[int, ...]:
-    """The answer of `waits`. Raises InputError if a range is empty or a number out of bounds."""
-    waits = strategy.waits()
+def checked_wait_ranges(strategy: Strategy) -> tuple[int, ...]:
+    """What `wait_ranges` returns. Raises InputError if a range is empty or a number out of bounds."""
+    waits = strategy.wait_ranges()
     whole = isinstance(waits, tuple) and len(waits) == 5 and all(isinstance(w, int) for w in waits)
     if (
         not whole
-        or not all(1 <= low <= high <= LONGEST for low, high in (waits[:2], waits[2:4]))
+        or not all(1 <= low <= high <= MAX_WAIT_TICKS for low, high in (waits[:2], waits[2:4]))
         or not 1 <= waits[4] <= 256
     ):
         raise _fault(
             strategy,
-            "waits() must give (empty from, to, loaded from, to, retries) with "
-            f"1 <= from <= to <= {LONGEST:,} and 1 <= retries <= 256, found {waits!r}",
+            "wait_ranges() must give (empty from, to, loaded from, to, retries) with "
+            f"1 <= from <= to <= {MAX_WAIT_TICKS:,} and 1 <= retries <= 256, found {waits!r}",
         )
     return waits
 
 
-def checked_every(strategy: Strategy) -> int:
+def checked_period(strategy: Strategy) -> int:
     """How often the strategy asks to be called. Raises InputError for anything but ticks."""
-    every = strategy.every
-    if not isinstance(every, int) or not 0 <= every < 2**31:
-        raise _fault(strategy, f"every must be a number of ticks, 0 for never; found {every!r}")
-    return every
+    period = strategy.period
+    if not isinstance(period, int) or not 0 <= period < 2**31:
+        raise _fault(strategy, f"period must be a number of ticks, 0 for never; found {period!r}")
+    return period
 
 
 def _fault(strategy: Strategy, text: str) -> InputError:

@@ -24,13 +24,13 @@ class AsRecorded(msgspec.Struct, frozen=True):
             raise AttributeError(name) from None
 
 
-def located(parameters: Any, folder: Path) -> Any:
+def resolve_paths(parameters: Any, folder: Path) -> Any:
     """Parameters with the files that they name found from a folder, as absolute paths.
 
-    Parameters that name files have a method `located(folder)`, and `files` that lists them; they may
-    have `check_files(resolved)`, which reads them and raises InputError.
+    Parameters that name files have a method `resolve_paths(folder)`, and `files` that lists them;
+    they may have `check_files(resolved)`, which reads them and raises InputError.
     """
-    return parameters.located(folder) if hasattr(parameters, "located") else parameters
+    return parameters.resolve_paths(folder) if hasattr(parameters, "resolve_paths") else parameters
 
 
 def files_of(parameters: Any) -> tuple[Path, ...]:

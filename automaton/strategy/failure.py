@@ -13,9 +13,9 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.state import LAYERS
+from automaton.world.state import LAYER_NAMES
 
-LONGEST = 300  # characters of what was raised
+MAX_ERROR_LENGTH = 300  # characters of what was raised
 
 # Where a simulation calls a strategy's own code; their locals name the layer or the strategy.
 CALLS = {
@@ -23,7 +23,7 @@ CALLS = {
     for function in (
         Simulation._decide,
         Simulation._memory,
-        Simulation._picked,
+        Simulation._chosen_strategy,
         Simulation._admitted,
     )
 }
@@ -36,7 +36,7 @@ def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | N
         if frame.f_code in CALLS:
             layer = _layer(frame.f_locals)
             inner = frames[depth + 1 :]
-            return _sentence(error, resolved.picks[layer].name, layer, _place(frame, inner))
+            return _sentence(error, resolved.strategies[layer].name, layer, _place(frame, inner))
     return None
 
 
@@ -59,7 +59,7 @@ def _layer(names: dict[str, Any]) -> str:
     layer = names.get("layer")
     if layer is None:
         layer = names["strategy"].layer
-    return LAYERS[layer] if isinstance(layer, int) else str(layer)
+    return LAYER_NAMES[layer] if isinstance(layer, int) else str(layer)
 
 
 def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
@@ -76,7 +76,7 @@ def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
 
 def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
     try:
-        what = one_line(" ".join(str(error).split()), LONGEST)
+        what = one_line(" ".join(str(error).split()), MAX_ERROR_LENGTH)
     except Exception:  # of the strategy's own __str__
         what = ""
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__

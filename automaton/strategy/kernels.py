@@ -9,18 +9,30 @@ from collections.abc import Sequence
 
 from automaton.compiled import kernel
 from automaton.kernels.charging_curve import charging_ticks
-from automaton.kernels.draws import ABORTS, STRATEGY, WITHDRAWALS, draw, draw_between
 from automaton.kernels.holders import lane_of
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
+from automaton.kernels.random_numbers import (
+    STREAM_ABORTS,
+    STREAM_RETREATS,
+    STREAM_STRATEGY,
+    random_between,
+    random_bits,
+)
 from automaton.kernels.routes.astar import astar, search
 from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
-from automaton.kernels.routes.expected import expect, expect_no_more, expect_one
-from automaton.kernels.routes.forecast import foresee, foresee_one
+from automaton.kernels.routes.forecast import forecast_all, forecast_one
 from automaton.kernels.routes.frontier import TIES
 from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
-from automaton.kernels.routes.predicted import next_stand
-from automaton.kernels.routes.presence import (
+from automaton.kernels.routes.predicted import next_goal_cell
+from automaton.kernels.routes.replay import add_zones, count_zones, has_zone
+from automaton.kernels.routes.task_forecast import (
+    add_task_forecast,
+    add_task_forecasts,
+    remove_task_forecast,
+)
+from automaton.kernels.routes.time_dependent import time_dependent_path
+from automaton.kernels.routes.zone_forecast import (
     KEPT,
     OWN_PARAMETERS,
     forget,
@@ -28,35 +40,35 @@ from automaton.kernels.routes.presence import (
     row_size,
     shared_size,
 )
-from automaton.kernels.routes.replay import add_zones, count_zones, has_zone
-from automaton.kernels.routes.timed import find_in_time
 from automaton.kernels.search import (
-    FAR,
+    UNREACHABLE,
     begin_search,
-    descend,
     distance,
     find_path,
+    follow_gradient,
     mark_goal,
     nearest_mark,
 )
-from automaton.kernels.stands import can_bring, can_do, drop_stand, pick_stand
+from automaton.kernels.slot_access import can_bring, can_do, dropoff_cell, pickup_cell
 from automaton.kernels.zone_network import add_predicted
 from automaton.strategy.layer import memory_of
 from automaton.world.state import Memory, World
 
 __all__ = [
-    "ABORTS",
     "CERTAIN",
-    "FAR",
     "KEPT",
     "LEAST_TIME",
     "OWN_PARAMETERS",
     "PLAIN",
-    "STRATEGY",
+    "STREAM_ABORTS",
+    "STREAM_RETREATS",
+    "STREAM_STRATEGY",
     "TIES",
+    "UNREACHABLE",
     "USED_SHARE",
-    "WITHDRAWALS",
     "add_predicted",
+    "add_task_forecast",
+    "add_task_forecasts",
     "add_zones",
     "astar",
     "begin_search",
@@ -67,20 +79,14 @@ __all__ = [
     "choose_threshold",
     "close_zones",
     "count_zones",
-    "descend",
     "distance",
-    "draw",
-    "draw_between",
-    "drop_stand",
-    "expect",
-    "expect_no_more",
-    "expect_one",
+    "dropoff_cell",
     "false_alarms",
-    "find_in_time",
     "find_path",
+    "follow_gradient",
+    "forecast_all",
     "forecast_memory",
-    "foresee",
-    "foresee_one",
+    "forecast_one",
     "forget",
     "forget_all",
     "has_room",
@@ -89,10 +95,14 @@ __all__ = [
     "lane_of",
     "mark_goal",
     "nearest_mark",
-    "next_stand",
-    "pick_stand",
+    "next_goal_cell",
+    "pickup_cell",
     "position",
+    "random_between",
+    "random_bits",
+    "remove_task_forecast",
     "search",
+    "time_dependent_path",
 ]
 
 
@@ -105,14 +115,14 @@ def position(view, i):
 def forecast_memory(
     view: World, horizon: int, own: Sequence[int] = (), shares: bool = False
 ) -> Memory:
-    """Memory for `foresee` over so many ticks, at most 65,535.
+    """Memory for `forecast_all` over so many ticks, at most 65,535.
 
-    Nothing in it outlasts a call but memory.own[:, KEPT], a number of the strategy's own for each
-    robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is foreseen
-    of a zone is a share of all ticks (`expect`).
+    Nothing in it outlasts a call but memory.per_robot[:, KEPT], a number of the strategy's own for
+    each robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is
+    foreseen of a zone is a share of all ticks (`add_task_forecasts`).
     """
-    zones = view.grid.zones
-    shared = shared_size(zones, horizon)
+    traffic_zone_count = view.grid.traffic_zone_count
+    shared = shared_size(traffic_zone_count, horizon)
     return memory_of(
-        view, row_size(horizon), shared, parameters=(horizon, zones, int(shares), *own)
+        view, row_size(horizon), shared, parameters=(horizon, traffic_zone_count, int(shares), *own)
     )

@@ -3,15 +3,16 @@
 compiled     a kernel (module-level, decorated with `kernel`) that the loop calls directly
 decide       a Python method that the loop leaves for, and comes back from
 
-Both get the same arguments: the view (read-only), the batch, the answers (which start as KEEP), the
-strategy's own memory, and the workspace of the searches.
+Both get the same arguments: the view (read-only), the batch, the decisions (which start as KEEP),
+the strategy's own memory, and the workspace of the searches.
 
-With `every` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
-reason is PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
-robots that are free to act (right of way); robots on their way (routing), that is, with a stand that
-their drive does not end in now, no route being asked for, and no withdrawal or TRY_DROP to do first.
-They may turn, wait or be in the middle of a long move: a new route replaces the rest of the old one
-when that is over. It begins in `position(view, robot)`, in a long move the cell that it enters.
+With `period` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
+reason is REASON_PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
+robots that are free to act (right of way); robots on their way (routing), that is, with a goal cell
+that their drive does not end in now, no route being asked for, and no withdrawal or TRY_DROP to do
+first. They may turn, wait or be in the middle of a long move: a new route replaces the rest of the
+old one when that is over. It begins in `position(view, robot)`, in a long move the cell that it
+enters.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ import msgspec
 import numpy as np
 
 from automaton.strategy.entry import NoParameters
-from automaton.world.state import Answers, Asked, Memory, Workspace, World
+from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 
-Waits = tuple[int, int, int, int, int]
+WaitRanges = tuple[int, int, int, int, int]
 
 
 class Strategy:
@@ -34,8 +35,9 @@ class Strategy:
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
-    counters: ClassVar[Mapping[str, int]] = {}  # metric -> column of memory.own, summed over robots
-    every: int = 0  # also asked every so many ticks (below); 0 = only when concerned
+    # metric -> column of memory.per_robot, summed over robots
+    counters: ClassVar[Mapping[str, int]] = {}
+    period: int = 0  # it is also asked every `period` ticks (above); 0 = only when concerned
     holders: bool = (
         False  # it looks robots up by cell: while it is asked, traffic.holder is entered
     )
@@ -45,7 +47,7 @@ class Strategy:
         if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
             cls.compiled = None
 
-    colleagues: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset
+    other_layers: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset
 
     def __init__(self, parameters: Any = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
@@ -55,22 +57,24 @@ class Strategy:
         return memory_of(view)
 
     def decide(
-        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
-        """Answer a batch; unless overridden, everything stays KEEP."""
+        """Decide for a batch; unless overridden, everything stays KEEP."""
 
-    def waits(self) -> Waits:
+    def wait_ranges(self) -> WaitRanges:
         """Right of way only: wait range empty, wait range loaded, retries before it is asked."""
         return (1, 1, 1, 1, 1)
 
 
-def memory_of(view: World, own: int = 0, shared: int = 0, parameters: Sequence[int] = ()) -> Memory:
-    """Memory with `own` numbers for each robot and `shared` ones for all, zero at the start."""
+def memory_of(
+    view: World, per_robot: int = 0, shared: int = 0, parameters: Sequence[int] = ()
+) -> Memory:
+    """Memory with `per_robot` numbers for each robot and `shared` ones for all, zero at the start."""
     constants = np.array(parameters, np.int64)
     constants.setflags(write=False)
     robots = view.robots.cell.shape[0]
     return Memory(
-        own=np.zeros((robots, own), np.int64),
+        per_robot=np.zeros((robots, per_robot), np.int64),
         shared=np.zeros(shared, np.int64),
         parameters=constants,
     )

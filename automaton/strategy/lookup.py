@@ -16,7 +16,7 @@ from automaton.errors import InputError, nearest
 from automaton.strategy.entry import PROPERTIES, Entry, NoParameters
 
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
-NONE = "none"  # zoning and charging may be absent
+NO_STRATEGY = "none"  # zoning and charging may be absent
 OPTIONAL_LAYERS = ("zoning", "charging")
 
 
@@ -40,13 +40,13 @@ def _plugins(layer: str) -> dict[str, str]:
 
 def names(layer: str) -> list[str]:
     """The names that a scenario may use for a layer, "module:Class" aside."""
-    optional = [NONE] if layer in OPTIONAL_LAYERS else []
+    optional = [NO_STRATEGY] if layer in OPTIONAL_LAYERS else []
     return optional + list(_catalogue()[layer]) + list(_plugins(layer))
 
 
 def is_built_in(layer: str, name: str) -> bool:
     """Whether a name needs no plug-in."""
-    return name in _catalogue()[layer] or (name == NONE and layer in OPTIONAL_LAYERS)
+    return name in _catalogue()[layer] or (name == NO_STRATEGY and layer in OPTIONAL_LAYERS)
 
 
 def parameters_type(layer: str, name: str) -> type[msgspec.Struct]:
@@ -54,7 +54,7 @@ def parameters_type(layer: str, name: str) -> type[msgspec.Struct]:
     entry = _catalogue()[layer].get(name)
     if entry is not None:
         return entry.parameters
-    if name == NONE and layer in OPTIONAL_LAYERS:
+    if name == NO_STRATEGY and layer in OPTIONAL_LAYERS:
         return NoParameters
     found: type[msgspec.Struct] = getattr(load(layer, name), "Parameters", NoParameters)
     return found
@@ -65,14 +65,14 @@ def summary(layer: str, name: str) -> str:
     entry = _catalogue()[layer].get(name)
     if entry is not None:
         return entry.summary
-    if name == NONE:
+    if name == NO_STRATEGY:
         return f"no {layer}"
     return (load(layer, name).__doc__ or "").strip().split("\n")[0]
 
 
 def place(layer: str, name: str) -> str:
     """Where a strategy is implemented, "module:Class"; "" for none."""
-    if name == NONE:
+    if name == NO_STRATEGY:
         return ""
     entry = _catalogue()[layer].get(name)
     return entry.implementation if entry else _plugins(layer).get(name, name)

@@ -24,17 +24,19 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.whole_file import written
-from automaton.world.state import MOVE, NIL, TURN, Array, Grid
+from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
 
 Weights = npt.NDArray[np.float16]
 Whole = npt.NDArray[np.int64]
 
-LAYERS: Final = 4  # three hidden ones and the output
-HEADER: Final = 8  # numbers of a packed network before its first layer, as kernels read it
+NETWORK_LAYERS: Final = 4  # three hidden ones and the output
+NETWORK_HEADER_WORDS: Final = (
+    8  # numbers of a packed network before its first layer, as kernels read it
+)
 MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
 ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
 EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
-FORMAT = "automaton zone network 1"
+NETWORK_FORMAT = "automaton zone network 1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +59,19 @@ def floor_fingerprint(grid: Grid, duration: Array) -> str:
 
     `duration`: (A,) ticks of each action of a robot of the first type.
     """
-    costs = [int(duration[action]) for action in (MOVE, TURN)]
+    costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
     text = f"{grid.width} {grid.headings} {costs if grid.headings > 1 else []}"
     digest = hashlib.blake2b(text.encode(), digest_size=16)
-    digest.update((grid.rule & np.uint8(31)).tobytes())
-    digest.update(np.ascontiguousarray(grid.zone, np.int32).tobytes())
+    digest.update((grid.cell_flags & np.uint8(31)).tobytes())
+    digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
     return digest.hexdigest()
 
 
 def save_network(path: Path, network: ZoneNetwork) -> None:
     """Write a network; the file takes its name only when it is whole. Raises InputError."""
-    arrays: dict[str, Any] = {"about": np.array(json.dumps({"format": FORMAT, **network.about}))}
+    arrays: dict[str, Any] = {
+        "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
+    }
     for k, (weights, bias) in enumerate(network.layers):
         arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
     with written(path) as file:
@@ -79,13 +83,13 @@ def load_network(path: Path) -> ZoneNetwork:
     try:
         with np.load(path, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
-            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(LAYERS))
+            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(NETWORK_LAYERS))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
         raise InputError(f"{path} is no file of a zone network") from error
     network = ZoneNetwork(layers, about)
-    if not isinstance(about, dict) or about.get("format") != FORMAT or not _fits(network):
+    if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
         raise InputError(f"{path} is no file of a zone network")
     return network
 
@@ -112,7 +116,7 @@ def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -
     raise InputError(
         f"{file.name} was trained for the floor of {about.get('scenario')} with "
         f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
-        f"{grid.zones:,}; train one for it by `automaton train traffic --scenario NAME "
+        f"{grid.traffic_zone_count:,}; train one for it by `automaton train traffic --scenario NAME "
         "--out FILE` and name it as {network: FILE}"
     )
 
@@ -188,10 +192,10 @@ def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArr
 def packed(network: ZoneNetwork) -> Whole:
     """The network as words for the kernel `predict_zones`; read-only."""
     bits, layers = whole_layers(network)
-    header = np.zeros(HEADER, np.int64)
+    header = np.zeros(NETWORK_HEADER_WORDS, np.int64)
     header[0] = network.zones
-    header[1:LAYERS] = [bias.size for _, bias in layers[:-1]]
-    header[LAYERS] = bits
+    header[1:NETWORK_LAYERS] = [bias.size for _, bias in layers[:-1]]
+    header[NETWORK_LAYERS] = bits
     parts = [header, *(part.reshape(-1) for layer in layers for part in layer)]
     numbers = np.concatenate(parts)
     numbers = np.append(numbers, np.zeros(numbers.size % 2, np.int64))

@@ -9,10 +9,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.kernels import search, stands
+from automaton.kernels import search, slot_access
 from automaton.world.state import NIL, Workspace, World
 
-UNREACHABLE = search.FAR
+UNREACHABLE = search.UNREACHABLE
 
 
 def position(view: World, robot: int) -> int:
@@ -29,53 +29,57 @@ def position(view: World, robot: int) -> int:
 
 def _checked(view: World, cell: int) -> int:
     """Compiled searches do not check indices, so what a user's code names is checked here."""
-    if not 0 <= cell < view.grid.rule.shape[0]:
-        raise IndexError(f"cell {cell} is outside the grid of {view.grid.rule.shape[0]} cells")
+    if not 0 <= cell < view.grid.cell_flags.shape[0]:
+        raise IndexError(
+            f"cell {cell} is outside the grid of {view.grid.cell_flags.shape[0]} cells"
+        )
     return int(cell)
 
 
-def distance(view: World, space: Workspace, robot: int, target: int) -> int:
+def distance(view: World, workspace: Workspace, robot: int, target: int) -> int:
     """Ticks from a robot's pose to a target cell on the empty floor, or UNREACHABLE."""
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
-    kind = int(view.robots.type[robot])
-    return int(search.distance(view, space, kind, cell, heading, _checked(view, target)))
+    robot_type = int(view.robots.type[robot])
+    return int(search.distance(view, workspace, robot_type, cell, heading, _checked(view, target)))
 
 
 def can_do(view: World, robot: int, order: int) -> bool:
     """Whether a robot carries an order, and gets to where it lies and to its target."""
-    return bool(stands.can_do(view, robot, int(order)))
+    return bool(slot_access.can_do(view, robot, int(order)))
 
 
-def stands_of(view: World, robot: int, slot: int) -> list[int]:
+def access_cells(view: World, robot: int, slot: int) -> list[int]:
     """The cells from which a robot can serve a slot: east, south, west and north of it."""
-    within = view.slots.within[view.robots.type[robot]]
-    return [int(cell) for cell in view.slots.access[slot] if cell != NIL and within[cell]]
+    reachable = view.slots.reachable[view.robots.type[robot]]
+    return [int(cell) for cell in view.slots.access[slot] if cell != NIL and reachable[cell]]
 
 
 def nearest(
-    view: World, space: Workspace, robot: int, cells: Iterable[int], around: bool = False
+    view: World, workspace: Workspace, robot: int, cells: Iterable[int], around: bool = False
 ) -> int | None:
     """The index of the cell of least path cost from a robot; ties to the lowest index.
 
     `around`: as if cells without room now were no part of the floor. None if none is reachable.
     """
-    mark = search.begin_search(space)
+    mark = search.begin_search(workspace)
     for index, cell in enumerate(cells):
-        search.mark_goal(space, mark, _checked(view, cell), index)
-    kind, heading = np.int64(view.robots.type[robot]), np.int64(view.robots.heading[robot])
-    found = search.nearest_mark(view, space, mark, kind, position(view, robot), heading, around)
+        search.mark_goal(workspace, mark, _checked(view, cell), index)
+    robot_type, heading = np.int64(view.robots.type[robot]), np.int64(view.robots.heading[robot])
+    found = search.nearest_mark(
+        view, workspace, mark, robot_type, position(view, robot), heading, around
+    )
     return None if found == NIL else int(found)
 
 
 def route(
-    view: World, space: Workspace, robot: int, target: int, around: bool = False
+    view: World, workspace: Workspace, robot: int, target: int, around: bool = False
 ) -> list[int] | None:
     """Directions of the shortest path from a robot to a target cell, or None."""
-    steps = np.empty(space.steps.shape, np.uint8)
+    steps = np.empty(workspace.steps.shape, np.uint8)
     heading = int(view.robots.heading[robot])
     cell = position(view, robot)
     target = _checked(view, target)
-    kind = int(view.robots.type[robot])
-    length = search.find_path(view, space, kind, cell, heading, target, around, steps)
+    robot_type = int(view.robots.type[robot])
+    length = search.find_path(view, workspace, robot_type, cell, heading, target, around, steps)
     return None if length == NIL else [int(step) for step in steps[:length]]

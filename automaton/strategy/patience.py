@@ -1,8 +1,9 @@
-"""A bound of time on each answer of a strategy in Python: a guard, which never changes a result.
+"""A bound of time on each decision of a strategy in Python: a guard, which never changes a result.
 
-In the main thread an alarm raises NoAnswer, which ends sleeps and waits for locks and sockets, too. In
-other threads, or where somebody else has set the alarm, a thread looks on and raises it at the next
-instruction of Python: waits are not bounded there. Compiled code hears of neither before it is over.
+In the main thread an alarm raises NoAnswer, which ends sleeps and waits for locks and sockets, too.
+In other threads, or where somebody else has set the alarm, a thread looks on and raises it at the
+next instruction of Python: waits are not bounded there. Compiled code hears of neither before it is
+over.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Strategies for one robot at a time: write `decide(me, sees)` and return an answer.
+"""Strategies for one robot at a time: write `decide(me, view)` and return a decision.
 
     @per_robot("allocation")
-    def eager(me, sees):
+    def eager(me, view):
         if me.load is not None:
-            return set_down(sees.target_of(me.load))
-        orders = sees.open_orders()
+            return drop_at(view.target_of(me.load))
+        orders = view.open_orders()
         return take(min(orders, key=lambda order: me.ticks_to(order.slot))) if orders else park()
 
 A scenario names it "module:eager". The robots of a batch are asked in the order of their identities
-and each answer counts as given for those after it. With `information: orders` or a radius, `sees`
+and each decision counts as made for those after it. With `information: orders` or a radius, `view`
 holds what that robot may know, and nothing else: for teaching, and for honest decentralization.
 """
 
@@ -34,50 +34,50 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a robot wants; made by the functions below."""
+class Decision:
+    """What a robot is to do; made by the functions below."""
 
-    verb: int
+    command: int
     value: Any = None
-    release: bool = False
+    return_order: bool = False
 
 
-def take(order: Order | int) -> Answer:
+def take(order: Order | int) -> Decision:
     """Allocation: reserve an order and pick it up."""
-    return Answer(state.TAKE, order.index if isinstance(order, Order) else order)
+    return Decision(state.CMD_TAKE_ORDER, order.index if isinstance(order, Order) else order)
 
 
-def set_down(slot: int) -> Answer:
-    """Allocation: set the load down on a slot."""
-    return Answer(state.SET_DOWN, slot)
+def drop_at(slot: int) -> Decision:
+    """Allocation: drop the load at a slot."""
+    return Decision(state.CMD_DROP_AT, slot)
 
 
-def park() -> Answer:
+def park() -> Decision:
     """Allocation: drive home."""
-    return Answer(state.PARK)
+    return Decision(state.CMD_PARK)
 
 
-def step(direction: int) -> Answer:
+def step(direction: int) -> Decision:
     """Right of way: one move (or the turn before it), 0 east, 1 south, 2 west, 3 north."""
-    return Answer(state.STEP, direction)
+    return Decision(state.CMD_STEP, direction)
 
 
-def wait(ticks: int) -> Answer:
+def wait(ticks: int) -> Decision:
     """Right of way: wait."""
-    return Answer(state.PAUSE, ticks)
+    return Decision(state.CMD_WAIT, ticks)
 
 
-def withdraw(moves: int, release: bool = True) -> Answer:
+def retreat(moves: int, return_order: bool = True) -> Decision:
     """Right of way: make room by so many moves; an empty robot may give its order back."""
-    return Answer(state.RETREAT, moves, release)
+    return Decision(state.CMD_RETREAT, moves, return_order)
 
 
-def drive(directions: Sequence[int]) -> Answer:
-    """Routing: the moves to the robot's stand; turns are implied."""
-    return Answer(state.STEP, list(directions))
+def drive(directions: Sequence[int]) -> Decision:
+    """Routing: the moves to the robot's goal cell; turns are implied."""
+    return Decision(state.CMD_STEP, list(directions))
 
 
-class Sees:
+class LocalView:
     """What one robot knows: the order list, and the robots in its sight."""
 
     def __init__(self, view: World, taken: Any, robot: int) -> None:
@@ -87,14 +87,16 @@ class Sees:
 
     @property
     def tick(self) -> int:
-        return int(self.view.clock[state.TICK])
+        return int(self.view.clock[state.CLOCK_TICK])
 
     def open_orders(self) -> list[Order]:
         """Orders that wait and that nobody reserved, of those that the robot can do, by index."""
         orders = self.view.orders
-        is_open = (orders.state == state.WAITING) & (orders.by == NIL) & (self._taken == 0)
+        is_open = (
+            (orders.state == state.ORDER_WAITING) & (orders.reserved_by == NIL) & (self._taken == 0)
+        )
         return [
-            Order(int(index), int(orders.place[index]), int(orders.target[index]))
+            Order(int(index), int(orders.current_slot[index]), int(orders.target[index]))
             for index in is_open.nonzero()[0]
             if paths.can_do(self.view, self._robot, index)
         ]
@@ -118,9 +120,11 @@ class Sees:
 class Me:
     """The robot that decides."""
 
-    def __init__(self, view: World, space: Workspace, robot: int, reason: int, row: Any) -> None:
-        self._view, self._space, self._robot = view, space, robot
-        self.reason = reason  # automaton.world.state: FREE, PICKED, STUCK, ...
+    def __init__(
+        self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
+    ) -> None:
+        self._view, self._workspace, self._robot = view, workspace, robot
+        self.reason = reason  # automaton.world.state.REASON_*
         self.memory = row  # int64 numbers that are kept for this robot
 
     @property
@@ -140,27 +144,29 @@ class Me:
         load = int(self._view.robots.load[self._robot])
         return None if load == NIL else load
 
-    def stand_for(self, slot: int) -> int:
+    def access_cell_for(self, slot: int) -> int:
         """The flat cell from which it serves a slot with the fewest ticks; NIL: from none."""
-        cells = paths.stands_of(self._view, self._robot, slot)
-        found = paths.nearest(self._view, self._space, self._robot, cells)
+        cells = paths.access_cells(self._view, self._robot, slot)
+        found = paths.nearest(self._view, self._workspace, self._robot, cells)
         return cells[found or 0] if cells else NIL
 
     def ticks_to(self, slot: int) -> int:
         """Ticks to the nearest cell from which it serves a slot, on the empty floor."""
-        stand = self.stand_for(slot)
-        if stand == NIL:
+        access_cell = self.access_cell_for(slot)
+        if access_cell == NIL:
             return paths.UNREACHABLE
-        return paths.distance(self._view, self._space, self._robot, stand)
+        return paths.distance(self._view, self._workspace, self._robot, access_cell)
 
     def route(self, around: bool = False) -> list[int] | None:
-        """Directions to its stand; `around`: avoiding the robots in sight."""
-        stand = int(self._view.robots.stand[self._robot])
-        return paths.route(self._view, self._space, self._robot, stand, around)
+        """Directions to its goal cell; `around`: avoiding the robots in sight."""
+        goal_cell = int(self._view.robots.goal_cell[self._robot])
+        return paths.route(self._view, self._workspace, self._robot, goal_cell, around)
 
 
-def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Answer | None]], Any]:
-    """Make a strategy class from decide(me, sees) -> answer or None (keep on).
+def per_robot(
+    layer: str, memory: int = 0
+) -> Callable[[Callable[[Me, LocalView], Decision | None]], Any]:
+    """Make a strategy class from decide(me, view) -> decision or None (keep on).
 
     `memory`: how many numbers each robot keeps in me.memory. Layers: allocation, routing,
     right_of_way.
@@ -168,21 +174,25 @@ def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Ans
     if layer not in _ENTER:
         raise ValueError(f"per_robot serves the layers {', '.join(_ENTER)}, not {layer!r}")
 
-    def make(decide_one: Callable[[Me, Sees], Answer | None]) -> Any:
-        def decide(self: Any, view: Any, asked: Any, answers: Any, memory: Any, space: Any) -> None:
-            for k in range(asked.count[0]):
-                robot = int(asked.robot[k])
-                me = Me(view, space, robot, int(asked.reason[k]), memory.own[robot])
-                answer = decide_one(me, Sees(view, answers.allocation.order_taken, robot))
-                if answer is not None and not isinstance(answer, Answer):
-                    raise TypeError(f"{decide_one.__name__} must return an answer, not {answer!r}")
-                if answer is not None:
-                    _ENTER[layer](answers, k, answer, me, view)
+    def make(decide_one: Callable[[Me, LocalView], Decision | None]) -> Any:
+        def decide(
+            self: Any, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
+        ) -> None:
+            for k in range(batch.count[0]):
+                robot = int(batch.robot[k])
+                me = Me(view, workspace, robot, int(batch.reason[k]), memory.per_robot[robot])
+                decision = decide_one(me, LocalView(view, decisions.allocation.order_taken, robot))
+                if decision is not None and not isinstance(decision, Decision):
+                    raise TypeError(
+                        f"{decide_one.__name__} must return a decision, not {decision!r}"
+                    )
+                if decision is not None:
+                    _ENTER[layer](decisions, k, decision, me, view)
 
         def reset(self: Any, view: World) -> Any:
             from automaton.strategy.layer import memory_of
 
-            return memory_of(view, own=memory)
+            return memory_of(view, per_robot=memory)
 
         body = {"layer": layer, "decide": decide, "reset": reset, "__doc__": decide_one.__doc__}
         return type(decide_one.__name__, (Strategy,), body | {"__module__": decide_one.__module__})
@@ -190,33 +200,36 @@ def per_robot(layer: str, memory: int = 0) -> Callable[[Callable[[Me, Sees], Ans
     return make
 
 
-def _enter_allocation(answers: Any, k: int, answer: Answer, me: Me, view: World) -> None:
-    given = answers.allocation
-    given.verb[k] = answer.verb
-    if answer.verb == state.TAKE:
-        given.order[k] = answer.value
-        if 0 <= answer.value < len(view.orders.place) and view.orders.place[answer.value] != NIL:
-            given.stand[k] = me.stand_for(view.orders.place[answer.value])
-            given.order_taken[answer.value] = 1
-    elif answer.verb == state.SET_DOWN:
-        given.slot[k] = answer.value
-        if 0 <= answer.value < len(view.slots.cell):
-            given.stand[k] = me.stand_for(answer.value)
-            given.slot_taken[answer.value] = 1
+def _enter_allocation(decisions: Any, k: int, decision: Decision, me: Me, view: World) -> None:
+    out = decisions.allocation
+    out.command[k] = decision.command
+    if decision.command == state.CMD_TAKE_ORDER:
+        out.order[k] = decision.value
+        if (
+            0 <= decision.value < len(view.orders.current_slot)
+            and view.orders.current_slot[decision.value] != NIL
+        ):
+            out.goal_cell[k] = me.access_cell_for(view.orders.current_slot[decision.value])
+            out.order_taken[decision.value] = 1
+    elif decision.command == state.CMD_DROP_AT:
+        out.slot[k] = decision.value
+        if 0 <= decision.value < len(view.slots.cell):
+            out.goal_cell[k] = me.access_cell_for(decision.value)
+            out.slot_taken[decision.value] = 1
 
 
-def _enter_routing(answers: Any, k: int, answer: Answer, me: Me, view: World) -> None:
-    length = len(answer.value)
-    if length <= answers.routing.steps.shape[1]:
-        answers.routing.steps[k, :length] = answer.value
-    answers.routing.length[k] = length
+def _enter_routing(decisions: Any, k: int, decision: Decision, me: Me, view: World) -> None:
+    length = len(decision.value)
+    if length <= decisions.routing.steps.shape[1]:
+        decisions.routing.steps[k, :length] = decision.value
+    decisions.routing.route_length[k] = length
 
 
-def _enter_right_of_way(answers: Any, k: int, answer: Answer, me: Me, view: World) -> None:
-    given = answers.right_of_way
-    given.verb[k] = answer.verb
-    given.value[k] = answer.value
-    given.release[k] = int(answer.release)
+def _enter_right_of_way(decisions: Any, k: int, decision: Decision, me: Me, view: World) -> None:
+    out = decisions.right_of_way
+    out.command[k] = decision.command
+    out.value[k] = decision.value
+    out.return_order[k] = int(decision.return_order)
 
 
 _ENTER = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.kernels import draws
+from automaton.kernels import random_numbers
 from automaton.kernels.releases import draw_releases
 from automaton.scenario.orders import DRAWN, Bursts, Mean, Orders
 from automaton.scenario.schema import Scenario
@@ -16,7 +16,7 @@ from automaton.world.geometric import geometric
 from automaton.world.state import NEVER, Array
 
 SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
-SEQUENCE = 2  # what is drawn of an order, beside where it begins and ends
+DRAW_RELEASE_SEQUENCE = 2  # what is drawn of an order, beside where it begins and ends
 
 
 def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
@@ -64,13 +64,15 @@ def gaps(value: int | Mean, count: int, seed: int, what: int) -> Array:
     """(count,) int64: a number given, or drawn for each."""
     if isinstance(value, int):
         return np.full(count, value, np.int64)
-    return geometric(value.mean, seed, draws.RELEASES, np.arange(count), what)
+    return geometric(value.mean, seed, random_numbers.STREAM_RELEASES, np.arange(count), what)
 
 
 def drawn_sequence(count: int, seed: int) -> Array:
     """(count,) int64: all orders in a random sequence."""
     keys = np.zeros(count, np.uint64)
-    numbers, what = np.arange(count), np.full(count, SEQUENCE)
+    numbers, what = np.arange(count), np.full(count, DRAW_RELEASE_SEQUENCE)
     with np.errstate(over="ignore"):
-        draws.draw_each(keys, np.uint64(seed), draws.ORDERS, what, numbers)
+        random_numbers.random_bits_of_each(
+            keys, np.uint64(seed), random_numbers.STREAM_ORDERS, what, numbers
+        )
     return np.argsort(keys, kind="stable")

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.kernels import draws
-from automaton.world.condition import FULL, PERCENT
-from automaton.world.state import ACTION_NAMES, ACTIONS, NIL, Array
+from automaton.kernels import random_numbers
+from automaton.world.robot_status import BATTERY_FULL, BATTERY_PERCENT
+from automaton.world.state import ACTION_COUNT, ACTION_NAMES, NIL, Array
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Battery, Faults, Scenario
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 def units(percent: float) -> int:
     """Units of charge in so many percent of a battery."""
-    return round(percent * PERCENT)
+    return round(percent * BATTERY_PERCENT)
 
 
 def drain_table(battery: Battery | None) -> Array:
     """(A, 2) int32: units that a tick of each action takes, without load and with one."""
-    table = np.zeros((ACTIONS, 2), np.int32)
+    table = np.zeros((ACTION_COUNT, 2), np.int32)
     if battery is None:
         return table
     given = battery.drain
@@ -44,7 +44,7 @@ def charging_curve(battery: Battery | None) -> Array:
 def first_charges(scenario: Scenario, seed: int) -> Array:
     """(n,) int32 by identity: what is in the batteries at the start."""
     n = scenario.fleet.robots
-    charges = np.full(n, FULL, np.int32)
+    charges = np.full(n, BATTERY_FULL, np.int32)
     if scenario.battery is None:
         return charges
     start = scenario.battery.start
@@ -55,7 +55,9 @@ def first_charges(scenario: Scenario, seed: int) -> Array:
         return charges
     low, high = units(start.least), units(start.most)
     with np.errstate(over="ignore"):
-        draws.draw_many(charges, high - low + 1, np.uint64(seed), draws.CHARGES, 0)
+        random_numbers.random_integers(
+            charges, high - low + 1, np.uint64(seed), random_numbers.STREAM_CHARGES, 0
+        )
     drawn: Array = charges + np.int32(low)
     return drawn
 

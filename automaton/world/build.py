@@ -6,55 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.kernels.decisions import most_words
-from automaton.kernels.events import most_events
-from automaton.kernels.operations import MOST_CHANGES
-from automaton.kernels.sight import hide_everything
-from automaton.kernels.zoning_decisions import most_zoning_words
+from automaton.kernels.decisions import max_words
+from automaton.kernels.events import max_events
+from automaton.kernels.operations import MAX_CHANGES
+from automaton.kernels.visibility import hide_all
+from automaton.kernels.zoning_decisions import max_zoning_words
 from automaton.scenario.resolve import Resolved
 from automaton.world.battery import first_charges
+from automaton.world.build_service_zones import build_service_zones
 from automaton.world.cells import CHARGER
 from automaton.world.demand import build_orders
+from automaton.world.facilities import Chargers
 from automaton.world.floor import Floor, floor_for, frozen
-from automaton.world.partition import SAID, Partition
-from automaton.world.partitions import build_partition
-from automaton.world.places import Chargers
-from automaton.world.rules import rules_for
-from automaton.world.starts import first_headings, homes, occupy_starts
-from automaton.world.state import (
-    ACTIONS,
-    CLOCK_SIZE,
-    DIGEST_EVERY,
-    FREE,
-    FRESH_ALLOCATION,
-    HALTED,
-    NEED_ALLOCATION,
-    NEXT_ORDER,
-    NIL,
-    NO_STEP,
-    SEEN_CHANGES,
-    UNDELIVERED,
-    UNPARKED,
-    UNQUEUED,
-    UNWORKED,
-    WAKING,
-    AllocationAnswers,
-    Answers,
-    Array,
-    Asked,
-    ChargingAnswers,
-    Memory,
-    Record,
-    RightOfWayAnswers,
-    Robots,
-    RoutingAnswers,
-    Tally,
-    Traffic,
-    World,
-    ZoningAnswers,
-)
-from automaton.world.types import type_of_each, types_of
-from automaton.world.waiting import (
+from automaton.world.observation import (
     CAUSE_COUNT,
     COUNTS,
     CURVE_COLUMNS,
@@ -62,19 +26,55 @@ from automaton.world.waiting import (
     Observation,
     Scratch,
 )
-from automaton.world.work import build_stations
+from automaton.world.parts import build_stations
+from automaton.world.rules import rules_for
+from automaton.world.service_zones import MESSAGE_WORDS, ServiceZones
+from automaton.world.starts import first_headings, homes, occupy_starts
+from automaton.world.state import (
+    ACTION_COUNT,
+    CLOCK_ALLOCATION_REVISION,
+    CLOCK_DIGEST_EVERY,
+    CLOCK_FRESH_ALLOCATION,
+    CLOCK_HALTED_UNTIL,
+    CLOCK_NEXT_RELEASE,
+    CLOCK_NEXT_WAKEUP,
+    CLOCK_OPEN_JOBS,
+    CLOCK_SIZE,
+    CLOCK_UNDELIVERED,
+    CLOCK_UNPARKED,
+    CLOCK_UNQUEUED_ORDERS,
+    NEED_ALLOCATION,
+    NIL,
+    NO_STEP,
+    REASON_IDLE,
+    AllocationDecisions,
+    Array,
+    Batch,
+    ChargingDecisions,
+    Decisions,
+    Memory,
+    Record,
+    RightOfWayDecisions,
+    Robots,
+    RoutingDecisions,
+    Tally,
+    Traffic,
+    World,
+    ZoningDecisions,
+)
+from automaton.world.types import type_of_each, types_of
 
-LONGEST_PLAN = 64  # orders of a robot
-PLANNED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
+MAX_QUEUE_LENGTH = 64  # orders of a robot
+MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
 class Buffers(NamedTuple):
     """What the loop passes to strategies besides the view."""
 
-    batch: Asked  # the robots concerned
-    asked: Asked  # those that one call of decide is about
-    answers: Answers
+    full_batch: Batch  # the robots concerned
+    batch: Batch  # those that one call of decide is about
+    decisions: Decisions
 
 
 def build_world(
@@ -92,7 +92,7 @@ def build_world(
     kinematics, durations = scenario.fleet.kinematics, scenario.durations
     zones = scenario.world.zones
     types = types_of(scenario)
-    floor = floor_for(resolved.plan, kinematics, durations.move, durations.turn, zones, types)
+    floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, floor, seed)
     orders, slots = build_orders(resolved, floor, seed, starts[0])
     occupancy = floor.occupancy.copy()
@@ -102,29 +102,31 @@ def build_world(
     n = scenario.fleet.robots
     clock = np.zeros(CLOCK_SIZE, np.int64)
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
-    clock[UNDELIVERED] = len(orders.state)
-    clock[UNWORKED] = len(stations.done)
-    zoning = build_partition(resolved, floor, slots, stations, len(orders.state))
-    clock[UNQUEUED] = int(len(zoning.wake) > 0)  # zoning is asked in the first tick
-    clock[WAKING] = NIL
-    clock[HALTED] = NIL
-    clock[NEXT_ORDER] = int(np.count_nonzero(orders.released == 0))
-    clock[UNPARKED] = n - int(robots.parked.sum())
-    clock[FRESH_ALLOCATION] = n
-    clock[SEEN_CHANGES] = NIL
-    clock[DIGEST_EVERY] = 1
+    clock[CLOCK_UNDELIVERED] = len(orders.state)
+    clock[CLOCK_OPEN_JOBS] = len(stations.completion_tick)
+    service_zones = build_service_zones(resolved, floor, slots, stations, len(orders.state))
+    clock[CLOCK_UNQUEUED_ORDERS] = int(
+        len(service_zones.wake) > 0
+    )  # zoning is asked in the first tick
+    clock[CLOCK_NEXT_WAKEUP] = NIL
+    clock[CLOCK_HALTED_UNTIL] = NIL
+    clock[CLOCK_NEXT_RELEASE] = int(np.count_nonzero(orders.release_tick == 0))
+    clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
+    clock[CLOCK_FRESH_ALLOCATION] = n
+    clock[CLOCK_ALLOCATION_REVISION] = NIL
+    clock[CLOCK_DIGEST_EVERY] = 1
     tally = Tally(
-        times=np.zeros((n, ACTIONS, 2), np.int64),
-        ticks=np.zeros((n, ACTIONS, 2), np.int64),
+        operations=np.zeros((n, ACTION_COUNT, 2), np.int64),
+        ticks=np.zeros((n, ACTION_COUNT, 2), np.int64),
         slowed=np.zeros(n, np.int64),
-        spent=np.zeros(n, np.int64),
+        energy_used=np.zeros(n, np.int64),
         charged=np.zeros(n, np.int64),
         repaired=np.zeros(n, np.int64),
-        out=np.zeros((n, 3), np.int64),
+        failures=np.zeros((n, 3), np.int64),
         illegal=np.zeros(5, np.int64),
-        asked=np.zeros(5, np.int64),
+        batches=np.zeros(5, np.int64),
     )
-    traffic = build_traffic(n, occupancy, floor.grid.zones)
+    traffic = build_traffic(n, occupancy, floor.grid.traffic_zone_count)
     world = World(
         grid=floor.grid,
         rules=rules_for(scenario, seed),
@@ -133,7 +135,7 @@ def build_world(
         slots=slots,
         stations=stations,
         chargers=build_chargers(floor.grid.kind),
-        zoning=zoning,
+        service_zones=service_zones,
         traffic=traffic,
         tally=tally,
         clock=clock,
@@ -147,9 +149,9 @@ def build_chargers(kind: Array) -> Chargers:
     at[cells] = np.arange(len(cells), dtype=np.int32)
     return Chargers(
         cell=cells.astype(np.int32),
-        at=at,
-        way_out=np.full(len(cells), NIL, np.int32),
-        first=np.zeros(len(cells), np.int64),
+        charger_at=at,
+        exit_cell=np.full(len(cells), NIL, np.int32),
+        first_ticket=np.zeros(len(cells), np.int64),
     )
 
 
@@ -160,13 +162,13 @@ def build_traffic(robots: int, occupancy: Array, zones: int) -> Traffic:
         table *= 2
     return Traffic(
         occupancy=occupancy,
-        want=np.zeros(robots, np.uint8),
-        span=np.ones(robots, np.uint16),
-        crowd=np.zeros(zones, np.int32),
+        intent=np.zeros(robots, np.uint8),
+        move_ticks=np.ones(robots, np.uint16),
+        zone_occupancy=np.zeros(zones, np.int32),
         holder=np.full((len(occupancy), 2), NIL, np.int32),
         pending=np.zeros((robots, 8), np.int32),
         dirty=np.zeros(robots, np.int32),
-        release=np.zeros(4 * robots, np.int32),
+        vacated=np.zeros(4 * robots, np.int32),
         contest=np.full(2 * len(occupancy) if crowded else table, NIL, np.int32),
         key=np.zeros(0 if crowded else table, np.int32),
     )
@@ -211,98 +213,100 @@ def build_robots(
         load=nil.copy(),
         order=nil.copy(),
         slot=nil.copy(),
-        goal=zero8.copy(),
-        stand=nil.copy(),
-        level=np.zeros(n, np.int32),
-        yields=zero8.copy(),
+        goal_type=zero8.copy(),
+        goal_cell=nil.copy(),
+        charge_target=np.zeros(n, np.int32),
+        charging_interruptible=zero8.copy(),
         try_drop=zero8.copy(),
         route=np.zeros((n, longest_route), np.uint8),
-        length=np.zeros(n, np.int32),
-        at=np.zeros(n, np.int32),
-        route_sum=np.zeros(n, np.int64),
-        withdrawing=np.zeros(n, np.int16),
-        blocked=zero8.copy(),
-        hold=zero8.copy(),
+        route_length=np.zeros(n, np.int32),
+        route_index=np.zeros(n, np.int32),
+        route_hash=np.zeros(n, np.int64),
+        retreat_moves=np.zeros(n, np.int16),
+        failed_retries=zero8.copy(),
+        retry_state=zero8.copy(),
         home=home,
         bay=bay,
         parked=np.ones(n, np.uint8),
-        zone=nil.copy(),
+        service_zone=nil.copy(),
         charge=first_charges(resolved.scenario, seed)[identity],
         status=zero8.copy(),
-        until=np.zeros(n, np.int64),
+        status_until=np.zeros(n, np.int64),
         ticket=np.zeros(n, np.int64),
-        plan=np.zeros((n, longest_plan(n, orders)), np.int32),
-        planned=np.zeros(n, np.int32),
+        order_queue=np.zeros((n, max_queue_length(n, orders)), np.int32),
+        order_queue_length=np.zeros(n, np.int32),
         charging_reason=zero8.copy(),
         need=np.full(n, NEED_ALLOCATION, np.uint8),
-        reason=np.full(n, FREE, np.uint8),
+        reason=np.full(n, REASON_IDLE, np.uint8),
         route_reason=zero8.copy(),
-        asked_at=np.full(n, NIL, np.int64),
+        seen_revision=np.full(n, NIL, np.int64),
         step=np.full(n, NO_STEP, np.uint8),
-        did=zero8.copy(),
+        executed=zero8.copy(),
     )
 
 
-def longest_plan(robots: int, orders: int) -> int:
+def max_queue_length(robots: int, orders: int) -> int:
     """How many orders a robot may have ahead of it."""
-    return max(1, min(orders, LONGEST_PLAN, PLANNED_ORDERS // robots))
+    return max(1, min(orders, MAX_QUEUE_LENGTH, MAX_QUEUED_ORDERS // robots))
 
 
 def build_buffers(world: World) -> Buffers:
-    """The batch and the answers, sized for the world."""
+    """The batch and the decisions, sized for the world."""
     n, m, s = len(world.robots.cell), len(world.orders.state), len(world.slots.cell)
 
     def numbers() -> Array:
         return np.zeros(n, np.int32)
 
-    answers = Answers(
-        zoning=zoning_answers(world.zoning, n),
-        charging=ChargingAnswers(stand=numbers(), level=numbers(), yields=numbers()),
-        allocation=AllocationAnswers(
-            verb=numbers(),
+    decisions = Decisions(
+        zoning=build_zoning_decisions(world.service_zones, n),
+        charging=ChargingDecisions(
+            goal_cell=numbers(), charge_target=numbers(), charging_interruptible=numbers()
+        ),
+        allocation=AllocationDecisions(
+            command=numbers(),
             order=numbers(),
             slot=numbers(),
-            stand=numbers(),
+            goal_cell=numbers(),
             try_drop=numbers(),
             ask_again=np.zeros(n, np.uint8),
-            planned=numbers(),
-            plan=np.zeros_like(world.robots.plan),
+            order_queue_length=numbers(),
+            order_queue=np.zeros_like(world.robots.order_queue),
             order_taken=np.zeros(m, np.uint8),
             slot_taken=np.zeros(s, np.uint8),
         ),
-        routing=RoutingAnswers(length=numbers(), steps=np.zeros_like(world.robots.route)),
-        right_of_way=RightOfWayAnswers(
-            verb=numbers(), value=numbers(), release=numbers(), priority=numbers()
+        routing=RoutingDecisions(route_length=numbers(), steps=np.zeros_like(world.robots.route)),
+        right_of_way=RightOfWayDecisions(
+            command=numbers(), value=numbers(), return_order=numbers(), priority=numbers()
         ),
     )
-    batch, asked = (
-        Asked(count=np.zeros(1, np.int64), robot=numbers(), reason=np.zeros(n, np.uint8))
+    full_batch, batch = (
+        Batch(count=np.zeros(1, np.int64), robot=numbers(), reason=np.zeros(n, np.uint8))
         for _ in range(2)
     )
-    return Buffers(batch, asked, answers)
+    return Buffers(full_batch, batch, decisions)
 
 
-def zoning_answers(zoning: Partition, robots: int) -> ZoningAnswers:
-    """Room for what zoning answers, sized for a partition; tiny without one."""
+def build_zoning_decisions(service_zones: ServiceZones, robots: int) -> ZoningDecisions:
+    """Room for what zoning decides, sized for a partition; tiny without one."""
 
     def numbers(count: int) -> Array:
         return np.zeros(count, np.int32)
 
-    orders = len(zoning.queue)
-    return ZoningAnswers(
-        zone=numbers(robots),
+    orders = len(service_zones.queue)
+    return ZoningDecisions(
+        service_zone=numbers(robots),
         halt=numbers(robots),
         again=numbers(robots),
-        tells=np.zeros(robots, np.uint8),
-        said=np.zeros((robots, SAID), np.int64),
-        server=numbers(len(zoning.server)),
+        sends_message=np.zeros(robots, np.uint8),
+        messages=np.zeros((robots, MESSAGE_WORDS), np.int64),
+        server=numbers(len(service_zones.server)),
         redesigned=np.zeros(1, np.int64),
-        design=zoning.design.copied(),
+        design=service_zones.design.copied(),
         queued=np.zeros(1, np.int64),
         order=numbers(orders),
         queue=numbers(orders),
-        stop=numbers(orders),
-        direct=np.zeros(orders, np.uint8),
+        next_slot=numbers(orders),
+        skips_transfer=np.zeros(orders, np.uint8),
         refused=np.zeros(1, np.int64),
     )
 
@@ -311,34 +315,38 @@ def build_sight(world: World, floor: Floor) -> World:
     """What strategies see: the world itself, or, with limited sight, masked copies."""
     if world.rules.radius == NIL:
         return world
-    zoning = world.zoning
-    seen = world.replaced(
+    service_zones = world.service_zones
+    visible_world = world.replaced(
         robots=world.robots.copied(),
-        traffic=build_traffic(len(world.robots.cell), floor.occupancy.copy(), floor.grid.zones),
+        traffic=build_traffic(
+            len(world.robots.cell), floor.occupancy.copy(), floor.grid.traffic_zone_count
+        ),
         tally=world.tally.copied(),
         chargers=build_chargers(world.grid.kind),  # without what the tick notes about robots
-        zoning=zoning.replaced(
-            halt=zoning.halt.copy(), wake=zoning.wake.copy(), said=zoning.said.copy()
+        service_zones=service_zones.replaced(
+            halt=service_zones.halt.copy(),
+            wake=service_zones.wake.copy(),
+            messages=service_zones.messages.copy(),
         ),
     )
     if world.rules.own_zones:
-        seen = seen.replaced(
+        visible_world = visible_world.replaced(
             orders=world.orders.copied(),
             stations=world.stations.copied(),
-            zoning=zoning.copied().replaced(design=zoning.design.copied()),
+            service_zones=service_zones.copied().replaced(design=service_zones.design.copied()),
         )
-    hide_everything(world, seen)
-    return seen
+    hide_all(world, visible_world)
+    return visible_world
 
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:
     """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
     n, steps = world.robots.route.shape
-    orders = world.robots.plan.shape[1]
-    words = 3 * n * most_words(steps, orders) + 3 * int(most_zoning_words(world))
-    rows = MOST_CHANGES * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
+    orders = world.robots.order_queue.shape[1]
+    words = 3 * n * max_words(steps, orders) + 3 * int(max_zoning_words(world))
+    rows = MAX_CHANGES * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
     return Record(
-        did=np.zeros((max(ticks, 1), n), np.uint8),
+        executed=np.zeros((max(ticks, 1), n), np.uint8),
         decisions=np.zeros(words if ticks else 1, np.int64),
         changes=np.zeros((rows, 4), np.int64),
         digests=np.zeros((max(ticks, 1), arrays), np.uint64),
@@ -349,7 +357,7 @@ def build_record(world: World, ticks: int, arrays: int) -> Record:
 def build_observation(world: World, ticks: int) -> Observation:
     """Room to observe so many ticks at a time; tiny when nothing is observed."""
     n, cells = (len(world.robots.cell), len(world.grid.kind)) if ticks else (1, 1)
-    events = max(16 * ticks, 3 * most_events(world)) if ticks else 1
+    events = max(16 * ticks, 3 * max_events(world)) if ticks else 1
     nil = np.full(n, NIL, np.int32)
     return Observation(
         cause=np.zeros(n, np.uint8),
@@ -357,21 +365,21 @@ def build_observation(world: World, ticks: int) -> Observation:
         wanted=nil.copy(),
         since=np.zeros(n, np.int64),
         slow_zone=nil.copy(),
-        crowd=np.zeros(n, np.int32),
-        ring=np.zeros(n, np.int32),
+        slow_zone_occupancy=np.zeros(n, np.int32),
+        wait_cycle_ticks=np.zeros(n, np.int32),
         lost=np.zeros((n, CAUSE_COUNT), np.int64),
-        lost_in_zone=np.zeros(world.grid.zones if ticks else 1, np.int64),
+        lost_in_zone=np.zeros(world.grid.traffic_zone_count if ticks else 1, np.int64),
         busy_before=np.zeros(n, np.uint16),
-        set_down=nil.copy(),
+        dropped=nil.copy(),
         load_before=nil.copy(),
         order_before=nil.copy(),
         stays=np.zeros(n, np.int64),
         status_before=np.zeros(n, np.uint8),
         working=np.full(len(world.stations.slot), NIL, np.int32),
-        zone_before=world.zoning.design.zone.copy(),
-        reshaped=np.full(len(world.zoning.server), NIL, np.int64),
+        zone_before=world.service_zones.design.zone.copy(),
+        reshaped=np.full(len(world.service_zones.server), NIL, np.int64),
         redesigns=np.zeros(1, np.int64),
-        delay=np.zeros((cells, DELAY_COLUMNS), np.int32),
+        lost_ticks_by_cell=np.zeros((cells, DELAY_COLUMNS), np.int32),
         flow=np.zeros((cells, 4), np.int32),
         count=np.zeros(COUNTS, np.int64),
         events=np.zeros((events, 5), np.int64),
@@ -399,4 +407,6 @@ def build_scratch(n: int, cells: int) -> Scratch:
 def no_memory() -> Memory:
     """Memory of an absent layer."""
     nothing = np.zeros(0, np.int64)
-    return Memory(own=np.zeros((1, 0), np.int64), shared=nothing, parameters=frozen(nothing.copy()))
+    return Memory(
+        per_robot=np.zeros((1, 0), np.int64), shared=nothing, parameters=frozen(nothing.copy())
+    )

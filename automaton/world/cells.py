@@ -14,7 +14,7 @@ SOUTH: Final = 1
 WEST: Final = 2
 NORTH: Final = 3
 DIRECTIONS: Final = ("east", "south", "west", "north")
-STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # (dx, dy) of each direction
+DIRECTION_VECTORS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # (dx, dy) of each direction
 
 
 # Bit d of a set of exits: the cell may be left in direction d.
@@ -26,6 +26,8 @@ NO_EXITS: Final = 0
 ALONG_X: Final = EXIT_EAST | EXIT_WEST
 ALONG_Y: Final = EXIT_SOUTH | EXIT_NORTH
 ALL_EXITS: Final = ALONG_X | ALONG_Y
+
+MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
 
 UNLIMITED: Final = 0  # capacity of a cell that holds any number of robots
 
@@ -51,17 +53,17 @@ class Kind(NamedTuple):
     drivable: bool = False  # robots stand on it and drive over it
     turns: bool = False  # rail robots may turn here
     slot: bool = False  # loads are handled here: from a drivable cell beside it, or on it
-    swallows: bool = False  # a slot that takes any number of loads, for good
-    supplies: bool = False  # a slot where any number of loads wait to be picked up
+    is_sink: bool = False  # a slot that takes any number of loads, for good
+    is_source: bool = False  # a slot where any number of loads wait to be picked up
 
 
-KINDS: Final = (
+CELL_KINDS: Final = (
     Kind(WALL, "wall", "nothing passes"),
     Kind(FLOOR, "floor", "free floor", drivable=True),
     Kind(TRACK, "track", "a rail along one axis", drivable=True),
     Kind(TURNTABLE, "turntable", "crossing where rail robots turn", drivable=True, turns=True),
     Kind(SHELF, "shelf", "holds one load", slot=True),
-    Kind(DESTINATION, "destination", "where loads leave the floor", slot=True, swallows=True),
+    Kind(DESTINATION, "destination", "where loads leave the floor", slot=True, is_sink=True),
     Kind(CHARGER, "charger", "floor where a robot charges", drivable=True),
     Kind(BAY, "bay", "parks one robot beside its home cell"),
     Kind(
@@ -69,21 +71,21 @@ KINDS: Final = (
         "rack",
         "stores any number of loads, reached from above or below",
         slot=True,
-        swallows=True,
+        is_sink=True,
     ),
-    Kind(DOCK, "dock", "where loads come in, any number", slot=True, supplies=True),
+    Kind(DOCK, "dock", "where loads come in, any number", slot=True, is_source=True),
     Kind(
         STATION,
         "station",
         "floor where robots take loads and set them down, any number",
         drivable=True,
         slot=True,
-        swallows=True,
-        supplies=True,
+        is_sink=True,
+        is_source=True,
     ),
 )
 
-KIND_BY_NAME: Final = {kind.name: kind for kind in KINDS}
+KIND_BY_NAME: Final = {kind.name: kind for kind in CELL_KINDS}
 
 
 class Symbol(NamedTuple):
@@ -134,4 +136,4 @@ def entries(kind: int, exits: int) -> int:
         return exits
     if exits in (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH):
         return ALL_EXITS & ~opposite_exits(exits)
-    return ALL_EXITS if KINDS[kind].drivable else NO_EXITS
+    return ALL_EXITS if CELL_KINDS[kind].drivable else NO_EXITS

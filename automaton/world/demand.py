@@ -11,22 +11,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.kernels import draws
+from automaton.kernels import random_numbers
 from automaton.scenario.orders import DRAWN
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.resolve import Resolved
 from automaton.world.arrivals import releases
 from automaton.world.battery import may_fail
 from automaton.world.cells import DESTINATION, DOCK, RACK, STATION
+from automaton.world.facilities import Slots
 from automaton.world.floor import Floor, frozen
-from automaton.world.places import Slots
-from automaton.world.plan import FloorPlan
-from automaton.world.reach import around_home, slot_access
-from automaton.world.state import NIL, UNRELEASED, WAITING, Array, Orders
-from automaton.world.types import RobotType, plan_for, types_of
-from automaton.world.work import part_orders
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.parts import part_orders
+from automaton.world.reachability import around_home, slot_access
+from automaton.world.state import NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
+from automaton.world.types import RobotType, floor_plan_for, types_of
 
-WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
+DRAW_WEIGHT = 3  # what is drawn of an order, beside where it begins and ends and their sequence
 
 
 def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> tuple[Orders, Slots]:
@@ -50,11 +50,11 @@ def build_orders(resolved: Resolved, floor: Floor, seed: int, homes: Array) -> t
 class Service(NamedTuple):
     """From where slots are served, and by whom; shared by all runs with the same starts."""
 
-    within: Array  # (K, C) uint8: 1 = robots of type k get there from where they begin, and back
+    reachable: Array  # (K, C) uint8: 1 = robots of type k get there from where they begin, and back
     access: (
         Array  # (s, 4) int32: those neighbours of a slot where robots of any type get to, or NIL
     )
-    serves: Array  # (K, s) uint8: 1 = robots of type k get to one of them
+    accessible: Array  # (K, s) uint8: 1 = robots of type k get to one of them
 
 
 def service_for(resolved: Resolved, homes: Array) -> Service:
@@ -62,16 +62,21 @@ def service_for(resolved: Resolved, homes: Array) -> Service:
     fleet = resolved.scenario.fleet
     first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
     rail, starts = fleet.kinematics == "rail", tuple(homes[first].tolist())
-    return _service(resolved.plan, types_of(resolved.scenario), starts, rail)
+    return _service(resolved.floor_plan, types_of(resolved.scenario), starts, rail)
 
 
 @lru_cache(maxsize=64)
 def _service(
-    plan: FloorPlan, types: tuple[RobotType, ...], starts: tuple[int, ...], rail: bool
+    floor_plan: FloorPlan, types: tuple[RobotType, ...], starts: tuple[int, ...], rail: bool
 ) -> Service:
     pairs = zip(types, starts, strict=True)
-    within = np.stack([around_home(plan_for(plan, kind), home, rail) for kind, home in pairs])
-    around = slot_access(plan)
+    within = np.stack(
+        [
+            around_home(floor_plan_for(floor_plan, robot_type), home, rail)
+            for robot_type, home in pairs
+        ]
+    )
+    around = slot_access(floor_plan)
     access = np.where(np.logical_or.reduce(within)[around], around, NIL).astype(np.int32)
     serves = ((access != NIL) & within[:, access]).any(axis=2)
     return Service(frozen(within.astype(np.uint8)), frozen(access), frozen(serves.astype(np.uint8)))
@@ -89,7 +94,9 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
     least, most = orders.weight.least, orders.weight.most
     above = np.zeros(count, np.int32)
     with np.errstate(over="ignore"):
-        draws.draw_many(above, most - least + 1, np.uint64(seed), draws.ORDERS, WEIGHT)
+        random_numbers.random_integers(
+            above, most - least + 1, np.uint64(seed), random_numbers.STREAM_ORDERS, DRAW_WEIGHT
+        )
     heavy: Array = least + above
     return heavy
 
@@ -104,14 +111,14 @@ def orders_of(
     m = len(source)
     nil = np.full(m, NIL, np.int32)
     return Orders(
-        state=np.where(released > 0, UNRELEASED, WAITING).astype(np.uint8),
-        place=source.astype(np.int32).copy(),
+        state=np.where(released > 0, ORDER_UNRELEASED, ORDER_WAITING).astype(np.uint8),
+        current_slot=source.astype(np.int32).copy(),
         source=source.astype(np.int32),
         target=target.astype(np.int32),
-        by=nil.copy(),
-        released=released.astype(np.int32),
+        reserved_by=nil.copy(),
+        release_tick=released.astype(np.int32),
         weight=weight.astype(np.int32),
-        coming=coming.astype(np.int32),
+        release_sequence=coming.astype(np.int32),
         dispatched=nil.copy(),
         dispatched_from=nil.copy(),
         dispatched_heading=np.zeros(m, np.uint8),
@@ -128,17 +135,17 @@ def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) 
     content = np.full(spare + more, NIL, np.int32)
     on_shelf = floor.slot_endless[source] == 0
     content[source[on_shelf]] = np.flatnonzero(on_shelf)
-    nobody = np.zeros((len(service.within), more), np.uint8)
+    nobody = np.zeros((len(service.reachable), more), np.uint8)
     cell = np.concatenate([floor.slot_cell, np.full(more, NIL, np.int32)])
     return Slots(
         cell=cell,
-        endless=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
+        unbounded=np.concatenate([floor.slot_endless, np.ones(more, np.uint8)]),
         content=content,
-        by=np.full(spare + more, NIL, np.int32),
+        reserved_by=np.full(spare + more, NIL, np.int32),
         access=np.concatenate([service.access, np.full((more, 4), NIL, np.int32)]),
-        serves=np.concatenate([service.serves, nobody], axis=1),
-        spare=spare,
-        within=service.within,
+        accessible=np.concatenate([service.accessible, nobody], axis=1),
+        first_spare=spare,
+        reachable=service.reachable,
     )
 
 
@@ -149,7 +156,7 @@ def sources_and_targets(
     orders = resolved.scenario.orders
     kinds = floor.grid.kind[floor.slot_cell]
     if orders.listed is not None:
-        cell, slot_of = resolved.plan.cell, floor.grid.slot
+        cell, slot_of = resolved.floor_plan.cell, floor.grid.slot
         source = slot_of[[cell(*line.source) for line in orders.listed]]
         return source, slot_of[[cell(*line.target) for line in orders.listed]]
     if orders.generator in DRAWN:
@@ -161,7 +168,7 @@ def sources_and_targets(
         return among_stations(np.flatnonzero((kinds == STATION) & served), orders, seed)
     loaded = floor.slot_endless == 0
     if orders.generator == "drawn-loads":
-        loaded &= resolved.plan.loads.reshape(-1)[floor.slot_cell] == 1
+        loaded &= resolved.floor_plan.loads.reshape(-1)[floor.slot_cell] == 1
     source = np.flatnonzero(loaded).astype(np.int32)
     return source, drawn(np.flatnonzero(kinds == DESTINATION), len(source), seed, 0)
 
@@ -181,6 +188,8 @@ def drawn(slots: Array, count: int, seed: int, what: int) -> Array:
     """(count,) int32: slots drawn uniformly, with replacement; `what` tells the draws apart."""
     choice = np.zeros(count, np.int32)
     with np.errstate(over="ignore"):
-        draws.draw_many(choice, len(slots), np.uint64(seed), draws.ORDERS, what)
+        random_numbers.random_integers(
+            choice, len(slots), np.uint64(seed), random_numbers.STREAM_ORDERS, what
+        )
     chosen: Array = slots[choice].astype(np.int32)
     return chosen

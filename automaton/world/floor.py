@@ -8,19 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import KINDS
-from automaton.world.plan import DRIVABLE, TURNS, FloorPlan
-from automaton.world.reach import slot_access
+from automaton.world.cells import CELL_KINDS, MAY_TURN
+from automaton.world.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
+from automaton.world.reachability import slot_access
 from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, Grid, Workspace
-from automaton.world.types import RobotType, plan_for
-from automaton.world.zones import zones_of
+from automaton.world.traffic_zones import traffic_zones_of
+from automaton.world.types import RobotType, floor_plan_for
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.space import zone_space
 
-HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
-MAY_TURN = 16
-ENDLESS = np.array([kind.swallows or kind.supplies for kind in KINDS])  # (kinds,) bool
+HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
+IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool
 FIELDS_BYTES = 64 * 1024 * 1024  # memory for distance fields; the oldest are overwritten
 
 
@@ -40,15 +39,17 @@ class Floor(NamedTuple):
 
         Simulations may run in threads side by side, so no two share one.
         """
-        space = self.spaces.pop() if self.spaces else workspace(self.grid, self.longest_route)
-        space.stop[0] = 0
-        weakref.finalize(user, self.spaces.append, space)
-        return space
+        workspace = (
+            self.spaces.pop() if self.spaces else make_workspace(self.grid, self.longest_route)
+        )
+        workspace.stop[0] = 0
+        weakref.finalize(user, self.spaces.append, workspace)
+        return workspace
 
 
 @lru_cache(maxsize=16)
 def floor_for(
-    plan: FloorPlan,
+    floor_plan: FloorPlan,
     kinematics: str,
     move: int,
     turn: int,
@@ -56,53 +57,60 @@ def floor_for(
     types: tuple[RobotType, ...] = (RobotType(),),
 ) -> Floor:
     """Build a floor once for each plan, kinematics, cost of driving, mode of zones and types."""
-    headings = HEADINGS[kinematics]
-    kind = plan.kind.reshape(-1)
-    cells = plan.slots()
+    headings = HEADING_COUNTS[kinematics]
+    kind = floor_plan.kind.reshape(-1)
+    cells = floor_plan.slots()
     slot = np.full(kind.size, NIL, np.int32)
     slot[cells] = np.arange(len(cells), dtype=np.int32)
-    rule = rules_of(plan, kinematics)
-    zones = zones_of(plan, mode)
+    rule = cell_flags_of(floor_plan, kinematics)
+    traffic_zones = traffic_zones_of(floor_plan, mode)
     grid = Grid(
-        width=plan.stride,
+        width=floor_plan.stride,
         headings=headings,
         kind=frozen(kind.copy()),
-        rule=frozen(rule),
-        ways=frozen(np.stack([rules_of(plan_for(plan, kind), kinematics) for kind in types])),
-        offset=frozen(np.array([1, plan.stride, -1, -plan.stride], np.int64)),
+        cell_flags=frozen(rule),
+        type_cell_flags=frozen(
+            np.stack(
+                [
+                    cell_flags_of(floor_plan_for(floor_plan, robot_type), kinematics)
+                    for robot_type in types
+                ]
+            )
+        ),
+        offset=frozen(np.array([1, floor_plan.stride, -1, -floor_plan.stride], np.int64)),
         slot=frozen(slot),
-        zone=zones.of,
-        zones=zones.count,
+        traffic_zone=traffic_zones.of,
+        traffic_zone_count=traffic_zones.count,
     )
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     drivable = int(np.count_nonzero(DRIVABLE[kind]))
-    longest_route = min(drivable, 8 * (plan.width + plan.height)) + 8
+    longest_route = min(drivable, 8 * (floor_plan.width + floor_plan.height)) + 8
     return Floor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
-        slot_endless=frozen(ENDLESS[kind[cells]].astype(np.uint8)),
-        slot_access=slot_access(plan),
+        slot_endless=frozen(IS_UNBOUNDED[kind[cells]].astype(np.uint8)),
+        slot_access=slot_access(floor_plan),
         occupancy=frozen(room | (rule.astype(np.uint16) << np.uint16(8))),
         spaces=[],
         longest_route=longest_route,
     )
 
 
-def rules_of(plan: FloorPlan, kinematics: str) -> Array:
+def cell_flags_of(floor_plan: FloorPlan, kinematics: str) -> Array:
     """(C,) uint8: exits, where robots of these kinematics may turn, and the class of capacity."""
-    kind = plan.kind.reshape(-1)
-    turns = TURNS[kind] if kinematics == "rail" else DRIVABLE[kind]
+    kind = floor_plan.kind.reshape(-1)
+    turns = CAN_TURN[kind] if kinematics == "rail" else DRIVABLE[kind]
     turning = np.where(turns, MAY_TURN, 0).astype(np.uint8)
-    capacity = np.where(DRIVABLE[kind], plan.capacity.reshape(-1), 1).astype(np.uint8)
-    rule: Array = plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
+    capacity = np.where(DRIVABLE[kind], floor_plan.capacity.reshape(-1), 1).astype(np.uint8)
+    rule: Array = floor_plan.exits.reshape(-1) | turning | (capacity << np.uint8(5))
     return rule
 
 
-def workspace(grid: Grid, longest_route: int) -> Workspace:
+def make_workspace(grid: Grid, longest_route: int) -> Workspace:
     """Scratch for the searches, and room for as many distance fields as fit the budget."""
     cells = grid.kind.size
     poses = cells * grid.headings
-    types = len(grid.ways)
+    types = len(grid.type_cell_flags)
     fields = max(1, min(types * cells, FIELDS_BYTES // (4 * poses)))
     stop = np.zeros(1, np.int64)
     return Workspace(
@@ -119,7 +127,7 @@ def workspace(grid: Grid, longest_route: int) -> Workspace:
         field_of=np.full(types * cells, NIL, np.int32),
         field_owner=np.full(fields, NIL, np.int32),
         field_next=np.zeros(1, np.int64),
-        routes=route_space(poses, grid.zones, stop),
+        routes=route_space(poses, grid.traffic_zone_count, stop),
         zoning=zone_space(0, 0, 0),
         parts=parts_for(0),
     )

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from automaton.kernels import draws
+from automaton.kernels import random_numbers
 
 FINEST: Final = 2.0**-60  # no u is below 2^-54
 
@@ -24,7 +24,7 @@ def geometric(
     where, who = np.broadcast_arrays(np.asarray(ticks, np.int64), np.asarray(robots, np.int64))
     bits = np.zeros(len(where), np.uint64)
     with np.errstate(over="ignore"):
-        draws.draw_each(bits, np.uint64(seed), stream, where.copy(), who.copy())
+        random_numbers.random_bits_of_each(bits, np.uint64(seed), stream, where.copy(), who.copy())
     u = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
     powers = [1.0 - 1.0 / mean]  # q^(2^i)
     while powers[-1] > FINEST:

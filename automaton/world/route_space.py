@@ -29,8 +29,8 @@ class RouteSpace(Struct):
     count: Array  # (Z,) int32: others that are foreseen in each zone
 
 
-class TrialSpace(Struct):
-    """What a Monte Carlo trial of r robots works in (automaton.kernels.routes.trial).
+class MonteCarloWorkspace(Struct):
+    """What a Monte Carlo trial of r robots works in (automaton.kernels.routes.monte_carlo).
 
     R steps of the longest task; Z zones.
     """
@@ -65,13 +65,13 @@ def route_space(poses: int, zones: int, stop: Array | None = None) -> RouteSpace
     )
 
 
-def trial_space(robots: int, steps: int, zones: int) -> TrialSpace:
+def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:
     """Room for trials of so many robots whose two legs have at most so many steps together."""
 
     def numbers() -> Array:
         return np.zeros(robots, np.int32)
 
-    return TrialSpace(
+    return MonteCarloWorkspace(
         task=np.zeros((robots, 3), np.int32),
         route=np.zeros((robots, steps), np.uint8),
         plain=np.zeros(steps, np.uint8),

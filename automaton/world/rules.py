@@ -16,7 +16,7 @@ from automaton.world.battery import (
     ticks_or_never,
     units,
 )
-from automaton.world.state import ACTION_NAMES, MOVE, NIL, ORDER_LIST, Array, Rules
+from automaton.world.state import ACTION_MOVE, ACTION_NAMES, NIL, ORDER_LIST, Array, Rules
 from automaton.world.types import types_of
 
 STOPS = {"parked": 0, "delivered": 1, "never": 2}
@@ -38,10 +38,12 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
         cell_milli=0
         if scenario.units.cell is None
         else round(1000 * unit(scenario.units.cell).size),
-        duration=np.stack([duration_table(scenario.durations, kind.pace) for kind in types]),
-        payload=np.array([kind.payload for kind in types], np.int32),
+        duration=np.stack(
+            [duration_table(scenario.durations, robot_type.pace) for robot_type in types]
+        ),
+        payload=np.array([robot_type.payload for robot_type in types], np.int32),
         wait=np.ones(5, np.int32),
-        every=np.zeros(5, np.int32),
+        period=np.zeros(5, np.int32),
         holders=np.zeros(5, np.uint8),
         slowdown=int(rules.slowdown == "zones"),
         extra_tick=round(rules.extra_tick * 2**32),
@@ -74,5 +76,5 @@ def tick_length(text: str) -> int:
 def duration_table(durations: Any, pace: int = 1) -> Array:
     """(A,) int32: ticks of each action of a robot; those without a duration of their own take 1."""
     table = np.array([getattr(durations, name, 1) for name in ACTION_NAMES], np.int32)
-    table[MOVE] *= pace
+    table[ACTION_MOVE] *= pace
     return table

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
-from automaton.world.partition import Design, Partition
-from automaton.world.places import Chargers, Slots, Stations
-from automaton.world.places import Grid as Grid
+from automaton.world.facilities import Chargers, Slots, Stations
+from automaton.world.facilities import Grid as Grid
 from automaton.world.route_space import RouteSpace
+from automaton.world.service_zones import Design, ServiceZones
 
 if TYPE_CHECKING:
     from automaton.zoning.negotiation import Parts
@@ -25,30 +25,30 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 NIL: Final = -1
-KEEP: Final = -(2**31)  # what every answer starts as: go on as before
+KEEP: Final = -(2**31)  # what every decision starts as: go on as before
 
 # Actions of a robot, and what its ticks are counted as.
-IDLE: Final = 0
-MOVE: Final = 1
-TURN: Final = 2
-PICK: Final = 3
-DROP: Final = 4
-TRY_DROP: Final = 5
-WAIT: Final = 6  # a wait drawn by right of way before a held cell
-CHARGE: Final = 7
-BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
-WITHDRAW: Final = 9  # the tick in which a withdrawal is decided
-BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
-ILLEGAL: Final = 11  # a tick lost to an illegal answer
-IN_LINE: Final = 12  # a tick in the line before a charger
-OUT_OF_ORDER: Final = 13  # a tick on the floor with an empty battery or a fault
-ACTIONS: Final = 14
+ACTION_IDLE: Final = 0
+ACTION_MOVE: Final = 1
+ACTION_TURN: Final = 2
+ACTION_PICK: Final = 3
+ACTION_DROP: Final = 4
+ACTION_TRY_DROP: Final = 5
+ACTION_WAIT: Final = 6  # a random wait of right of way before a held cell
+ACTION_CHARGE: Final = 7
+ACTION_BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
+ACTION_RETREAT: Final = 9  # the tick in which a retreat is decided
+ACTION_BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
+ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
+ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
+ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
+ACTION_COUNT: Final = 14
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "withdraw", "bay_blocked", "illegal", "in_line", "out_of_order"),
 )
 
-# Goals: what a robot drives to its stand for.
+# Goals: what a robot drives to its goal cell for.
 GOAL_NONE: Final = 0
 GOAL_PICK: Final = 1
 GOAL_DROP: Final = 2
@@ -56,82 +56,89 @@ GOAL_PARK: Final = 3
 GOAL_CHARGE: Final = 4
 
 # States of an order.
-WAITING: Final = 0  # on a slot, to be picked up
-CARRIED: Final = 1
-DELIVERED: Final = 2
-UNRELEASED: Final = 3  # it will be known in a later tick
+ORDER_WAITING: Final = 0  # on a slot, to be picked up
+ORDER_CARRIED: Final = 1
+ORDER_DELIVERED: Final = 2
+ORDER_UNRELEASED: Final = 3  # it will be known in a later tick
 NEVER: Final = 2**31 - 1  # released: not before a station is done with its part
 
 ORDER_LIST: Final = -2  # rules.radius: strategies see the order list and neighbouring cells
 
 # Layers, in the order in which a tick asks them.
-ZONING: Final = 0
-CHARGING: Final = 1
-ALLOCATION: Final = 2
-ROUTING: Final = 3
-RIGHT_OF_WAY: Final = 4
-LAYERS: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
+LAYER_ZONING: Final = 0
+LAYER_CHARGING: Final = 1
+LAYER_ALLOCATION: Final = 2
+LAYER_ROUTING: Final = 3
+LAYER_RIGHT_OF_WAY: Final = 4
+LAYER_NAMES: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 # In which sequence they are asked: charging once more, about orders taken and robots left without one.
-SEQUENCE: Final = (ZONING, CHARGING, ALLOCATION, CHARGING, ROUTING, RIGHT_OF_WAY)
-CHARGING_AGAIN: Final = 3  # its entry
+LAYER_SEQUENCE: Final = (
+    LAYER_ZONING,
+    LAYER_CHARGING,
+    LAYER_ALLOCATION,
+    LAYER_CHARGING,
+    LAYER_ROUTING,
+    LAYER_RIGHT_OF_WAY,
+)
+PHASE_CHARGING_AGAIN: Final = 3  # its entry
 
 # Why a robot is in a batch.
-FREE: Final = 0  # it has nothing to do
-PICKED: Final = 1  # its pick has begun: where does the load go?
-RELEASED: Final = 2  # it gave its order back before a withdrawal: decide again, around robots
-REPLAN: Final = 3  # it drives home or nowhere, and its plan is made anew
-PERIODIC: Final = 4  # the strategy asked for every k-th tick
-PLAN: Final = 5  # routing: a new goal
-AROUND: Final = 6  # routing: plan around the robots, a withdrawal is over
-STUCK: Final = 7  # right of way: the retries are used up
-WITHDRAWING: Final = 8  # right of way: the next step of a withdrawal
-TOOK: Final = 9  # charging: it has taken an order
-NEWS: Final = 11  # zoning: an order is in no queue yet, or a robot went out of order or came back
-IDLE_NOW: Final = 10  # charging: allocation has nothing for it
+REASON_IDLE: Final = 0  # it has nothing to do
+REASON_PICKED: Final = 1  # its pick has begun: where does the load go?
+REASON_ORDER_RETURNED: Final = 2  # it returned its order before a retreat: plan around robots
+REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made anew
+REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
+REASON_NEW_GOAL: Final = 5  # routing: a new goal
+REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots, a retreat is over
+REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
+REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
+REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
+REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is back
+REASON_NO_ORDER: Final = 10  # charging: allocation has nothing for it
 
-# The machine that runs waits and retries: robots.hold.
-HOLD_NONE: Final = 0
-HOLD_WAITED: Final = 1
-HOLD_ASK: Final = 2
+# The machine that runs waits and retries: robots.retry_state.
+RETRY_NONE: Final = 0
+RETRY_WAITED: Final = 1
+RETRY_EXHAUSTED: Final = 2
 
 # Needs: bits of robots.need.
 NEED_ALLOCATION: Final = 1
 NEED_ROUTE: Final = 2
-NEED_WAY: Final = 4
+NEED_RIGHT_OF_WAY: Final = 4
 NEED_CHARGING: Final = 8
 
 NO_STEP: Final = 4  # robots.step when right of way asked for none
 
 # Entries of world.clock.
-TICK: Final = 0  # ticks executed
-UNTIL: Final = 1  # the loop pauses after this tick
-UNDELIVERED: Final = 2
-UNPARKED: Final = 3
-CHANGES: Final = 4  # grows with every change of an order or a reservation
-SEEN_CHANGES: Final = 5  # CHANGES when allocation last looked
-FRESH_ALLOCATION: Final = 6  # robots that need allocation and are not just waiting for a change
-NEEDING_ROUTE: Final = 7
-NEEDING_WAY: Final = 8
-FINISHED: Final = 9
-RECORDING: Final = 10
-RECORDED: Final = 11  # ticks in the record's buffers
-CHANGED: Final = 12  # rows of record.changes in use
-DECIDED: Final = 13  # words of record.decisions in use
-DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
-OBSERVING: Final = 15
-NEXT_ORDER: Final = 16  # entry of orders.coming that becomes known next
-NEEDING_CHARGING: Final = 17
-TICKETS: Final = 18  # tickets given out for lines before chargers
-NEXT_FAULT: Final = 19  # row of rules.faults that comes next
-OUT: Final = 20  # robots that are out of order or going to be
-PHASE: Final = 21  # entry of SEQUENCE that is being asked
-UNWORKED: Final = 22  # work at stations that is not done
-NEXT_PART: Final = 23  # entry of stations.entering that comes next
-UNQUEUED: Final = 24  # orders that became known or were set down since zoning was last asked
-HALTED: Final = 25  # the last tick for which zoning made a robot stand still
-WAKING: Final = 26  # the first tick in which zoning asked to be woken, or NIL
-REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
+CLOCK_TICK: Final = 0  # ticks executed
+CLOCK_STOP_TICK: Final = 1  # the loop pauses after this tick
+CLOCK_UNDELIVERED: Final = 2
+CLOCK_UNPARKED: Final = 3
+CLOCK_REVISION: Final = 4  # grows with every change of an order or a reservation
+CLOCK_ALLOCATION_REVISION: Final = 5  # CLOCK_REVISION when allocation last looked
+CLOCK_FRESH_ALLOCATION: Final = 6  # robots that need allocation and do not wait for a change
+CLOCK_NEEDING_ROUTE: Final = 7
+CLOCK_NEEDING_RIGHT_OF_WAY: Final = 8
+CLOCK_FINISHED: Final = 9
+CLOCK_RECORDING: Final = 10
+CLOCK_RECORDED_TICKS: Final = 11  # ticks in the record's buffers
+CLOCK_CHANGE_ROWS: Final = 12  # rows of record.changes in use
+CLOCK_DECISION_WORDS: Final = 13  # words of record.decisions in use
+CLOCK_DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
+CLOCK_OBSERVING: Final = 15
+CLOCK_NEXT_RELEASE: Final = 16  # entry of orders.release_sequence that is released next
+CLOCK_NEEDING_CHARGING: Final = 17
+CLOCK_TICKETS_ISSUED: Final = 18  # tickets issued for the queues of chargers
+CLOCK_NEXT_FAULT: Final = 19  # row of rules.faults that comes next
+CLOCK_ROBOTS_DOWN: Final = 20  # robots that are down or going to be
+CLOCK_PHASE: Final = 21  # entry of LAYER_SEQUENCE that is being asked
+CLOCK_OPEN_JOBS: Final = 22  # jobs at stations that are not done
+CLOCK_NEXT_PART: Final = 23  # entry of stations.part_arrivals that comes next
+CLOCK_UNQUEUED_ORDERS: Final = 24  # orders released or dropped since zoning was last asked
+CLOCK_HALTED_UNTIL: Final = 25  # the last tick for which zoning made a robot stand still
+CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woken, or NIL
+CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
 CLOCK_SIZE: Final = 28
 
 STOP_PARKED: Final = 0
@@ -155,7 +162,7 @@ class Rules(Struct):
     duration: Array  # (K, A) int32, ticks of each action, by type of robot
     payload: Array  # (K,) int32: the heaviest order that robots of a type carry
     wait: Array  # (5,) int32: empty from, to; loaded from, to; retries before right of way is asked
-    every: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
+    period: Array  # (5,) int32: a layer is asked every so many ticks; 0 never
     holders: Array  # (5,) uint8: 1 = a layer's strategy reads traffic.holder
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
     extra_tick: int  # of 2**32 moves, how many take a tick more
@@ -188,48 +195,48 @@ class Robots(Struct):
     load: Array  # (n,) int32: the order it carries, or NIL
     order: Array  # (n,) int32: the order it works on, or NIL
     slot: Array  # (n,) int32: where it will set the load down, or NIL
-    goal: Array  # (n,) uint8
-    stand: Array  # (n,) int32: the cell in which the goal is done, or NIL
-    level: Array  # (n,) int32: charge at which it leaves its charger
-    yields: Array  # (n,) uint8: 1 = while it charges it may get an order
+    goal_type: Array  # (n,) uint8: GOAL_*
+    goal_cell: Array  # (n,) int32: the cell in which the goal is done, or NIL
+    charge_target: Array  # (n,) int32: charge at which it leaves its charger
+    charging_interruptible: Array  # (n,) uint8: 1 = while it charges it may get an order
     try_drop: Array  # (n,) uint8: 1 = a TRY_DROP follows the pick
     route: Array  # (n, R) uint8: directions to drive; turns are implied
-    length: Array  # (n,) int32: steps in the route
-    at: Array  # (n,) int32: steps driven
-    route_sum: Array  # (n,) int64: hash of the route, for the digest
-    withdrawing: Array  # (n,) int16: moves left of a withdrawal
-    blocked: Array  # (n,) uint8: failed retries since the last executed operation
-    hold: Array  # (n,) uint8: HOLD_*
+    route_length: Array  # (n,) int32: steps in the route
+    route_index: Array  # (n,) int32: steps driven
+    route_hash: Array  # (n,) int64: hash of the route, for the digest
+    retreat_moves: Array  # (n,) int16: moves left of a retreat
+    failed_retries: Array  # (n,) uint8: failed retries since the last executed operation
+    retry_state: Array  # (n,) uint8: RETRY_*
     home: Array  # (n,) int32: cell in which it parks, through which it enters its bay, or has left
     bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor, or leaves it
     parked: Array  # (n,) uint8
-    zone: Array  # (n,) int32: the zone it serves, set by zoning
+    service_zone: Array  # (n,) int32: the service zone of the robot, set by zoning
     charge: Array  # (n,) int32: units left in its battery
-    status: Array  # (n,) uint8: RUNNING, ... GONE
-    until: Array  # (n,) int64: tick in which it is towed, or comes back
-    ticket: Array  # (n,) int64: its place in the line before its charger, 0 outside
-    plan: Array  # (n, L) int32: orders that it is to do, one after another
-    planned: Array  # (n,) int32: how many those are
+    status: Array  # (n,) uint8: STATUS_*
+    status_until: Array  # (n,) int64: tick in which it is towed, or comes back
+    ticket: Array  # (n,) int64: its place in the queue of its charger, 0 outside
+    order_queue: Array  # (n, L) int32: orders that it is to do, one after another
+    order_queue_length: Array  # (n,) int32: how many those are
     charging_reason: Array  # (n,) uint8: why charging is asked
     need: Array  # (n,) uint8: NEED_* bits
     reason: Array  # (n,) uint8: why allocation is asked
-    route_reason: Array  # (n,) uint8: PLAN or AROUND
-    asked_at: Array  # (n,) int64: CHANGES when allocation last let it park
+    route_reason: Array  # (n,) uint8: REASON_NEW_GOAL or REASON_AROUND_ROBOTS
+    seen_revision: Array  # (n,) int64: CLOCK_REVISION when allocation last let it park
     step: Array  # (n,) uint8: direction that right of way asks for this tick, or NO_STEP
-    did: Array  # (n,) uint8: what was committed this tick (automaton.recording.codes)
+    executed: Array  # (n,) uint8: what was committed this tick (automaton.recording.codes)
 
 
 class Orders(Struct):
     """Transport orders; the load of an order has the order's number."""
 
-    state: Array  # (m,) uint8: WAITING, CARRIED, DELIVERED, UNRELEASED
-    place: Array  # (m,) int32: slot in which it lies, or NIL
+    state: Array  # (m,) uint8: ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED
+    current_slot: Array  # (m,) int32: slot in which it lies, or NIL
     source: Array  # (m,) int32: slot in which it lay first
     target: Array  # (m,) int32: slot to which it must go
-    by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
-    released: Array  # (m,) int32: tick from which it is known
+    reserved_by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
+    release_tick: Array  # (m,) int32: tick from which it is known
     weight: Array  # (m,) int32: what a robot must be able to carry
-    coming: Array  # (m,) int32: the orders, in the sequence in which they become known
+    release_sequence: Array  # (m,) int32: the orders, in the sequence in which they become known
     dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
     dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     dispatched_heading: Array  # (m,) uint8: its heading then
@@ -241,17 +248,17 @@ class Orders(Struct):
 class Traffic(Struct):
     """Occupancy and the intents of the current tick."""
 
-    occupancy: Array  # (C,) uint16: claims, room and the rule of a cell (automaton.kernels.motion)
-    want: Array  # (n,) uint8: the intent before motion, its outcome after
-    span: Array  # (n,) uint16: ticks that the wanted move takes
-    crowd: Array  # (Z,) int32: robots in each zone as the tick began, where zones slow moves down
+    occupancy: Array  # (C,) uint16: claims, room and the flags of a cell (automaton.kernels.motion)
+    intent: Array  # (n,) uint8: the intent before motion, its outcome after
+    move_ticks: Array  # (n,) uint16: ticks that the intended move takes
+    zone_occupancy: Array  # (Z,) int32: robots in each traffic zone as the tick began
     # (C, 2) int32: identity of the robot that stands in a limited cell or enters it, or NIL; the
     # second column is for travel W or N through a cell for two. Entered while a strategy that says
     # `holders` is asked (automaton.kernels.holders), else NIL; so is a cell without limit.
     holder: Array
     pending: Array  # (n, 8) int32: intents that the second pass could not decide
     dirty: Array  # (n,) int32: cells whose claims are wiped at the end; first, robots that arrive
-    release: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
+    vacated: Array  # (4n,) int32: cell and direction of travel given up at the end of the tick
     contest: Array  # (T,) int32: best claimant of a resource; NIL between ticks
     key: Array  # (T,) int32: resources of a hash table, or (0,): every resource has its entry
 
@@ -259,15 +266,15 @@ class Traffic(Struct):
 class Tally(Struct):
     """Counters behind the metrics; [.., 0] empty, [.., 1] loaded."""
 
-    times: Array  # (n, A, 2) int64: operations begun
+    operations: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
     slowed: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
-    spent: Array  # (n,) int64: units of charge used
+    energy_used: Array  # (n,) int64: units of charge used
     charged: Array  # (n,) int64: units of charge taken in at chargers
     repaired: Array  # (n,) int64: units of charge that repairs added
-    out: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
-    illegal: Array  # (5,) int64: illegal answers by layer
-    asked: Array  # (5,) int64: batches that each layer was asked about
+    failures: Array  # (n, 3) int64: times that it ran empty, broke down, was towed
+    illegal: Array  # (5,) int64: illegal decisions by layer
+    batches: Array  # (5,) int64: batches that each layer was asked about
 
 
 class World(Struct):
@@ -280,13 +287,13 @@ class World(Struct):
     slots: Slots
     stations: Stations
     chargers: Chargers
-    zoning: Partition
+    service_zones: ServiceZones
     traffic: Traffic
     tally: Tally
     clock: Array  # (CLOCK_SIZE,) int64
 
 
-class Asked(Struct):
+class Batch(Struct):
     """A batch: the robots that a layer is asked about, sorted by identity."""
 
     count: Array  # (1,) int64
@@ -294,76 +301,76 @@ class Asked(Struct):
     reason: Array  # (n,) uint8
 
 
-class ZoningAnswers(Struct):
-    zone: Array  # (n,) int32: the zone that the robot serves first of all
+class ZoningDecisions(Struct):
+    service_zone: Array  # (n,) int32: the service zone of the robot
     halt: Array  # (n,) int32: ticks that it stands still from now on
     again: Array  # (n,) int32: ticks after which zoning is asked about it again; NIL: when told to
-    tells: Array  # (n,) uint8: 1 = what it says changes, to this row of
-    said: Array  # (n, SAID) int64
+    sends_message: Array  # (n,) uint8: 1 = its message changes, to this row of
+    messages: Array  # (n, MESSAGE_WORDS) int64
     server: Array  # (Z,) int32, by zone: KEEP, or the identity of the robot that serves it
     redesigned: Array  # (1,) int64: 1 = the design changes, to
     design: Design
     queued: Array  # (1,) int64: how many of the next four are in use
     order: Array  # (m,) int32: this order
     queue: Array  # (m,) int32: comes into the queue of this zone
-    stop: Array  # (m,) int32: and is to be set down in this slot
-    direct: Array  # (m,) uint8: 1 = past transfer stations
-    refused: Array  # (1,) int64: illegal answers that a recording tells of, and no strategy
+    next_slot: Array  # (m,) int32: and is to be dropped at this slot
+    skips_transfer: Array  # (m,) uint8: 1 = past transfer stations
+    refused: Array  # (1,) int64: illegal decisions that a recording tells of, and no strategy
 
 
-class ChargingAnswers(Struct):
-    stand: Array  # (n,) int32: charger cell to drive to; NIL: stop charging
-    level: Array  # (n,) int32: charge at which to leave
-    yields: Array  # (n,) int32: 1 = it may get an order while it charges
+class ChargingDecisions(Struct):
+    goal_cell: Array  # (n,) int32: charger cell to drive to; NIL: stop charging
+    charge_target: Array  # (n,) int32: charge at which to leave
+    charging_interruptible: Array  # (n,) int32: 1 = it may get an order while it charges
 
 
-class AllocationAnswers(Struct):
-    verb: Array  # (n,) int32: KEEP, TAKE, SET_DOWN or PARK
-    order: Array  # (n,) int32: TAKE: the order to pick up
-    slot: Array  # (n,) int32: SET_DOWN: where the load goes
-    stand: Array  # (n,) int32: the cell from which it is picked up or set down
-    try_drop: Array  # (n,) int32: SET_DOWN: 1 = a TRY_DROP operation follows the pick
+class AllocationDecisions(Struct):
+    command: Array  # (n,) int32: KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK
+    order: Array  # (n,) int32: CMD_TAKE_ORDER: the order to pick up
+    slot: Array  # (n,) int32: CMD_DROP_AT: where the load goes
+    goal_cell: Array  # (n,) int32: the cell from which it is picked up or dropped
+    try_drop: Array  # (n,) int32: CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick
     ask_again: Array  # (n,) uint8: 1 = ask again next tick, whatever happens
-    planned: Array  # (n,) int32, by storage index: KEEP, or how many orders a robot is to do
-    plan: Array  # (n, L) int32, by storage index: these orders
-    order_taken: Array  # (m,) uint8: scratch: reserved by an earlier answer of this batch
+    order_queue_length: Array  # (n,) int32, by storage index: KEEP, or how many orders
+    order_queue: Array  # (n, L) int32, by storage index: orders that a robot is to do
+    order_taken: Array  # (m,) uint8: scratch: reserved by an earlier decision of this batch
     slot_taken: Array  # (s,) uint8
 
 
-class RoutingAnswers(Struct):
-    length: Array  # (n,) int32: KEEP or the number of steps
+class RoutingDecisions(Struct):
+    route_length: Array  # (n,) int32: KEEP or the number of steps
     steps: Array  # (n, R) uint8: directions
 
 
-class RightOfWayAnswers(Struct):
-    verb: Array  # (n,) int32: KEEP, STEP, PAUSE or RETREAT
+class RightOfWayDecisions(Struct):
+    command: Array  # (n,) int32: KEEP, CMD_STEP, CMD_WAIT or CMD_RETREAT
     value: Array  # (n,) int32: direction, ticks, or moves
-    release: Array  # (n,) int32: 1 = an empty robot gives its order back
+    return_order: Array  # (n,) int32: 1 = an empty robot returns its order
     priority: Array  # (n,) int32: KEEP or the robot's new priority
 
 
-class Answers(Struct):
+class Decisions(Struct):
     """Preallocated outputs, indexed like the batch."""
 
-    zoning: ZoningAnswers
-    charging: ChargingAnswers
-    allocation: AllocationAnswers
-    routing: RoutingAnswers
-    right_of_way: RightOfWayAnswers
+    zoning: ZoningDecisions
+    charging: ChargingDecisions
+    allocation: AllocationDecisions
+    routing: RoutingDecisions
+    right_of_way: RightOfWayDecisions
 
 
-TAKE: Final = 1  # verbs of allocation
-SET_DOWN: Final = 2
-PARK: Final = 3
-STEP: Final = 1
-PAUSE: Final = 2
-RETREAT: Final = 3
+CMD_TAKE_ORDER: Final = 1  # commands of allocation
+CMD_DROP_AT: Final = 2
+CMD_PARK: Final = 3
+CMD_STEP: Final = 1  # commands of right of way
+CMD_WAIT: Final = 2
+CMD_RETREAT: Final = 3
 
 
 class Memory(Struct):
     """A strategy's private state."""
 
-    own: Array  # (n, k) int64: one row per robot
+    per_robot: Array  # (n, k) int64: one row per robot
     shared: Array  # (q,) int64
     parameters: Array  # (p,) int64, read-only
 
@@ -392,8 +399,8 @@ class Workspace(Struct):
 class Record(Struct):
     """Buffers that a recorder empties when the loop pauses."""
 
-    did: Array  # (T, n) uint8, by identity
-    decisions: Array  # (Y,) int64: what strategies answered (automaton.kernels.decisions)
+    executed: Array  # (T, n) uint8, by identity
+    decisions: Array  # (Y,) int64: what strategies decided (automaton.kernels.decisions)
     changes: Array  # (X, 4) int64: tick, code, subject, value
     digests: Array  # (T, D) uint64
     values: Array  # (D,) int64, scratch

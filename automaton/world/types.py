@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.scenario.schema import Fleet, Scenario
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 ANY_WEIGHT = 2**31 - 1  # payload of a robot that carries everything
 
@@ -49,7 +49,7 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
 
 def least_move(scenario: Scenario) -> int:
     """Ticks that a move takes the fastest robots."""
-    return scenario.durations.move * min(kind.pace for kind in types_of(scenario))
+    return scenario.durations.move * min(robot_type.pace for robot_type in types_of(scenario))
 
 
 def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
@@ -60,10 +60,10 @@ def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
 
 
 @lru_cache(maxsize=64)
-def closed_cells(plan: FloorPlan, kind: RobotType) -> Mask:
+def closed_cells(floor_plan: FloorPlan, robot_type: RobotType) -> Mask:
     """(C,) the cells that are closed to a type."""
-    mask = np.zeros((plan.height + 2, plan.width + 2), np.bool_)
-    for x0, y0, x1, y1 in kind.closed:
+    mask = np.zeros((floor_plan.height + 2, floor_plan.width + 2), np.bool_)
+    for x0, y0, x1, y1 in robot_type.closed:
         rows = slice(min(y0, y1) + 1, max(y0, y1) + 2)
         mask[rows, min(x0, x1) + 1 : max(x0, x1) + 2] = True
     mask.setflags(write=False)
@@ -71,24 +71,28 @@ def closed_cells(plan: FloorPlan, kind: RobotType) -> Mask:
 
 
 @lru_cache(maxsize=64)
-def open_exits(plan: FloorPlan, kind: RobotType) -> npt.NDArray[np.uint8]:
+def open_exits(floor_plan: FloorPlan, robot_type: RobotType) -> npt.NDArray[np.uint8]:
     """(height + 2, width + 2) the exits open to a type: none leads into or out of a closed cell."""
-    closed = closed_cells(plan, kind)
-    exits = np.where(closed, 0, plan.exits.reshape(-1)).astype(np.uint8)
-    for direction, offset in enumerate((1, plan.stride, -1, -plan.stride)):
+    closed = closed_cells(floor_plan, robot_type)
+    exits = np.where(closed, 0, floor_plan.exits.reshape(-1)).astype(np.uint8)
+    for direction, offset in enumerate((1, floor_plan.stride, -1, -floor_plan.stride)):
         # np.roll wraps round, but only through the border, which has no exits.
         exits[np.roll(closed, -offset)] &= np.uint8(15 ^ (1 << direction))
     exits.setflags(write=False)
-    return exits.reshape(plan.exits.shape)
+    return exits.reshape(floor_plan.exits.shape)
 
 
-def plan_for(plan: FloorPlan, kind: RobotType) -> FloorPlan:
+def floor_plan_for(floor_plan: FloorPlan, robot_type: RobotType) -> FloorPlan:
     """The floor with the exits that robots of a type may take."""
-    return plan.with_exits(open_exits(plan, kind)) if kind.closed else plan
+    return (
+        floor_plan.with_exits(open_exits(floor_plan, robot_type))
+        if robot_type.closed
+        else floor_plan
+    )
 
 
 def first_open(
-    cells: npt.NDArray[Any], scenario: Scenario, plan: FloorPlan
+    cells: npt.NDArray[Any], scenario: Scenario, floor_plan: FloorPlan
 ) -> list[npt.NDArray[np.intp]]:
     """For each type the numbers of the first cells that are open to it, one for each of its robots.
 
@@ -98,7 +102,7 @@ def first_open(
         return [np.arange(min(len(cells), scenario.fleet.robots))]
     free = np.ones(len(cells), np.bool_)
     chosen = []
-    for kind, count in zip(types_of(scenario), scenario.fleet.counts, strict=True):
-        chosen.append(np.flatnonzero(free & ~closed_cells(plan, kind)[cells])[:count])
+    for robot_type, count in zip(types_of(scenario), scenario.fleet.counts, strict=True):
+        chosen.append(np.flatnonzero(free & ~closed_cells(floor_plan, robot_type)[cells])[:count])
         free[chosen[-1]] = False
     return chosen

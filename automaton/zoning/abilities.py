@@ -1,6 +1,6 @@
 """What the robots of zones can do: stations that they serve, priority there, and how fast they are.
 
-A zone has the number of its robot. `space.serves` and `space.first` (Z, S) are given for a run: 1 = the
+A zone has the number of its robot. `accessible` and `has_priority` (Z, S) are given for a run: 1 = the
 robot gets to the station, and 1 = its type has priority there. Where all robots are alike, everybody
 serves everything and nobody has priority.
 """
@@ -18,68 +18,70 @@ MISPLACED = (
 
 
 @kernel
-def may_take(space, a, b, s):
+def may_take(workspace, a, b, s):
     """Whether zone a may give a station to zone b: its robot gets there, and loses no priority."""
-    return space.serves[b, s] == 1 and (space.first[a, s] == 0 or space.first[b, s] == 1)
+    return workspace.serves[b, s] == 1 and (
+        workspace.first[a, s] == 0 or workspace.first[b, s] == 1
+    )
 
 
 @kernel
-def preference(space, zone, s):
+def preference(workspace, zone, s):
     """1 if the robot of a zone has priority at a station, -1 if only others have it, else 0."""
-    if space.first[zone, s] == 1:
+    if workspace.first[zone, s] == 1:
         return 1
-    for other in range(space.first.shape[0]):
-        if space.first[other, s] == 1:
+    for other in range(workspace.first.shape[0]):
+        if workspace.first[other, s] == 1:
             return -1
     return 0
 
 
 @kernel
-def are_alike(space):
+def are_alike(workspace):
     """Whether it does not matter which robot gets which zone."""
-    for z in range(space.serves.shape[0]):
-        if space.pace[z] != space.pace[0]:
+    for z in range(workspace.serves.shape[0]):
+        if workspace.pace[z] != workspace.pace[0]:
             return False
-        for s in range(space.serves.shape[1]):
-            if space.serves[z, s] == 0 or space.first[z, s] == 1:
+        for s in range(workspace.serves.shape[1]):
+            if workspace.serves[z, s] == 0 or workspace.first[z, s] == 1:
                 return False
     return True
 
 
 @kernel
-def match(design, space):
+def match(design, workspace):
     """Number the zones after robots that serve them, one to one; returns 0 if there is no such way.
 
     Of all matchings one with the fewest stations away from who has priority there; of these one that
     gives the larger zones to the faster robots (linear sum assignment).
     """
-    zones = space.serves.shape[0]
-    cost = space.matching.cost
+    zones = workspace.serves.shape[0]
+    cost = workspace.matching.cost
     for z in range(zones):
         for robot in range(zones):
-            cost[z, robot] = cost_of(design, space, z, robot)
-    linear_sum_assignment(cost, zones, zones, space.matching)
-    space.wave[:] = NIL
+            cost[z, robot] = cost_of(design, workspace, z, robot)
+    linear_sum_assignment(cost, zones, zones, workspace.matching)
+    workspace.wave[:] = NIL
     for robot in range(zones):
-        z = np.int64(space.matching.row_of[robot])
+        z = np.int64(workspace.matching.row_of[robot])
         if z == NIL:
             return 0
-        space.wave[z] = robot
-    rename(design, space.wave)
+        workspace.wave[z] = robot
+    rename(design, workspace.wave)
     return 1
 
 
 @kernel
-def cost_of(design, space, zone, robot):
+def cost_of(design, workspace, zone, robot):
     """What it costs to give a zone to a robot; INF: it does not serve all of it."""
     cost = np.int64(0)
     for s in range(design.zone.shape[0]):
         if design.zone[s] != zone:
             continue
-        if space.serves[robot, s] == 0:
+        if workspace.serves[robot, s] == 0:
             return np.int64(INF)
-        cost += np.int64(1000 * space.pace[robot])
-        if preference(space, robot, s) < 0:
+        cost += np.int64(1000 * workspace.pace[robot])
+        if preference(workspace, robot, s) < 0:
             cost += MISPLACED
     return cost
 

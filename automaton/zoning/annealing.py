@@ -32,19 +32,19 @@ FIRST_TRIES = 20  # repairs, until the first zones of a run are found
 
 
 @kernel
-def first_zones(roads, rules, hot, cold, steps, begin, design, space, reach, seed, tick):
+def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach, seed, tick):
     """Zones before there is any flow: those of a load between any two stations; 0 if none are found.
 
     Each try has draws of its own; returns the number of the one that found them, from 1. The first
     `begin` tries are left out. reach: (Z,) ones. `design` is spoiled on failure.
     """
-    legs = space.legs
+    legs = workspace.legs
     for a in range(legs.shape[0]):
         for b in range(legs.shape[0]):
             legs[a, b] = 0.0 if a == b else 1.0
     for again in range(begin, FIRST_TRIES):
         found = repair(
-            roads, rules, legs, hot, cold, steps, steps, REPAIRS, design, space, reach, seed,
+            roads, rules, legs, hot, cold, steps, steps, REPAIRS, design, workspace, reach, seed,
             tick + (again << 32),
         )  # fmt: skip
         if found == 1:
@@ -53,63 +53,65 @@ def first_zones(roads, rules, hot, cold, steps, begin, design, space, reach, see
 
 
 @kernel
-def repair(roads, rules, flow, hot, cold, steps, most, repairs, design, space, reach, seed, tick):
+def repair(
+    roads, rules, flow, hot, cold, steps, most, repairs, design, workspace, reach, seed, tick
+):
     """A new design by phases 1 to 3 from one flow, made until no zone is cut off.
 
     In the last one of these, zones that are cut off are joined however far apart they are.
     reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
     """
-    space.drawn[0] = ANNEALING
+    workspace.drawn[0] = ANNEALING
     for _ in range(repairs):
-        found = first_design(roads, flow, design, space)
+        found = first_design(roads, flow, design, workspace)
         if found == 0:
-            found = random_design(roads, rules, design, space, seed, tick)
+            found = random_design(roads, rules, design, workspace, seed, tick)
         if found == 0:
             return 0
-        improve(roads, rules, flow, hot, cold, steps, most, design, space, seed, tick)
-        find_loads(roads, rules, flow, 0, design, space)
-        find_transfers(roads, rules, design, space, reach)
-        if connected(design, space) == 1:
+        improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed, tick)
+        find_loads(roads, rules, flow, 0, design, workspace)
+        find_transfers(roads, rules, design, workspace, reach)
+        if connected(design, workspace) == 1:
             return 1
-    return connect_cut_off(roads, design, space)
+    return connect_cut_off(roads, design, workspace)
 
 
 @kernel
-def improve(roads, rules, flow, hot, cold, steps, most, design, space, seed, tick):
+def improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed, tick):
     """Phase 2: leaves the best design seen; returns its balance.
 
     Ends after `most` accepted or infeasible moves, after six times as many tries, or when no zone
     has a tip to give to an idler one.
     """
-    copy_design(design, space.now)
-    value = judged(find_loads(roads, rules, flow, 0, space.now, space))
+    copy_design(design, workspace.now)
+    value = judged(find_loads(roads, rules, flow, 0, workspace.now, workspace))
     best = value
-    forget_tips(roads, space.now, space)
+    forget_tips(roads, workspace.now, workspace)
     moves, tries = np.int64(0), np.int64(0)
     while moves < most and tries < PATIENCE * most:
         tries += 1
-        pair = busier_pair(roads, rules, space.now, space, seed, tick)
+        pair = busier_pair(roads, rules, workspace.now, workspace, seed, tick)
         if pair == NIL:
             break
-        a, b = np.int64(space.zones[pair, 0]), np.int64(space.zones[pair, 1])
-        tip = random_tip(space, a, b, seed, tick)
-        copy_design(space.now, space.trial)
-        through = np.int64(space.through[a, b, tip])
-        if give(roads, space.trial, space, tip, through, rules[ADJACENT], FEWEST) == 0:
+        a, b = np.int64(workspace.zones[pair, 0]), np.int64(workspace.zones[pair, 1])
+        tip = random_tip(workspace, a, b, seed, tick)
+        copy_design(workspace.now, workspace.trial)
+        through = np.int64(workspace.through[a, b, tip])
+        if give(roads, workspace.trial, workspace, tip, through, rules[ADJACENT], FEWEST) == 0:
             moves += 1
             continue
-        tried = judged(find_loads(roads, rules, flow, 0, space.trial, space))
+        tried = judged(find_loads(roads, rules, flow, 0, workspace.trial, workspace))
         heat = temperature(hot, cold, steps, moves)
-        if tried > value and chance(space, seed, tick) > exponential((value - tried) / heat):
-            find_loads(roads, rules, flow, 0, space.now, space)
+        if tried > value and chance(workspace, seed, tick) > exponential((value - tried) / heat):
+            find_loads(roads, rules, flow, 0, workspace.now, workspace)
             continue
         moves += 1
         value = tried
-        copy_design(space.trial, space.now)
-        forget_tips(roads, space.now, space)
+        copy_design(workspace.trial, workspace.now)
+        forget_tips(roads, workspace.now, workspace)
         if value < best:
             best = value
-            copy_design(space.now, design)
+            copy_design(workspace.now, design)
     return best
 
 
@@ -120,14 +122,14 @@ def judged(value):
 
 
 @kernel
-def forget_tips(roads, design, space):
+def forget_tips(roads, design, workspace):
     """The design changed: find its tips, and forget which of them are near one another."""
-    space.fresh[:] = 0
-    find_tips(roads, design, space)
+    workspace.fresh[:] = 0
+    find_tips(roads, design, workspace)
 
 
 @kernel
-def busier_pair(roads, rules, design, space, seed, tick):
+def busier_pair(roads, rules, design, workspace, seed, tick):
     """A random row of space.zones: a zone with more load than the second one, and a tip to give.
 
     NIL if there is none.
@@ -136,53 +138,53 @@ def busier_pair(roads, rules, design, space, seed, tick):
     count = np.int64(0)
     for a in range(zones):
         for b in range(zones):
-            if space.load[a] > space.load[b]:
-                space.zones[count, 0] = a
-                space.zones[count, 1] = b
+            if workspace.load[a] > workspace.load[b]:
+                workspace.zones[count, 0] = a
+                workspace.zones[count, 1] = b
                 count += 1
     while count > 0:
-        k = below(space, count, seed, tick)
-        a, b = np.int64(space.zones[k, 0]), np.int64(space.zones[k, 1])
-        if facing_tips(roads, rules, design, space, a, b) > 0:
+        k = below(workspace, count, seed, tick)
+        a, b = np.int64(workspace.zones[k, 0]), np.int64(workspace.zones[k, 1])
+        if facing_tips(roads, rules, design, workspace, a, b) > 0:
             return k
         count -= 1
-        space.zones[k, 0] = space.zones[count, 0]
-        space.zones[k, 1] = space.zones[count, 1]
+        workspace.zones[k, 0] = workspace.zones[count, 0]
+        workspace.zones[k, 1] = workspace.zones[count, 1]
     return NIL
 
 
 @kernel
-def facing_tips(roads, rules, design, space, a, b):
+def facing_tips(roads, rules, design, workspace, a, b):
     """space.through[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
 
     Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
     """
     stations = design.zone.shape[0]
-    if space.fresh[a, b] == 0:
-        space.fresh[a, b] = 1
-        block_others(design, space, a, b)
+    if workspace.fresh[a, b] == 0:
+        workspace.fresh[a, b] = 1
+        block_others(design, workspace, a, b)
         for s in range(stations):
-            space.through[a, b, s] = NIL
-            if design.zone[s] != a or space.tip[s] == 0 or not may_take(space, a, b, s):
+            workspace.through[a, b, s] = NIL
+            if design.zone[s] != a or workspace.tip[s] == 0 or not may_take(workspace, a, b, s):
                 continue
-            spread(roads, space, roads.point[s], NIL, whole_cells(rules[ADJACENT]))
+            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules[ADJACENT]))
             for t in range(stations):
-                near = space.distance[roads.point[t]] < rules[ADJACENT]
-                if near and design.zone[t] == b and space.tip[t] == 1:
-                    space.through[a, b, s] = t
+                near = workspace.distance[roads.point[t]] < rules[ADJACENT]
+                if near and design.zone[t] == b and workspace.tip[t] == 1:
+                    workspace.through[a, b, s] = t
     count = np.int64(0)
     for s in range(stations):
-        if space.through[a, b, s] != NIL:
+        if workspace.through[a, b, s] != NIL:
             count += 1
     return count
 
 
 @kernel
-def random_tip(space, a, b, seed, tick):
+def random_tip(workspace, a, b, seed, tick):
     """One of the tips that `facing_tips` found."""
     count = np.int64(0)
-    for s in range(space.tip.shape[0]):
-        if space.through[a, b, s] != NIL:
-            space.listed[count] = s
+    for s in range(workspace.tip.shape[0]):
+        if workspace.through[a, b, s] != NIL:
+            workspace.listed[count] = s
             count += 1
-    return np.int64(space.listed[below(space, count, seed, tick)])
+    return np.int64(workspace.listed[below(workspace, count, seed, tick)])

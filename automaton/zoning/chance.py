@@ -3,7 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import ZONES, draw, draw_between
+from automaton.kernels.random_numbers import STREAM_ZONES, random_between, random_bits
 
 # Where the counter of each method begins.
 ANNEALING = 1 << 40
@@ -14,15 +14,15 @@ _11 = np.uint64(11)
 
 
 @kernel
-def below(space, count, seed, tick):
+def below(workspace, count, seed, tick):
     """A uniform integer from 0 to count - 1."""
-    space.drawn[0] += 1
-    return draw_between(0, count - 1, seed, ZONES, tick, space.drawn[0])
+    workspace.drawn[0] += 1
+    return random_between(0, count - 1, seed, STREAM_ZONES, tick, workspace.drawn[0])
 
 
 @kernel
-def chance(space, seed, tick):
+def chance(workspace, seed, tick):
     """A uniform number from 0 to below 1."""
-    space.drawn[0] += 1
-    bits = draw(seed, ZONES, tick, space.drawn[0]) >> _11
+    workspace.drawn[0] += 1
+    bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn[0]) >> _11
     return np.float64(np.int64(bits)) / 9007199254740992.0

@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from automaton.errors import InputError
-from automaton.world.partition import Design, Roads
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.service_zones import Design, Roads
 from automaton.world.state import NIL
 from automaton.zoning.exchange import join, label_parts
 from automaton.zoning.paths import hold
@@ -34,7 +34,9 @@ def design_arrays(roads: Roads, zones: int) -> Design:
     return design_for(roads, zones)
 
 
-def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = None) -> Design:
+def read_design(
+    floor_plan: FloorPlan, roads: Roads, data: Any, names: Names | None = None
+) -> Design:
     """A design from its data; every station in one zone, no point in two. Raises InputError."""
     zones = _zones(data)
     design = design_arrays(roads, len(zones))
@@ -47,9 +49,13 @@ def read_design(plan: FloorPlan, roads: Roads, data: Any, names: Names | None = 
     for zone, entry in enumerate(zones):
         for number, segment in enumerate(entry.get("segments") or (), 1):
             where = f"segment {number} of zone {zone + 1}"
-            points = [_point(plan, roads, where, one, names) for one in _cells(where, segment)]
-            _read_segment(plan, roads, design, zone, where, _whole(plan, roads, where, points))
-    _check_points(plan, roads, design)
+            points = [
+                _point(floor_plan, roads, where, one, names) for one in _cells(where, segment)
+            ]
+            _read_segment(
+                floor_plan, roads, design, zone, where, _whole(floor_plan, roads, where, points)
+            )
+    _check_points(floor_plan, roads, design)
     _join(roads, design, [not entry.get("segments") for entry in zones])
     _read_transfers(design, data.get("transfers") or [])
     return design
@@ -80,9 +86,11 @@ def _read_transfers(design: Design, entries: Any) -> None:
             design.transfer[b - 1, a - 1, number - 1] = 1
 
 
-def design_data(plan: FloorPlan, roads: Roads, design: Design, names: Names | None = None) -> Any:
+def design_data(
+    floor_plan: FloorPlan, roads: Roads, design: Design, names: Names | None = None
+) -> Any:
     """What `read_design` reads, with points by name if they have names."""
-    known = {plan.cell(x, y): name for name, (x, y) in (names or {}).items()}
+    known = {floor_plan.cell(x, y): name for name, (x, y) in (names or {}).items()}
     zones = []
     for zone in range(len(design.transfer)):
         stations = [s + 1 for s in range(len(design.zone)) if design.zone[s] == zone]
@@ -94,7 +102,7 @@ def design_data(plan: FloorPlan, roads: Roads, design: Design, names: Names | No
             if all(cell in known for cell in cells):
                 segments.append("".join(known[cell] for cell in cells))
             else:
-                segments.append([list(plan.xy(cell)) for cell in cells])
+                segments.append([list(floor_plan.xy(cell)) for cell in cells])
         zones.append({"stations": stations, "segments": segments})
     return {"zones": zones}
 
@@ -136,7 +144,7 @@ def _cells(where: str, segment: Any) -> Sequence[Any]:
     return segment
 
 
-def _point(plan: FloorPlan, roads: Roads, where: str, one: Any, names: Names | None) -> int:
+def _point(floor_plan: FloorPlan, roads: Roads, where: str, one: Any, names: Names | None) -> int:
     if isinstance(one, str):
         if names is None or one not in names:
             raise InputError(f"{where}: no point of this floor is called '{one}'")
@@ -145,7 +153,7 @@ def _point(plan: FloorPlan, roads: Roads, where: str, one: Any, names: Names | N
         x, y = one
     else:
         raise InputError(f"{where}: a point is [x, y], found {one}")
-    cell = plan.cell(x, y) if plan.holds(x, y) else NIL
+    cell = floor_plan.cell(x, y) if floor_plan.holds(x, y) else NIL
     for p, critical in enumerate(roads.cell):
         if critical == cell:
             return p
@@ -154,13 +162,13 @@ def _point(plan: FloorPlan, roads: Roads, where: str, one: Any, names: Names | N
     )
 
 
-def _whole(plan: FloorPlan, roads: Roads, where: str, points: list[int]) -> list[int]:
+def _whole(floor_plan: FloorPlan, roads: Roads, where: str, points: list[int]) -> list[int]:
     """The path with the points that lie straight between two of it; each point once."""
     path = points[:1]
     for there in points[1:]:
         between = _straight(roads, path[-1], there)
         if not between:
-            a, b = (plan.xy(roads.cell[p]) for p in (path[-1], there))
+            a, b = (floor_plan.xy(roads.cell[p]) for p in (path[-1], there))
             raise InputError(f"{where} is no path: no straight way leads from {a} to {b}")
         path += between
     if len(set(path)) < len(path):
@@ -180,12 +188,14 @@ def _straight(roads: Roads, start: int, end: int) -> list[int]:
 
 
 def _read_segment(
-    plan: FloorPlan, roads: Roads, design: Design, zone: int, where: str, path: list[int]
+    floor_plan: FloorPlan, roads: Roads, design: Design, zone: int, where: str, path: list[int]
 ) -> None:
     ends = [int(roads.station[p]) for p in (path[0], path[-1])]
     for end, p in zip(ends, (path[0], path[-1]), strict=True):
         if end == NIL or design.zone[end] != zone:
-            raise InputError(f"{where} ends at {plan.xy(roads.cell[p])}, no station of the zone")
+            raise InputError(
+                f"{where} ends at {floor_plan.xy(roads.cell[p])}, no station of the zone"
+            )
     if design.segments[0] == len(design.owner):
         raise InputError(f"{where} is one too many: a zone has one less than it has stations")
     m = int(design.segments[0])
@@ -194,14 +204,14 @@ def _read_segment(
     design.segments[0] = m + 1
 
 
-def _check_points(plan: FloorPlan, roads: Roads, design: Design) -> None:
+def _check_points(floor_plan: FloorPlan, roads: Roads, design: Design) -> None:
     """No point is in two zones."""
     owner = {int(roads.point[s]): int(design.zone[s]) for s in range(len(design.zone))}
     for m in range(int(design.segments[0])):
         zone = int(design.owner[m])
         for p in design.path[m, : design.points[m]].tolist():
             if owner.setdefault(p, zone) != zone:
-                x, y = plan.xy(roads.cell[p])
+                x, y = floor_plan.xy(roads.cell[p])
                 raise InputError(
                     f"the point ({x}, {y}) is in zone {owner[p] + 1} and in zone {zone + 1}"
                 )
@@ -210,17 +220,17 @@ def _check_points(plan: FloorPlan, roads: Roads, design: Design) -> None:
 def _join(roads: Roads, design: Design, free: list[bool]) -> None:
     """Join the zones that come without segments; the segments of the others must be trees."""
     hold(roads, design)
-    space = space_for(roads, len(free))
+    workspace = space_for(roads, len(free))
     for zone, left_open in enumerate(free):
         if left_open:
-            if not join(roads, design, space, zone, NIL):
+            if not join(roads, design, workspace, zone, NIL):
                 raise InputError(f"zone {zone + 1} cannot be joined without points of other zones")
             continue
         stations = int((design.zone == zone).sum())
         segments = int((design.owner[: design.segments[0]] == zone).sum())
-        if label_parts(design, space, zone) > 1:
+        if label_parts(design, workspace, zone) > 1:
             own = [s for s in range(len(design.zone)) if design.zone[s] == zone]
-            apart = next(s for s in own if space.part[s] != space.part[own[0]])
+            apart = next(s for s in own if workspace.part[s] != workspace.part[own[0]])
             raise InputError(
                 f"the segments of zone {zone + 1} do not join its stations {own[0] + 1} and "
                 f"{apart + 1}; without `segments` shortest paths join all of them"

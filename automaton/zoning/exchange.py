@@ -22,27 +22,27 @@ from automaton.zoning.tips import passes
 
 
 @kernel
-def give(roads, design, space, s, through, limit, smallest):
+def give(roads, design, workspace, s, through, limit, smallest):
     """Give s to the zone of station `through`, joined to it by a path of at most `limit` cells.
 
     Refused when fewer than `smallest` stations would be left behind.
     """
     if size(design, design.zone[s]) <= smallest:
         return 0
-    if remove(roads, design, space, s, design.zone[through]) == 0:
+    if remove(roads, design, workspace, s, design.zone[through]) == 0:
         return 0
-    return connect(roads, design, space, s, through, limit)
+    return connect(roads, design, workspace, s, through, limit)
 
 
 @kernel
-def remove(roads, design, space, s, to):
+def remove(roads, design, workspace, s, to):
     """Take s out of its zone into zone `to` (or NIL) without a segment, and join what is left."""
     zone = np.int64(design.zone[s])
     point = np.int64(roads.point[s])
     drop_segments(design, zone, point)
     design.zone[s] = to
     hold(roads, design)
-    return join(roads, design, space, zone, point)
+    return join(roads, design, workspace, zone, point)
 
 
 @kernel
@@ -59,74 +59,74 @@ def drop_segments(design, zone, p):
 
 
 @kernel
-def join(roads, design, space, zone, closed):
+def join(roads, design, workspace, zone, closed):
     """Add shortest feasible paths between pieces of a zone until it is one (minimum spanning join).
 
     closed: a point that may not be used, or NIL. Ties: the lowest stations.
     """
-    pieces = label_parts(design, space, zone)
+    pieces = label_parts(design, workspace, zone)
     while pieces > 1:
-        block_others(design, space, zone, zone)
+        block_others(design, workspace, zone, zone)
         if closed != NIL:
-            space.blocked[closed] = 1
+            workspace.blocked[closed] = 1
         best = np.int64(INF)
         first, last = np.int64(NIL), np.int64(NIL)
         for a in range(design.zone.shape[0]):
             if design.zone[a] != zone:
                 continue
-            spread(roads, space, roads.point[a], NIL, best)
+            spread(roads, workspace, roads.point[a], NIL, best)
             for b in range(a + 1, design.zone.shape[0]):
-                if design.zone[b] == zone and space.part[a] != space.part[b]:
-                    far = space.distance[roads.point[b]]
+                if design.zone[b] == zone and workspace.part[a] != workspace.part[b]:
+                    far = workspace.distance[roads.point[b]]
                     if far < best:
                         best = far
                         first, last = np.int64(a), np.int64(b)
         if first == NIL:
             return 0
-        spread(roads, space, roads.point[first], roads.point[last], INF)
-        add_segment(roads, design, space, zone, first, last)
-        merge(design, space, zone, first, last)
+        spread(roads, workspace, roads.point[first], roads.point[last], INF)
+        add_segment(roads, design, workspace, zone, first, last)
+        merge(design, workspace, zone, first, last)
         pieces -= 1
     return 1
 
 
 @kernel
-def label_parts(design, space, zone):
+def label_parts(design, workspace, zone):
     """space.part from the segments; returns how many pieces the zone has."""
     pieces = np.int64(0)
     for s in range(design.zone.shape[0]):
-        space.part[s] = s
+        workspace.part[s] = s
         if design.zone[s] == zone:
             pieces += 1
     for m in range(design.segments[0]):
         a, b = np.int64(design.ends[m, 0]), np.int64(design.ends[m, 1])
-        if design.owner[m] == zone and space.part[a] != space.part[b]:
-            merge(design, space, zone, a, b)
+        if design.owner[m] == zone and workspace.part[a] != workspace.part[b]:
+            merge(design, workspace, zone, a, b)
             pieces -= 1
     return pieces
 
 
 @kernel
-def merge(design, space, zone, a, b):
+def merge(design, workspace, zone, a, b):
     """Two pieces become one."""
-    keep, lose = np.int64(space.part[a]), np.int64(space.part[b])
+    keep, lose = np.int64(workspace.part[a]), np.int64(workspace.part[b])
     if keep > lose:
         keep, lose = lose, keep
     for s in range(design.zone.shape[0]):
-        if design.zone[s] == zone and space.part[s] == lose:
-            space.part[s] = keep
+        if design.zone[s] == zone and workspace.part[s] == lose:
+            workspace.part[s] = keep
 
 
 @kernel
-def connect(roads, design, space, s, through, limit):
+def connect(roads, design, workspace, s, through, limit):
     """Join s to a station of another zone by that zone's shortest feasible path."""
     zone = np.int64(design.zone[through])
     if design.held[roads.point[s]] != NIL and design.held[roads.point[s]] != zone:
         return 0
-    block_others(design, space, zone, zone)
-    spread(roads, space, roads.point[through], roads.point[s], whole_cells(limit))
-    if space.distance[roads.point[s]] == INF:
+    block_others(design, workspace, zone, zone)
+    spread(roads, workspace, roads.point[through], roads.point[s], whole_cells(limit))
+    if workspace.distance[roads.point[s]] == INF:
         return 0
     design.zone[s] = zone
-    add_segment(roads, design, space, zone, through, s)
+    add_segment(roads, design, workspace, zone, through, s)
     return 1

@@ -36,32 +36,32 @@ FEWEST = 2  # stations that a zone keeps
 
 @kernel
 def evolve(
-    roads, rules, flow, generations, selected, mutation, population, design, space, reach,
+    roads, rules, flow, generations, selected, mutation, population, design, workspace, reach,
     seed, tick,
 ):  # fmt: skip
     """The best design whose zones are not cut off: that of all generations, or one of the last.
 
     reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
     """
-    space.drawn[0] = GENETIC
+    workspace.drawn[0] = GENETIC
     rows = population.rank.shape[0]
     herd = population.now
     for row in range(rows):
-        if random_design(roads, rules, space.trial, space, seed, tick) == 0:
+        if random_design(roads, rules, workspace.trial, workspace, seed, tick) == 0:
             return 0
-        keep(space.trial, herd, row)
+        keep(workspace.trial, herd, row)
     for generation in range(generations + 1):
         if generation > 0:
-            breed(roads, rules, selected, mutation, population, space, seed, tick)
-        judge(roads, rules, flow, population, design, space)
+            breed(roads, rules, selected, mutation, population, workspace, seed, tick)
+        judge(roads, rules, flow, population, design, workspace)
         best = np.int64(population.rank[0])
         if generation == 0 or better(herd, best, rows):
             move_row(herd, best, herd, rows)
     for place in range(-1, rows):
         take(herd, rows if place < 0 else np.int64(population.rank[place]), design)
-        find_loads(roads, rules, flow, 0, design, space)
-        find_transfers(roads, rules, design, space, reach)
-        if connected(design, space) == 1:
+        find_loads(roads, rules, flow, 0, design, workspace)
+        find_transfers(roads, rules, design, workspace, reach)
+        if connected(design, workspace) == 1:
             return 1
     return 0
 
@@ -75,16 +75,16 @@ def better(herd, a, b):
 
 
 @kernel
-def judge(roads, rules, flow, population, design, space):
+def judge(roads, rules, flow, population, design, workspace):
     """value, tips and rank of all rows; ties: the lower row."""
     herd = population.now
     for row in range(population.rank.shape[0]):
         take(herd, row, design)
-        value = find_loads(roads, rules, flow, 1, design, space)
+        value = find_loads(roads, rules, flow, 1, design, workspace)
         herd.value[row] = value if value > 0.0 else 1.0
         herd.tips[row] = 0
-        for s in range(space.tip.shape[0]):
-            herd.tips[row] += space.tip[s]
+        for s in range(workspace.tip.shape[0]):
+            herd.tips[row] += workspace.tip[s]
         at = row
         while at > 0 and better(herd, row, population.rank[at - 1]):
             population.rank[at] = population.rank[at - 1]
@@ -93,7 +93,7 @@ def judge(roads, rules, flow, population, design, space):
 
 
 @kernel
-def breed(roads, rules, selected, mutation, population, space, seed, tick):
+def breed(roads, rules, selected, mutation, population, workspace, seed, tick):
     """The next generation, of the zones of the best rows and of the best design so far."""
     rows = population.rank.shape[0]
     parents = min(selected, rows)
@@ -105,25 +105,25 @@ def breed(roads, rules, selected, mutation, population, space, seed, tick):
         for _ in range(CHILDREN):
             if made == 0:
                 made = make_child(
-                    roads, rules, mutation, population, parents + 1, space, seed, tick
+                    roads, rules, mutation, population, parents + 1, workspace, seed, tick
                 )
         if made == 0:
-            take(population.now, rows, space.trial)
-        keep(space.trial, population.next, row)
+            take(population.now, rows, workspace.trial)
+        keep(workspace.trial, population.next, row)
     for row in range(rows):
         move_row(population.next, row, population.now, row)
 
 
 @kernel
-def make_child(roads, rules, mutation, population, parents, space, seed, tick):
+def make_child(roads, rules, mutation, population, parents, workspace, seed, tick):
     """A child in space.trial; 0 if it failed."""
-    if combine(population, parents, space, seed, tick) == 0:
+    if combine(population, parents, workspace, seed, tick) == 0:
         return 0
-    if attach_rest(roads, rules, space.trial, space, seed, tick) == 0:
+    if attach_rest(roads, rules, workspace.trial, workspace, seed, tick) == 0:
         return 0
-    if may_give(space.trial) == 0:
+    if may_give(workspace.trial) == 0:
         return 0
-    if not are_alike(space) and match(space.trial, space) == 0:
+    if not are_alike(workspace) and match(workspace.trial, workspace) == 0:
         return 0
     tries = np.int64(0)
     while True:
@@ -132,9 +132,9 @@ def make_child(roads, rules, mutation, population, parents, space, seed, tick):
             if tries >= MUTATIONS:
                 return 0
             tries += 1
-            done = mutate(roads, rules, space, seed, tick)
-        copy_design(space.now, space.trial)
-        if chance(space, seed, tick) >= mutation:
+            done = mutate(roads, rules, workspace, seed, tick)
+        copy_design(workspace.now, workspace.trial)
+        if chance(workspace, seed, tick) >= mutation:
             return 1
 
 
@@ -148,16 +148,16 @@ def may_give(design):
 
 
 @kernel
-def combine(population, parents, space, seed, tick):
+def combine(population, parents, workspace, seed, tick):
     """Fill space.trial with random zones that have nothing in common; 0 if they do not fit."""
-    design, herd = space.trial, population.now
+    design, herd = workspace.trial, population.now
     zones = design.transfer.shape[0]
     clear_design(design)
     failures = np.int64(0)
     found = np.int64(0)
     while found < zones:
-        row = np.int64(population.pool[below(space, parents, seed, tick)])
-        zone = below(space, zones, seed, tick)
+        row = np.int64(population.pool[below(workspace, parents, seed, tick)])
+        zone = below(workspace, zones, seed, tick)
         if fits(herd, row, zone, design) == 1:
             take_zone(herd, row, zone, design, found)
             found += 1
@@ -169,27 +169,27 @@ def combine(population, parents, space, seed, tick):
 
 
 @kernel
-def attach_rest(roads, rules, design, space, seed, tick):
+def attach_rest(roads, rules, design, workspace, seed, tick):
     """Stations without a zone join those of random adjacent ones; 0 if one cannot."""
     stations = design.zone.shape[0]
     for _ in range(JOINS * stations):
         count = np.int64(0)
         for s in range(stations):
             if design.zone[s] == NIL:
-                space.listed[count] = s
+                workspace.listed[count] = s
                 count += 1
         if count == 0:
             return 1
-        station = np.int64(space.listed[below(space, count, seed, tick)])
-        near = adjacent_to(roads, rules, design, space, station, NIL)
+        station = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+        near = adjacent_to(roads, rules, design, workspace, station, NIL)
         if near > 0:
-            other = np.int64(space.listed[below(space, near, seed, tick)])
-            connect(roads, design, space, station, other, rules[ADJACENT])
+            other = np.int64(workspace.listed[below(workspace, near, seed, tick)])
+            connect(roads, design, workspace, station, other, rules[ADJACENT])
     return 0
 
 
 @kernel
-def adjacent_to(roads, rules, design, space, station, but):
+def adjacent_to(roads, rules, design, workspace, station, but):
     """space.listed: stations in zones other than `but` that are adjacent to one; how many."""
     count = np.int64(0)
     for t in range(design.zone.shape[0]):
@@ -197,30 +197,30 @@ def adjacent_to(roads, rules, design, space, station, but):
         if zone == NIL or zone == but or t == station:
             continue
         if roads.between[station, t] < rules[ADJACENT]:
-            space.listed[count] = t
+            workspace.listed[count] = t
             count += 1
     return count
 
 
 @kernel
-def mutate(roads, rules, space, seed, tick):
+def mutate(roads, rules, workspace, seed, tick):
     """space.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
-    design = space.trial
-    zone = below(space, design.transfer.shape[0], seed, tick)
-    find_tips(roads, design, space)
+    design = workspace.trial
+    zone = below(workspace, design.transfer.shape[0], seed, tick)
+    find_tips(roads, design, workspace)
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
-        if design.zone[s] == zone and space.tip[s] == 1:
-            space.listed[count] = s
+        if design.zone[s] == zone and workspace.tip[s] == 1:
+            workspace.listed[count] = s
             count += 1
     if count == 0:
         return 0
-    tip = np.int64(space.listed[below(space, count, seed, tick)])
-    near = adjacent_to(roads, rules, design, space, tip, zone)
+    tip = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+    near = adjacent_to(roads, rules, design, workspace, tip, zone)
     if near == 0:
         return 0
-    through = np.int64(space.listed[below(space, near, seed, tick)])
-    if not may_take(space, zone, design.zone[through], tip):
+    through = np.int64(workspace.listed[below(workspace, near, seed, tick)])
+    if not may_take(workspace, zone, design.zone[through], tip):
         return 0
-    copy_design(design, space.now)
-    return give(roads, space.now, space, tip, through, rules[ADJACENT], FEWEST)
+    copy_design(design, workspace.now)
+    return give(roads, workspace.now, workspace, tip, through, rules[ADJACENT], FEWEST)

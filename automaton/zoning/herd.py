@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from automaton.compiled import kernel
 from automaton.struct import Struct
-from automaton.world.partition import Roads
+from automaton.world.service_zones import Roads
 
 Array = NDArray[Any]
 

@@ -22,63 +22,63 @@ UNDEFINED = -1.0  # balance of zones without any load
 
 
 @kernel
-def find_loads(roads, rules, flow, through, design, space):
+def find_loads(roads, rules, flow, through, design, workspace):
     """space.load of all zones, from one flow (S, S) float64; returns the balance.
 
     through: 1 = what drives past a tip on its shortest way counts as the tip's (GA).
     """
     if through == 1:
-        flow_past_tips(roads, flow, design, space)
+        flow_past_tips(roads, flow, design, workspace)
     for z in range(design.transfer.shape[0]):
-        members(design, space, z, rules[SHARED])
+        members(design, workspace, z, rules[SHARED])
         if through == 1:
-            space.load[z] = load_of(roads, rules, space.legs, space, z)
+            workspace.load[z] = load_of(roads, rules, workspace.legs, workspace, z)
         else:
-            space.load[z] = load_of(roads, rules, flow, space, z)
-    return balance(space.load)
+            workspace.load[z] = load_of(roads, rules, flow, workspace, z)
+    return balance(workspace.load)
 
 
 @kernel
-def members(design, space, z, shared):
+def members(design, workspace, z, shared):
     """space.member: the stations of zone z, and its transfer stations if these are shared."""
     for s in range(design.zone.shape[0]):
-        space.member[s] = 1 if design.zone[s] == z else 0
+        workspace.member[s] = 1 if design.zone[s] == z else 0
         if shared == 1.0:
             for other in range(design.transfer.shape[0]):
                 if design.transfer[z, other, s] == 1:
-                    space.member[s] = 1
+                    workspace.member[s] = 1
 
 
 @kernel
-def load_of(roads, rules, flow, space, z):
+def load_of(roads, rules, flow, workspace, z):
     """Minutes of work of the robot of zone z at the stations of space.member."""
     count = np.int64(0)
-    for s in range(space.member.shape[0]):
-        if space.member[s] == 1:
-            space.listed[count] = s
+    for s in range(workspace.member.shape[0]):
+        if workspace.member[s] == 1:
+            workspace.listed[count] = s
             count += 1
     total = rules[BASE]
-    space.into[:] = 0.0
-    space.out[:] = 0.0
+    workspace.into[:] = 0.0
+    workspace.out[:] = 0.0
     for a in range(count):
-        i = space.listed[a]
+        i = workspace.listed[a]
         for b in range(count):
-            j = space.listed[b]
+            j = workspace.listed[b]
             if i != j:
                 total += flow[i, j]
-                space.out[i] += flow[i, j]
-                space.into[j] += flow[i, j]
+                workspace.out[i] += flow[i, j]
+                workspace.into[j] += flow[i, j]
     if total == 0.0:
         return 0.0
     cells = 0.0
     for a in range(count):
-        i = space.listed[a]
+        i = workspace.listed[a]
         for b in range(count):
-            j = space.listed[b]
+            j = workspace.listed[b]
             if i != j:
-                empty = space.into[i] * space.out[j] / total
+                empty = workspace.into[i] * workspace.out[j] / total
                 cells += (flow[i, j] + empty) * roads.between[i, j]
-    return cells * space.pace[z] / rules[SPEED] + total * rules[HANDLING]
+    return cells * workspace.pace[z] / rules[SPEED] + total * rules[HANDLING]
 
 
 def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:
@@ -95,34 +95,34 @@ def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> 
 
 
 @kernel
-def flow_past_tips(roads, flow, design, space):
+def flow_past_tips(roads, flow, design, workspace):
     """space.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
     stations = flow.shape[0]
-    find_tips(roads, design, space)
-    space.legs[:] = 0.0
+    find_tips(roads, design, workspace)
+    workspace.legs[:] = 0.0
     for a in range(stations):
         for b in range(stations):
             if a == b or flow[a, b] == 0.0:
                 continue
-            count = stations_on_way(roads, space, a, b)
+            count = stations_on_way(roads, workspace, a, b)
             for x in range(count):
-                i = np.int64(space.listed[x])
+                i = np.int64(workspace.listed[x])
                 for y in range(x + 1, count):
-                    j = np.int64(space.listed[y])
+                    j = np.int64(workspace.listed[y])
                     whole = i == a and j == b
-                    if design.zone[i] == design.zone[j] and (whole or space.tip[i] == 1):
-                        space.legs[i, j] += flow[a, b]
+                    if design.zone[i] == design.zone[j] and (whole or workspace.tip[i] == 1):
+                        workspace.legs[i, j] += flow[a, b]
 
 
 @kernel
-def stations_on_way(roads, space, a, b):
+def stations_on_way(roads, workspace, a, b):
     """space.listed: the stations on the shortest way from a to b, in its order; how many."""
     end = np.int64(roads.point[b])
     p = np.int64(roads.point[a])
     count = np.int64(0)
     while p != NIL:
         if roads.station[p] != NIL:
-            space.listed[count] = roads.station[p]
+            workspace.listed[count] = roads.station[p]
             count += 1
         if p == end:
             break

@@ -13,51 +13,51 @@ from automaton.zoning.space import INF
 
 
 @kernel
-def block_others(design, space, a, b):
+def block_others(design, workspace, a, b):
     """Close what a zone other than a and b holds (a = b: feasible paths of a zone)."""
     for p in range(design.held.shape[0]):
         zone = design.held[p]
-        space.blocked[p] = 1 if zone != NIL and zone != a and zone != b else 0
+        workspace.blocked[p] = 1 if zone != NIL and zone != a and zone != b else 0
 
 
 @kernel
-def spread(roads, space, start, target, bound):
+def spread(roads, workspace, start, target, bound):
     """Distances from a point over points that are not closed, up to `bound` cells (Dijkstra).
 
     Ends when `target` is settled (NIL: never). Writes space.distance, INF where it did not come to,
     and space.back. Ties: the lowest point.
     """
-    space.distance[:] = INF
-    space.done[:] = 0
-    space.distance[start] = 0
-    space.back[start] = NIL
-    space.open[0] = start
+    workspace.distance[:] = INF
+    workspace.done[:] = 0
+    workspace.distance[start] = 0
+    workspace.back[start] = NIL
+    workspace.open[0] = start
     count = np.int64(1)
     while count > 0:
         at = np.int64(0)
         for k in range(1, count):
-            p, q = space.open[k], space.open[at]
-            nearer = space.distance[p] < space.distance[q]
-            if nearer or (space.distance[p] == space.distance[q] and p < q):
+            p, q = workspace.open[k], workspace.open[at]
+            nearer = workspace.distance[p] < workspace.distance[q]
+            if nearer or (workspace.distance[p] == workspace.distance[q] and p < q):
                 at = k
-        here = np.int64(space.open[at])
+        here = np.int64(workspace.open[at])
         count -= 1
-        space.open[at] = space.open[count]
-        space.done[here] = 1
+        workspace.open[at] = workspace.open[count]
+        workspace.done[here] = 1
         if here == target:
             return
         for d in range(4):
             there = np.int64(roads.next[here, d])
-            if there == NIL or space.done[there] == 1 or space.blocked[there] == 1:
+            if there == NIL or workspace.done[there] == 1 or workspace.blocked[there] == 1:
                 continue
-            far = space.distance[here] + roads.step[here, d]
-            if far > bound or far >= space.distance[there]:
+            far = workspace.distance[here] + roads.step[here, d]
+            if far > bound or far >= workspace.distance[there]:
                 continue
-            if space.distance[there] == INF:
-                space.open[count] = there
+            if workspace.distance[there] == INF:
+                workspace.open[count] = there
                 count += 1
-            space.distance[there] = far
-            space.back[there] = here
+            workspace.distance[there] = far
+            workspace.back[there] = here
 
 
 @kernel
@@ -67,19 +67,19 @@ def whole_cells(limit):
 
 
 @kernel
-def add_segment(roads, design, space, zone, first, last):
+def add_segment(roads, design, workspace, zone, first, last):
     """Append the path that `spread` found from station `first` to station `last`."""
     m = design.segments[0]
     count = np.int64(1)
     p = np.int64(roads.point[last])
-    while space.back[p] != NIL:
-        p = np.int64(space.back[p])
+    while workspace.back[p] != NIL:
+        p = np.int64(workspace.back[p])
         count += 1
     p = np.int64(roads.point[last])
     for k in range(count - 1, -1, -1):
         design.path[m, k] = p
         design.held[p] = zone
-        p = np.int64(space.back[p])
+        p = np.int64(workspace.back[p])
     design.points[m] = count
     design.owner[m] = zone
     design.ends[m, 0] = first

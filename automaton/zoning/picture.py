@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final
 
-from automaton.world.partition import Design, Roads
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.service_zones import Design, Roads
 
 ZONES: Final = (
     "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
@@ -14,21 +14,21 @@ ZONES: Final = (
 KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
 
 
-def design_picture(plan: FloorPlan, roads: Roads, design: Design) -> str:
+def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
     """One character for each cell, and a line on each zone.
 
     Ways of zones are small letters, other ways dots; a station is the letter of its zone as a
     capital, or * where it is a transfer station.
     """
-    driven = plan.drivable()[1:-1, 1:-1].tolist()
+    driven = floor_plan.drivable()[1:-1, 1:-1].tolist()
     rows = [["." if cell else "#" for cell in row] for row in driven]
     for m in range(int(design.segments[0])):
-        path = [plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
+        path = [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
         for start, end in pairwise(path):
             _line(rows, start, end, ZONES[int(design.owner[m]) % len(ZONES)])
     shared = design.transfer.max(axis=(0, 1)).tolist()
     for s, zone in enumerate(design.zone.tolist()):
-        x, y = plan.xy(roads.cell[roads.point[s]])
+        x, y = floor_plan.xy(roads.cell[roads.point[s]])
         rows[y][x] = "*" if shared[s] else ZONES[zone % len(ZONES)].upper() if zone >= 0 else "?"
     lines = ["".join(row) for row in rows]
     lines += [KEY, *(_listed(design, zone) for zone in range(len(design.transfer)))]

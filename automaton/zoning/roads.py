@@ -13,35 +13,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from automaton.errors import InputError
-from automaton.world.cells import STEPS
-from automaton.world.partition import Roads
-from automaton.world.plan import FloorPlan
+from automaton.world.cells import DIRECTION_VECTORS
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.service_zones import Roads
 from automaton.world.state import NIL
-from automaton.world.zones import links
+from automaton.world.traffic_zones import links
 
 MOST_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
-FAR: Final = 1 << 29
+NO_ROAD: Final = 1 << 29
 
 Numbers = NDArray[np.int32]
 
 
-def roads_of(plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any]) -> Roads:
+def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any]) -> Roads:
     """station_cells: the drivable flat cell of each station. Raises InputError."""
     stations = [int(cell) for cell in station_cells]
-    _check(plan, stations)
-    cells = np.union1d(_junctions(plan), np.array(stations, np.int64)).astype(np.int32)
+    _check(floor_plan, stations)
+    cells = np.union1d(_junctions(floor_plan), np.array(stations, np.int64)).astype(np.int32)
     if len(cells) > MOST_POINTS:
         raise InputError(
             f"the floor has {len(cells)} crossings, corners and dead ends; "
             f"zones can be made of at most {MOST_POINTS}"
         )
-    ahead, step = _ways(plan, cells)
+    ahead, step = _ways(floor_plan, cells)
     distance = _distances(ahead, step)
     point = np.searchsorted(cells, stations).astype(np.int32)
     at = np.full(len(cells), NIL, np.int32)
     at[point] = np.arange(len(stations), dtype=np.int32)
     between = np.ascontiguousarray(distance[np.ix_(point, point)])
-    _check_reachable(plan, stations, between)
+    _check_reachable(floor_plan, stations, between)
     return Roads(
         cell=cells,
         next=ahead,
@@ -64,11 +64,11 @@ def typical_distance(between: ArrayLike) -> float:
     return float(others[:, : count - 2].sum() / (count * (count - 1)))
 
 
-def _check(plan: FloorPlan, stations: list[int]) -> None:
-    drivable = plan.drivable().reshape(-1)
+def _check(floor_plan: FloorPlan, stations: list[int]) -> None:
+    drivable = floor_plan.drivable().reshape(-1)
     first: dict[int, int] = {}
     for number, cell in enumerate(stations, 1):
-        where = f"station {number} at {plan.xy(cell)}"
+        where = f"station {number} at {floor_plan.xy(cell)}"
         if not drivable[cell]:
             raise InputError(f"{where} is on no cell that robots drive on")
         if cell in first:
@@ -76,33 +76,33 @@ def _check(plan: FloorPlan, stations: list[int]) -> None:
         first[cell] = number
 
 
-def _check_reachable(plan: FloorPlan, stations: list[int], between: Numbers) -> None:
-    apart = np.argwhere(between >= FAR)
+def _check_reachable(floor_plan: FloorPlan, stations: list[int], between: Numbers) -> None:
+    apart = np.argwhere(between >= NO_ROAD)
     if len(apart):
         a, b = (int(number) for number in apart[0])
         raise InputError(
-            f"no way leads from station {a + 1} at {plan.xy(stations[a])} "
-            f"to station {b + 1} at {plan.xy(stations[b])}"
+            f"no way leads from station {a + 1} at {floor_plan.xy(stations[a])} "
+            f"to station {b + 1} at {floor_plan.xy(stations[b])}"
         )
 
 
-def _junctions(plan: FloorPlan) -> NDArray[np.int64]:
+def _junctions(floor_plan: FloorPlan) -> NDArray[np.int64]:
     """Flat cells whose links are not exactly two opposite ones."""
-    beside, below = links(plan)
+    beside, below = links(floor_plan)
     east, west = beside, np.roll(beside, 1, 1)
     south, north = below, np.roll(below, 1, 0)
     along_x = east & west & ~south & ~north
     along_y = south & north & ~east & ~west
-    return np.flatnonzero(plan.drivable() & ~along_x & ~along_y)
+    return np.flatnonzero(floor_plan.drivable() & ~along_x & ~along_y)
 
 
-def _ways(plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
+def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
     """(P, 4) each: the point that a direction leads to, and how many cells away it is."""
-    exits = plan.exits.reshape(-1).tolist()
+    exits = floor_plan.exits.reshape(-1).tolist()
     number = {int(cell): index for index, cell in enumerate(cells)}
     ahead, step = np.full((len(cells), 4), NIL, np.int32), np.zeros((len(cells), 4), np.int32)
-    for direction, (dx, dy) in enumerate(STEPS):
-        offset = dx + dy * plan.stride
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+        offset = dx + dy * floor_plan.stride
         for cell, index in number.items():
             here, steps = cell, 0
             while exits[here] >> direction & 1:
@@ -114,9 +114,9 @@ def _ways(plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def _distances(ahead: Numbers, step: Numbers) -> Numbers:
-    """(P, P) cells of shortest ways, FAR where there is none."""
+    """(P, P) cells of shortest ways, NO_ROAD where there is none."""
     count = len(ahead)
-    distance = np.full((count, count), FAR, np.int32)
+    distance = np.full((count, count), NO_ROAD, np.int32)
     np.fill_diagonal(distance, 0)
     changed = True
     while changed:
@@ -126,7 +126,7 @@ def _distances(ahead: Numbers, step: Numbers) -> Numbers:
             via = distance[ahead[here, direction]] + step[here, direction, None]
             distance[here] = np.minimum(distance[here], via)
         changed = not np.array_equal(before, distance)
-    return np.minimum(distance, FAR, out=distance)
+    return np.minimum(distance, NO_ROAD, out=distance)
 
 
 def _hops(ahead: Numbers, step: Numbers, distance: Numbers) -> Numbers:
@@ -138,6 +138,6 @@ def _hops(ahead: Numbers, step: Numbers, distance: Numbers) -> Numbers:
         then = ahead[here, direction, None]
         on_way = distance[then[:, 0]] + step[here, direction, None] == distance[here]
         hop[here] = np.where(on_way, np.minimum(hop[here], then), hop[here])
-    hop[(hop == count) | (distance >= FAR)] = NIL
+    hop[(hop == count) | (distance >= NO_ROAD)] = NIL
     np.fill_diagonal(hop, NIL)
     return hop

@@ -12,7 +12,7 @@ NEIGHBOURS = 1  # rule of DDZ: without a common one, through the one that is nea
 
 
 @kernel
-def route(roads, design, space, rule, zone, at, to):
+def route(roads, design, workspace, rule, zone, at, to):
     """(zone in whose queue it is, station where it is set down, 1 = that is the target).
 
     zone: whose part it is: that of the station where it was processed, or after a transfer that of
@@ -22,9 +22,9 @@ def route(roads, design, space, rule, zone, at, to):
     """
     target = np.int64(design.zone[to])
     if zone != target:
-        find_levels(design, space, target)
-    while zone != target and space.level[zone] != NIL:
-        station, other = way_out(roads, design, space, rule, zone, at, to)
+        find_levels(design, workspace, target)
+    while zone != target and workspace.level[zone] != NIL:
+        station, other = way_out(roads, design, workspace, rule, zone, at, to)
         if station == to:
             break
         if station != at:
@@ -34,7 +34,7 @@ def route(roads, design, space, rule, zone, at, to):
 
 
 @kernel
-def way_out(roads, design, space, rule, zone, at, to):
+def way_out(roads, design, workspace, rule, zone, at, to):
     """The transfer station by which a part leaves, and the zone that fetches it there.
 
     Zones with the fewest transfers left; of their transfer stations the nearest to where the part
@@ -42,10 +42,10 @@ def way_out(roads, design, space, rule, zone, at, to):
     """
     best = np.int64(INF)
     station, other = np.int64(NIL), np.int64(NIL)
-    to_target = rule == NEIGHBOURS and space.level[zone] > 1
+    to_target = rule == NEIGHBOURS and workspace.level[zone] > 1
     for s in range(design.zone.shape[0]):
         for z in range(design.transfer.shape[0]):
-            if design.transfer[zone, z, s] == 0 or space.level[z] != space.level[zone] - 1:
+            if design.transfer[zone, z, s] == 0 or workspace.level[z] != workspace.level[zone] - 1:
                 continue
             far = np.int64(roads.between[s, to] if to_target else roads.between[at, s])
             if far < best:

@@ -24,21 +24,23 @@ TRIES = 60  # random joins for each station
 
 
 @kernel
-def first_design(roads, flow, design, space):
+def first_design(roads, flow, design, workspace):
     """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
     if zones > stations:
         return 0
-    find_extent(roads, flow, space)
-    if plant(roads, flow, design, space) == 0:
+    find_extent(roads, flow, workspace)
+    if plant(roads, flow, design, workspace) == 0:
         return 0
     left = stations - zones
     visit, idle = np.int64(0), np.int64(0)
     while left > 0 and idle < zones:
         shift = DRIFT * visit
-        if connect_best(roads, flow, design, space, visit % zones, WEIGHT + shift, WEIGHT - shift):
+        if connect_best(
+            roads, flow, design, workspace, visit % zones, WEIGHT + shift, WEIGHT - shift
+        ):
             left -= 1
             idle = np.int64(0)
         else:
@@ -48,7 +50,7 @@ def first_design(roads, flow, design, space):
 
 
 @kernel
-def plant(roads, flow, design, space):
+def plant(roads, flow, design, workspace):
     """One seed for each zone: the station least related to the others, of those that its robot serves.
 
     Stations where only others have priority come last. Returns 0 if a zone finds none.
@@ -58,12 +60,12 @@ def plant(roads, flow, design, space):
         seed = np.int64(NIL)
         lowest = 0.0
         for j in range(stations):
-            if design.zone[j] != NIL or space.serves[z, j] == 0:
+            if design.zone[j] != NIL or workspace.serves[z, j] == 0:
                 continue
-            sum_of = PREFERRED if preference(space, z, j) < 0 else 0.0
+            sum_of = PREFERRED if preference(workspace, z, j) < 0 else 0.0
             for i in range(stations):
                 if i != j:
-                    sum_of += relation(space, flow[i, j], roads.between[i, j], WEIGHT, WEIGHT)
+                    sum_of += relation(workspace, flow[i, j], roads.between[i, j], WEIGHT, WEIGHT)
             if seed == NIL or sum_of < lowest:
                 seed = np.int64(j)
                 lowest = sum_of
@@ -75,7 +77,7 @@ def plant(roads, flow, design, space):
 
 
 @kernel
-def find_extent(roads, flow, space):
+def find_extent(roads, flow, workspace):
     """space.extent: the least and the largest distance and flow between two stations."""
     found = False
     for a in range(flow.shape[0]):
@@ -83,56 +85,56 @@ def find_extent(roads, flow, space):
             if a == b:
                 continue
             far, loads = roads.between[a, b], flow[a, b]
-            if not found or far < space.extent[NEAREST]:
-                space.extent[NEAREST] = far
-            if not found or far > space.extent[FARTHEST]:
-                space.extent[FARTHEST] = far
-            if not found or loads < space.extent[LEAST]:
-                space.extent[LEAST] = loads
-            if not found or loads > space.extent[MOST]:
-                space.extent[MOST] = loads
+            if not found or far < workspace.extent[NEAREST]:
+                workspace.extent[NEAREST] = far
+            if not found or far > workspace.extent[FARTHEST]:
+                workspace.extent[FARTHEST] = far
+            if not found or loads < workspace.extent[LEAST]:
+                workspace.extent[LEAST] = loads
+            if not found or loads > workspace.extent[MOST]:
+                workspace.extent[MOST] = loads
             found = True
 
 
 @kernel
-def relation(space, loads, far, by_distance, by_flow):
+def relation(workspace, loads, far, by_distance, by_flow):
     """RC of two stations that are `far` cells apart with so many loads between them."""
     value = 0.0
-    apart = space.extent[FARTHEST] - space.extent[NEAREST]
+    apart = workspace.extent[FARTHEST] - workspace.extent[NEAREST]
     if apart > 0.0:
-        value += by_distance * (space.extent[FARTHEST] - far) / apart
-    spread_of_loads = space.extent[MOST] - space.extent[LEAST]
+        value += by_distance * (workspace.extent[FARTHEST] - far) / apart
+    spread_of_loads = workspace.extent[MOST] - workspace.extent[LEAST]
     if spread_of_loads > 0.0:
-        value += by_flow * (loads - space.extent[LEAST]) / spread_of_loads
+        value += by_flow * (loads - workspace.extent[LEAST]) / spread_of_loads
     return value
 
 
 @kernel
-def connect_best(roads, flow, design, space, zone, by_distance, by_flow):
+def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
     """Connect the free station with the best relation to one of the zone; 0 if it reaches none."""
-    block_others(design, space, zone, zone)
+    block_others(design, workspace, zone, zone)
     inside, free = np.int64(NIL), np.int64(NIL)
     best = 0.0
     for i in range(design.zone.shape[0]):
         if design.zone[i] != zone:
             continue
-        spread(roads, space, roads.point[i], NIL, INF)
+        spread(roads, workspace, roads.point[i], NIL, INF)
         for j in range(design.zone.shape[0]):
-            far = space.distance[roads.point[j]]
-            if design.zone[j] != NIL or far == INF or space.serves[zone, j] == 0:
+            far = workspace.distance[roads.point[j]]
+            if design.zone[j] != NIL or far == INF or workspace.serves[zone, j] == 0:
                 continue
-            value = relation(space, flow[i, j], far, by_distance, by_flow)
-            value += PREFERRED * preference(space, zone, j)
+            value = relation(workspace, flow[i, j], far, by_distance, by_flow)
+            value += PREFERRED * preference(workspace, zone, j)
             if free == NIL or value > best:
                 best = value
                 inside, free = np.int64(i), np.int64(j)
     if free == NIL:
         return 0
-    return connect(roads, design, space, free, inside, INF)
+    return connect(roads, design, workspace, free, inside, INF)
 
 
 @kernel
-def random_design(roads, rules, design, space, seed, tick):
+def random_design(roads, rules, design, workspace, seed, tick):
     """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
 
     Nor does any with more zones than stations: there is no seed for each. Robots serve their
@@ -145,56 +147,56 @@ def random_design(roads, rules, design, space, seed, tick):
     for restart in range(RESTARTS):
         strict = 2 * restart < RESTARTS
         clear_design(design)
-        if random_seeds(design, space, strict, seed, tick) == 0:
+        if random_seeds(design, workspace, strict, seed, tick) == 0:
             continue
         hold(roads, design)
         left = stations - zones
         for _ in range(TRIES * stations):
             if left == 0:
                 return 1
-            left -= random_join(roads, rules, design, space, strict, seed, tick)
+            left -= random_join(roads, rules, design, workspace, strict, seed, tick)
     return 0
 
 
 @kernel
-def random_seeds(design, space, strict, seed, tick):
+def random_seeds(design, workspace, strict, seed, tick):
     """A random station for each zone; 0 if one finds none."""
     stations = design.zone.shape[0]
     for z in range(design.transfer.shape[0]):
-        s = below(space, stations, seed, tick)
+        s = below(workspace, stations, seed, tick)
         tries = 0
-        while design.zone[s] != NIL or not is_wanted(space, z, s, strict):
+        while design.zone[s] != NIL or not is_wanted(workspace, z, s, strict):
             tries += 1
             if tries == TRIES * stations:
                 return 0
-            s = below(space, stations, seed, tick)
+            s = below(workspace, stations, seed, tick)
         design.zone[s] = z
     return 1
 
 
 @kernel
-def is_wanted(space, zone, s, strict):
+def is_wanted(workspace, zone, s, strict):
     """Whether a zone may have a station; strict: without taking it from who has priority there."""
-    return space.serves[zone, s] == 1 and not (strict and preference(space, zone, s) < 0)
+    return workspace.serves[zone, s] == 1 and not (strict and preference(workspace, zone, s) < 0)
 
 
 @kernel
-def random_join(roads, rules, design, space, strict, seed, tick):
+def random_join(roads, rules, design, workspace, strict, seed, tick):
     """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
-    zone = below(space, design.transfer.shape[0], seed, tick)
+    zone = below(workspace, design.transfer.shape[0], seed, tick)
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
         if design.zone[s] == zone:
-            space.listed[count] = s
+            workspace.listed[count] = s
             count += 1
-    inside = np.int64(space.listed[below(space, count, seed, tick)])
+    inside = np.int64(workspace.listed[below(workspace, count, seed, tick)])
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
         near = roads.between[inside, s] < rules[ADJACENT]
-        if design.zone[s] == NIL and near and is_wanted(space, zone, s, strict):
-            space.listed[count] = s
+        if design.zone[s] == NIL and near and is_wanted(workspace, zone, s, strict):
+            workspace.listed[count] = s
             count += 1
     if count == 0:
         return 0
-    free = np.int64(space.listed[below(space, count, seed, tick)])
-    return connect(roads, design, space, free, inside, rules[ADJACENT])
+    free = np.int64(workspace.listed[below(workspace, count, seed, tick)])
+    return connect(roads, design, workspace, free, inside, rules[ADJACENT])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from automaton.auctions.bundle_space import Assignment, assignment_for
 from automaton.struct import Struct
-from automaton.world.partition import Design, Roads
+from automaton.world.service_zones import Design, Roads
 from automaton.world.state import NIL
 
 Array = NDArray[Any]

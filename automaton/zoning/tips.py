@@ -11,10 +11,10 @@ from automaton.world.state import NIL
 
 
 @kernel
-def find_tips(roads, design, space):
+def find_tips(roads, design, workspace):
     """space.tip of all stations."""
     for s in range(design.zone.shape[0]):
-        space.tip[s] = is_tip(roads, design, s)
+        workspace.tip[s] = is_tip(roads, design, s)
 
 
 @kernel

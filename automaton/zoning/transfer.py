@@ -16,18 +16,18 @@ from automaton.zoning.tips import find_tips
 
 
 @kernel
-def find_transfers(roads, rules, design, space, reach):
+def find_transfers(roads, rules, design, workspace, reach):
     """design.transfer between all zones with reach[z] = 1, from space.load.
 
     Between others it stays, but for stations that are in neither of the two zones any more.
     """
     forget_moved(design)
-    find_tips(roads, design, space)
-    space.claimed[:] = 0
+    find_tips(roads, design, workspace)
+    workspace.claimed[:] = 0
     for a in range(reach.shape[0]):
         for b in range(a + 1, reach.shape[0]):
             if reach[a] == 1 and reach[b] == 1:
-                between_two(roads, rules, design, space, a, b)
+                between_two(roads, rules, design, workspace, a, b)
 
 
 @kernel
@@ -41,25 +41,25 @@ def forget_moved(design):
 
 
 @kernel
-def between_two(roads, rules, design, space, a, b):
+def between_two(roads, rules, design, workspace, a, b):
     """The transfer stations of two zones."""
     design.transfer[a, b, :] = 0
     design.transfer[b, a, :] = 0
-    close_to_two(design, space, a, b)
-    count = joined_tips(roads, rules, design, space, a, b)
+    close_to_two(design, workspace, a, b)
+    count = joined_tips(roads, rules, design, workspace, a, b)
     for k in range(count):
-        x, y = np.int64(space.couple[k, 0]), np.int64(space.couple[k, 1])
+        x, y = np.int64(workspace.couple[k, 0]), np.int64(workspace.couple[k, 1])
         if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
             continue
-        of_a = space.load[a] >= space.load[b]
-        if space.serves[b, x] == 0 or space.serves[a, y] == 0:
-            of_a = space.serves[b, x] == 1
-            if space.serves[b, x] == 0 and space.serves[a, y] == 0:
+        of_a = workspace.load[a] >= workspace.load[b]
+        if workspace.serves[b, x] == 0 or workspace.serves[a, y] == 0:
+            of_a = workspace.serves[b, x] == 1
+            if workspace.serves[b, x] == 0 and workspace.serves[a, y] == 0:
                 continue  # neither can be fetched from
         station, fetcher = (x, b) if of_a else (y, a)
         share_station(design, a, b, station)
         if rules[BLOCKS] == 1.0:
-            claim(roads, space, x, y, fetcher)
+            claim(roads, workspace, x, y, fetcher)
 
 
 @kernel
@@ -70,45 +70,45 @@ def share_station(design, a, b, station):
 
 
 @kernel
-def close_to_two(design, space, a, b):
+def close_to_two(design, workspace, a, b):
     """Close what other zones hold or have claimed."""
-    block_others(design, space, a, b)
+    block_others(design, workspace, a, b)
     for p in range(design.held.shape[0]):
         for z in range(design.transfer.shape[0]):
-            if z != a and z != b and space.claimed[p, z] == 1:
-                space.blocked[p] = 1
+            if z != a and z != b and workspace.claimed[p, z] == 1:
+                workspace.blocked[p] = 1
 
 
 @kernel
-def joined_tips(roads, rules, design, space, a, b):
+def joined_tips(roads, rules, design, workspace, a, b):
     """space.couple: tips x of a and y of b with a union path, the shortest first; how many."""
     bound = whole_cells(rules[LIMIT])
     count = np.int64(0)
     for x in range(design.zone.shape[0]):
-        if faces(roads, rules, design, space, x, a, b) == 0:
+        if faces(roads, rules, design, workspace, x, a, b) == 0:
             continue
-        spread(roads, space, roads.point[x], NIL, bound)
+        spread(roads, workspace, roads.point[x], NIL, bound)
         for y in range(design.zone.shape[0]):
-            far = space.distance[roads.point[y]]
-            if far == INF or faces(roads, rules, design, space, y, b, a) == 0:
+            far = workspace.distance[roads.point[y]]
+            if far == INF or faces(roads, rules, design, workspace, y, b, a) == 0:
                 continue
             at = count
-            while at > 0 and space.length[at - 1] > far:
-                space.length[at] = space.length[at - 1]
-                space.couple[at, 0] = space.couple[at - 1, 0]
-                space.couple[at, 1] = space.couple[at - 1, 1]
+            while at > 0 and workspace.length[at - 1] > far:
+                workspace.length[at] = workspace.length[at - 1]
+                workspace.couple[at, 0] = workspace.couple[at - 1, 0]
+                workspace.couple[at, 1] = workspace.couple[at - 1, 1]
                 at -= 1
-            space.length[at] = far
-            space.couple[at, 0] = x
-            space.couple[at, 1] = y
+            workspace.length[at] = far
+            workspace.couple[at, 0] = x
+            workspace.couple[at, 1] = y
             count += 1
     return count
 
 
 @kernel
-def faces(roads, rules, design, space, s, own, other):
+def faces(roads, rules, design, workspace, s, own, other):
     """1 if s is a tip of its own zone, near any station of the other one."""
-    if design.zone[s] != own or space.tip[s] == 0:
+    if design.zone[s] != own or workspace.tip[s] == 0:
         return 0
     for t in range(design.zone.shape[0]):
         if design.zone[t] == other and roads.between[s, t] <= rules[ADJACENT]:
@@ -117,13 +117,13 @@ def faces(roads, rules, design, space, s, own, other):
 
 
 @kernel
-def claim(roads, space, x, y, zone):
+def claim(roads, workspace, x, y, zone):
     """The inner points of the path between two stations are in the way of later pairs of zones."""
-    spread(roads, space, roads.point[x], roads.point[y], INF)
-    p = np.int64(space.back[roads.point[y]])
+    spread(roads, workspace, roads.point[x], roads.point[y], INF)
+    p = np.int64(workspace.back[roads.point[y]])
     while p != NIL and p != roads.point[x]:
-        space.claimed[p, zone] = 1
-        p = np.int64(space.back[p])
+        workspace.claimed[p, zone] = 1
+        p = np.int64(workspace.back[p])
 
 
 @kernel
@@ -136,57 +136,57 @@ def joined(design, a, b):
 
 
 @kernel
-def find_levels(design, space, zone):
+def find_levels(design, workspace, zone):
     """space.level: transfers from each zone to this one, NIL where none leads there."""
-    space.level[:] = NIL
-    space.level[zone] = 0
-    space.wave[0] = zone
+    workspace.level[:] = NIL
+    workspace.level[zone] = 0
+    workspace.wave[0] = zone
     count, at = np.int64(1), np.int64(0)
     while at < count:
-        here = np.int64(space.wave[at])
+        here = np.int64(workspace.wave[at])
         at += 1
         for z in range(design.transfer.shape[0]):
-            if space.level[z] == NIL and joined(design, here, z) == 1:
-                space.level[z] = space.level[here] + 1
-                space.wave[count] = z
+            if workspace.level[z] == NIL and joined(design, here, z) == 1:
+                workspace.level[z] = workspace.level[here] + 1
+                workspace.wave[count] = z
                 count += 1
     return count
 
 
 @kernel
-def reach_connected(design, space, reach):
+def reach_connected(design, workspace, reach):
     """1 if a part can get between all zones with reach[z] = 1."""
     begun = False
     for z in range(reach.shape[0]):
         if reach[z] == 1 and not begun:
-            find_levels(design, space, z)
+            find_levels(design, workspace, z)
             begun = True
-        if reach[z] == 1 and space.level[z] == NIL:
+        if reach[z] == 1 and workspace.level[z] == NIL:
             return 0
     return 1
 
 
 @kernel
-def connected(design, space):
+def connected(design, workspace):
     """1 if a part can get from every zone to every other one."""
-    return 1 if find_levels(design, space, 0) == design.transfer.shape[0] else 0
+    return 1 if find_levels(design, workspace, 0) == design.transfer.shape[0] else 0
 
 
 @kernel
-def connect_cut_off(roads, design, space):
+def connect_cut_off(roads, design, workspace):
     """Join zones that are cut off, from space.load; returns 1 if all are connected then.
 
     Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
     """
-    find_tips(roads, design, space)
-    while connected(design, space) == 0:
-        if join_nearest(roads, design, space) == 0:
+    find_tips(roads, design, workspace)
+    while connected(design, workspace) == 0:
+        if join_nearest(roads, design, workspace) == 0:
             return 0
     return 1
 
 
 @kernel
-def join_nearest(roads, design, space):
+def join_nearest(roads, design, workspace):
     """A transfer station between a zone that parts reach by space.level and one that they do not.
 
     Of all such pairs of zones that with the shortest union path between two tips; the zone with more
@@ -196,20 +196,20 @@ def join_nearest(roads, design, space):
     x, y = np.int64(NIL), np.int64(NIL)
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
-            if space.level[a] == NIL or space.level[b] != NIL:
+            if workspace.level[a] == NIL or workspace.level[b] != NIL:
                 continue
-            block_others(design, space, a, b)
+            block_others(design, workspace, a, b)
             for s in range(design.zone.shape[0]):
-                if design.zone[s] != a or space.tip[s] == 0:
+                if design.zone[s] != a or workspace.tip[s] == 0:
                     continue
-                spread(roads, space, roads.point[s], NIL, best)
+                spread(roads, workspace, roads.point[s], NIL, best)
                 for t in range(design.zone.shape[0]):
-                    far = space.distance[roads.point[t]]
-                    if design.zone[t] == b and space.tip[t] == 1 and far < best:
+                    far = workspace.distance[roads.point[t]]
+                    if design.zone[t] == b and workspace.tip[t] == 1 and far < best:
                         best = far
                         x, y = np.int64(s), np.int64(t)
     if x == NIL:
         return 0
     a, b = np.int64(design.zone[x]), np.int64(design.zone[y])
-    share_station(design, a, b, x if space.load[a] >= space.load[b] else y)
+    share_station(design, a, b, x if workspace.load[a] >= workspace.load[b] else y)
     return 1

@@ -21,21 +21,21 @@ near the target carrying turns too often. The rule takes the better end of both.
 
 import numpy as np
 
-from automaton.strategy.kernels import distance, drop_stand, kernel, position
+from automaton.strategy.kernels import distance, dropoff_cell, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import (
-    BLOCKED,
-    DROP,
-    MOVE,
+    ACTION_BLOCKED,
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    ACTION_RETREAT,
+    ACTION_TRY_DROP,
+    ACTION_TURN,
+    ACTION_WAIT,
     NIL,
-    PERIODIC,
-    PICK,
-    PICKED,
-    RELEASED,
-    TRY_DROP,
-    TURN,
-    WAIT,
-    WITHDRAW,
+    REASON_ORDER_RETURNED,
+    REASON_PERIODIC,
+    REASON_PICKED,
 )
 from strategies.allocation.cooperative import pass_right, take_in_alley
 from strategies.allocation.independent import deliver
@@ -51,7 +51,7 @@ def tables_before(view, x, target):
     count, last = 0, NIL
     for slot in range(view.slots.cell.shape[0]):
         column = view.slots.cell[slot] % width
-        if x < column < target and column != last and view.slots.endless[slot] == 0:
+        if x < column < target and column != last and view.slots.unbounded[slot] == 0:
             count += 1
             last = column
     return count
@@ -64,7 +64,7 @@ def ticks_of(view, i, action):
 
 
 @kernel
-def rather_carries(view, space, i):
+def rather_carries(view, workspace, i):
     """Whether carrying the load to its target costs fewer ticks than passing it on."""
     here = position(view, i)
     width = view.grid.width
@@ -72,31 +72,37 @@ def rather_carries(view, space, i):
     tables = tables_before(view, here % width, view.slots.cell[target] % width)
     if tables == 0:
         return True
-    kind = view.robots.type[i]
-    duration = view.rules.duration[kind]
-    handling = duration[PICK] + duration[TRY_DROP] + duration[DROP]
-    passing = tables * (handling + MOVES_PER_PASS * duration[MOVE])
+    robot_type = view.robots.type[i]
+    duration = view.rules.duration[robot_type]
+    handling = duration[ACTION_PICK] + duration[ACTION_TRY_DROP] + duration[ACTION_DROP]
+    passing = tables * (handling + MOVES_PER_PASS * duration[ACTION_MOVE])
     heading = np.int64(view.robots.heading[i])
-    way = distance(view, space, kind, here, heading, drop_stand(view, kind, target))
-    lost = ticks_of(view, i, WAIT) + ticks_of(view, i, BLOCKED) + ticks_of(view, i, WITHDRAW)
-    driven = DOUBT + ticks_of(view, i, MOVE) + ticks_of(view, i, TURN)
+    way = distance(
+        view, workspace, robot_type, here, heading, dropoff_cell(view, robot_type, target)
+    )
+    lost = (
+        ticks_of(view, i, ACTION_WAIT)
+        + ticks_of(view, i, ACTION_BLOCKED)
+        + ticks_of(view, i, ACTION_RETREAT)
+    )
+    driven = DOUBT + ticks_of(view, i, ACTION_MOVE) + ticks_of(view, i, ACTION_TURN)
     return 2 * way * (driven + lost) < passing * driven
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.allocation
-    for k in range(asked.count[0]):
-        if space.stop[0]:
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.allocation
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
             return
-        i = np.int64(asked.robot[k])
-        reason = asked.reason[k]
-        if reason == PICKED and rather_carries(view, space, i):
-            deliver(view, given, k, i)
-        elif reason == PICKED:
-            pass_right(view, given, memory, k, i)
-        elif reason != PERIODIC:
-            take_in_alley(view, given, memory, space, k, i, reason == RELEASED)
+        i = np.int64(batch.robot[k])
+        reason = batch.reason[k]
+        if reason == REASON_PICKED and rather_carries(view, workspace, i):
+            deliver(view, out, k, i)
+        elif reason == REASON_PICKED:
+            pass_right(view, out, memory, k, i)
+        elif reason != REASON_PERIODIC:
+            take_in_alley(view, out, memory, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
 
 class Adaptive(Strategy):
@@ -106,4 +112,4 @@ class Adaptive(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, own=2, shared=3 * view.grid.width)
+        return memory_of(view, per_robot=2, shared=3 * view.grid.width)

@@ -25,7 +25,7 @@ from automaton.auctions.bundles import combinatorial
 from automaton.auctions.exact import exact
 from automaton.auctions.genetic import genetic
 from automaton.auctions.local_search import improve
-from automaton.auctions.market import BIDS, FULL, INF, MESSAGES, NO_CHARGING
+from automaton.auctions.market import BATTERY_FULL, BIDS, INF, MESSAGES, NO_CHARGING
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.sequential import by_arrival, parallel, sequential
 from automaton.auctions.session import (
@@ -39,7 +39,16 @@ from automaton.auctions.session import (
 from automaton.auctions.site import site_for
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import GOAL_CHARGE, NIL, TICK, Answers, Asked, Memory, Workspace, World
+from automaton.world.state import (
+    CLOCK_TICK,
+    GOAL_CHARGE,
+    NIL,
+    Batch,
+    Decisions,
+    Memory,
+    Workspace,
+    World,
+)
 from strategies.allocation.lists import has_empty_list, serve
 from strategies.allocation.parameters import MOST_LISTED, Auctions, EpsilonSchedule
 
@@ -55,14 +64,14 @@ MOST_BRED: Final = 12  # and of a genetic one
 MOST_SOLD: Final = {"combinatorial": MOST_BUNDLED, "exact": MOST_BUNDLED, "genetic": MOST_BRED}
 BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
 
-# memory.own
+# memory.per_robot
 HELD = 0  # auctions, bids and messages, in the row of a robot that was asked when they were held
 BID = 1
 SENT = 2
 DUE = 3  # tick at which its list was to be done
 
 # memory.shared
-SINCE = 0  # entries of orders.coming before it are delivered
+SINCE = 0  # entries of orders.release_sequence before it are delivered
 LEFT = 1  # orders that the last auction left unsold
 ROLE = 2  # the robot that is the auctioneer
 ROUND = 3  # auctions so far
@@ -78,15 +87,15 @@ class Auction(Strategy):
 
     def reset(self, view: World) -> Memory:
         """Room for a market of all robots, their lists, and the orders of an auction."""
-        robots, most = view.robots.plan.shape
+        robots, most = view.robots.order_queue.shape
         given = self.parameters
         self._limit = min(given.limit, most, max(1, MOST_LISTED // robots))
         # A branch brings the plans of another strategy.
-        planned = view.robots.planned
-        tasks = max(robots * self._limit, int(planned.sum())) + given.horizon
-        longest = max(self._limit, int(planned.max())) + given.horizon
-        charging = self.colleagues.get("charging")
-        policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": FULL}
+        order_queue_length = view.robots.order_queue_length
+        tasks = max(robots * self._limit, int(order_queue_length.sum())) + given.horizon
+        longest = max(self._limit, int(order_queue_length.max())) + given.horizon
+        charging = self.other_layers.get("charging")
+        policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}
         queues = True
         quoted: Any = getattr(charging, "policy", None)
         if view.rules.battery and quoted is not None:
@@ -94,78 +103,78 @@ class Auction(Strategy):
         self._site = site_for(view, robots, tasks, longest, policy, queues)
         self._sellable = np.zeros(given.horizon, np.int32)
         self._tools = self._prepared(robots, longest)
-        return memory_of(view, own=4, shared=4)
+        return memory_of(view, per_robot=4, shared=4)
 
     def _prepared(self, robots: int, longest: int) -> Any:
         """What the kind of auction works in besides the market."""
-        kind, horizon = self.parameters.auction, self.parameters.horizon
-        if kind in ("combinatorial", "exact"):
+        robot_type, horizon = self.parameters.auction, self.parameters.horizon
+        if robot_type in ("combinatorial", "exact"):
             return bundles_for(robots, min(horizon, MOST_BUNDLED))
-        if kind == "genetic":
+        if robot_type == "genetic":
             return population_for(robots, min(horizon, MOST_BRED), longest)
-        if kind == "assignment":
+        if robot_type == "assignment":
             return assignment_for(max(robots, horizon))
         return None
 
     def decide(
-        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Hold an auction if there is reason to, and give out what robots do next."""
-        given = answers.allocation
-        self._counted = int(asked.robot[0])
+        out = decisions.allocation
+        self._counted = int(batch.robot[0])
         if self.parameters.reauction_after is not None:
-            self._take_back_late(view, given, memory, space, self.parameters.reauction_after)
-        if self.parameters.while_charging == "release" and has_empty_list(view, asked, given):
-            charging = (view.robots.goal == GOAL_CHARGE) & (view.robots.planned > 0)
-            given.planned[charging] = memory.own[charging, DUE] = 0
-        mark_planned(view, given)
-        count, since = find_items(view, given, memory.shared[SINCE], self._sellable)
+            self._take_back_late(view, out, memory, workspace, self.parameters.reauction_after)
+        if self.parameters.while_charging == "release" and has_empty_list(view, batch, out):
+            charging = (view.robots.goal_type == GOAL_CHARGE) & (view.robots.order_queue_length > 0)
+            out.order_queue_length[charging] = memory.per_robot[charging, DUE] = 0
+        mark_planned(view, out)
+        count, since = find_items(view, out, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since
-        if count and (count != memory.shared[LEFT] or has_empty_list(view, asked, given)):
+        if count and (count != memory.shared[LEFT] or has_empty_list(view, batch, out)):
             if self.parameters.auction == "exact":  # it knows no lists to begin with
-                count = self._take_back(view, given, since)
+                count = self._take_back(view, out, since)
             for center, items in self._auctioneers(view, memory, int(count)):
-                self._sell(view, given, memory, space, center, items)
-            memory.shared[LEFT], _ = find_items(view, given, since, self._sellable)
-        serve(view, asked, given, memory, DUE)
+                self._sell(view, out, memory, workspace, center, items)
+            memory.shared[LEFT], _ = find_items(view, out, since, self._sellable)
+        serve(view, batch, out, memory, DUE)
 
     def _take_back_late(
-        self, view: World, given: Any, memory: Memory, space: Workspace, tolerance: int
+        self, view: World, out: Any, memory: Memory, workspace: Workspace, tolerance: int
     ) -> None:
         """Lists that will be done so much later than was foreseen are for sale again."""
-        if not (memory.own[:, DUE] > 0).any():
+        if not (memory.per_robot[:, DUE] > 0).any():
             return
         site = self._site
-        robots = open_session(view, given, space, site, self._sellable, 0)
+        robots = open_session(view, out, workspace, site, self._sellable, 0)
         for r in range(robots):
             i = int(site.robot[r])
-            due = int(memory.own[i, DUE])
-            done = int(view.clock[TICK]) + int(site.fleet.cost[r])
+            due = int(memory.per_robot[i, DUE])
+            done = int(view.clock[CLOCK_TICK]) + int(site.fleet.cost[r])
             if due and site.fleet.length[r] and done > due + tolerance:
-                given.planned[i] = memory.own[i, DUE] = 0
+                out.order_queue_length[i] = memory.per_robot[i, DUE] = 0
 
-    def _take_back(self, view: World, given: Any, since: int) -> int:
+    def _take_back(self, view: World, out: Any, since: int) -> int:
         """Put all that is planned up for sale again; returns how many orders are."""
-        given.planned[:] = 0
-        given.order_taken[given.order_taken == PLANNED] = 0
-        count, _ = find_items(view, given, since, self._sellable)
+        out.order_queue_length[:] = 0
+        out.order_taken[out.order_taken == PLANNED] = 0
+        count, _ = find_items(view, out, since, self._sellable)
         return int(count)
 
     def _auctioneers(
         self, view: World, memory: Memory, count: int
     ) -> list[tuple[int, np.ndarray[Any, Any]]]:
         """Who sells which orders: the cell where the auctioneer is, and what it sells."""
-        kind, items = self.parameters.auctioneer, self._sellable[:count].copy()
-        if kind == "central":
+        robot_type, items = self.parameters.auctioneer, self._sellable[:count].copy()
+        if robot_type == "central":
             return [(NIL, items)]
         robots = len(view.robots.cell)
         memory.shared[ROUND] += 1
-        if kind == "fixed":
+        if robot_type == "fixed":
             seats = [self._cell(view, i) for i in range(min(self.parameters.auctioneers, robots))]
             nearest = self._nearest(view, seats, items)
             return [(seat, items[nearest == k]) for k, seat in enumerate(seats)]
-        if kind == "time":
-            memory.shared[ROLE] = view.clock[TICK] // self.parameters.term % robots
+        if robot_type == "time":
+            memory.shared[ROLE] = view.clock[CLOCK_TICK] // self.parameters.term % robots
         else:
             memory.shared[ROLE] = memory.shared[ROUND] % robots
         return [(self._cell(view, int(memory.shared[ROLE])), items)]
@@ -179,13 +188,13 @@ class Auction(Strategy):
     def _nearest(self, view: World, seats: list[int], items: Any) -> Any:
         """(k,) the seat nearest to where each order lies; ties: the first."""
         width = view.grid.width
-        at = view.slots.cell[view.orders.place[items]]
+        at = view.slots.cell[view.orders.current_slot[items]]
         seat = np.array(seats)[:, None]
         across, down = abs(at % width - seat % width), abs(at // width - seat // width)
         return np.maximum(across, down).argmin(0)
 
     def _sell(
-        self, view: World, given: Any, memory: Memory, space: Workspace, center: int, items: Any
+        self, view: World, out: Any, memory: Memory, workspace: Workspace, center: int, items: Any
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
         parameters, site = self.parameters, self._site
@@ -196,12 +205,12 @@ class Auction(Strategy):
         if center == NIL and parameters.region == "auctioneer":
             radius = NIL  # the central auctioneer reaches everybody
         while len(items):
-            robots = open_session(view, given, space, site, items, len(items))
+            robots = open_session(view, out, workspace, site, items, len(items))
             site.fleet.room[:robots], site.fleet.room[robots:] = self._limit, 0
             hear(view, site, robots, len(items), center, radius)
             self._hold(view, memory, len(items))
-            enter_plans(view, given, site, robots, memory, DUE, self._counted)
-            counts = memory.own[self._counted]
+            enter_plans(view, out, site, robots, memory, DUE, self._counted)
+            counts = memory.per_robot[self._counted]
             counts[HELD] += 1
             counts[BID] += site.scratch.count[BIDS]
             counts[SENT] += site.scratch.count[MESSAGES]
@@ -236,7 +245,7 @@ class Auction(Strategy):
         elif self.parameters.auction == "exact":
             value = exact(*market, tools, item, count, epsilon)
         else:
-            auction = int(memory.own[:, HELD].sum())
+            auction = int(memory.per_robot[:, HELD].sum())
             turns = generations(len(view.robots.cell), count)
             with np.errstate(over="ignore"):
                 value = genetic(
@@ -252,7 +261,7 @@ class Auction(Strategy):
         """Thousandths of MiniSum in the bids of this auction."""
         given = self.parameters.epsilon
         if isinstance(given, EpsilonSchedule):
-            share = min(1.0, int(view.clock[TICK]) / given.until)
+            share = min(1.0, int(view.clock[CLOCK_TICK]) / given.until)
             return round(1000 * (given.first + share * (given.last - given.first)))
         if given == "load":
             return min(1000, 1000 * count // (BUSY * len(view.robots.cell)))

@@ -10,82 +10,82 @@ import numpy as np
 
 from automaton.strategy.kernels import can_do, kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NEXT_ORDER, NIL, PARK, PERIODIC, PICKED
+from automaton.world.state import CLOCK_NEXT_RELEASE, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from strategies.allocation.independent import deliver, take_order
 from strategies.allocation.open_orders import is_open
 
-TOOK = 0  # memory.own: 1 + the order that a robot took last, or 0
+TOOK = 0  # memory.per_robot: 1 + the order that a robot took last, or 0
 
 # memory.shared
 LOOKED = 0  # orders looked at in the run so far: what the search has cost
-CURSOR = (
-    1  # and on, by type: entries of orders.coming before it were taken, or are not for the type
-)
+CURSOR = 1  # and on, by type: orders.release_sequence before it was taken, or is not for the type
 
 
 @kernel
-def gave_back(view, given, memory):
+def gave_back(view, out, memory):
     """Whether an order below the cursors is open again."""
-    for j in range(memory.own.shape[0]):
-        order = memory.own[j, TOOK] - 1
-        if order >= 0 and is_open(view, given, order):
+    for j in range(memory.per_robot.shape[0]):
+        order = memory.per_robot[j, TOOK] - 1
+        if order >= 0 and is_open(view, out, order):
             return True
     return False
 
 
 @kernel
-def giver_back(view, given, memory, i):
+def giver_back(view, out, memory, i):
     """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL."""
     robot = NIL
     if memory.shared[CURSOR + view.robots.type[i]] == 0:
         return robot  # what robots took is forgotten, with the cursor
     lowest = view.orders.state.shape[0]
-    for j in range(memory.own.shape[0]):
-        order = memory.own[j, TOOK] - 1
-        if 0 <= order < lowest and is_open(view, given, order) and can_do(view, i, order):
+    for j in range(memory.per_robot.shape[0]):
+        order = memory.per_robot[j, TOOK] - 1
+        if 0 <= order < lowest and is_open(view, out, order) and can_do(view, i, order):
             lowest = order
             robot = j
     return robot
 
 
 @kernel
-def next_order(view, given, memory, i):
+def next_order(view, out, memory, i):
     """The first open order for robot i from the cursor on, NIL if there is none; the cursor stops."""
     cursor = CURSOR + view.robots.type[i]
-    for k in range(memory.shared[cursor], view.clock[NEXT_ORDER]):
-        order = np.int64(view.orders.coming[k])
+    for k in range(memory.shared[cursor], view.clock[CLOCK_NEXT_RELEASE]):
+        order = np.int64(view.orders.release_sequence[k])
         memory.shared[LOOKED] += 1
         memory.shared[cursor] = k + 1
         if order == NIL:
             continue  # another zone's, out of sight
-        if is_open(view, given, order) and can_do(view, i, order):
+        if is_open(view, out, order) and can_do(view, i, order):
             return order
     return NIL
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.allocation
-    again = gave_back(view, given, memory)
-    for k in range(asked.count[0]):
-        if space.stop[0]:
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.allocation
+    again = gave_back(view, out, memory)
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
             return
-        i = np.int64(asked.robot[k])
-        if asked.reason[k] == PICKED:
-            deliver(view, given, k, i)
-        elif asked.reason[k] == PERIODIC:
+        i = np.int64(batch.robot[k])
+        if batch.reason[k] == REASON_PICKED:
+            deliver(view, out, k, i)
+        elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            giver = giver_back(view, given, memory, i) if again else NIL
-            order = next_order(view, given, memory, i) if giver == NIL else NIL
+            giver = giver_back(view, out, memory, i) if again else NIL
+            order = next_order(view, out, memory, i) if giver == NIL else NIL
             if giver != NIL:
-                order = memory.own[giver, TOOK] - 1
-                memory.own[giver, TOOK] = memory.own[i, TOOK]  # that one may be open again, too
+                order = memory.per_robot[giver, TOOK] - 1
+                memory.per_robot[giver, TOOK] = memory.per_robot[
+                    i, TOOK
+                ]  # that one may be open again, too
             if order == NIL:
-                given.verb[k] = PARK
+                out.command[k] = CMD_PARK
             else:
-                take_order(view, given, k, i, order)
-                memory.own[i, TOOK] = order + 1
+                take_order(view, out, k, i, order)
+                memory.per_robot[i, TOOK] = order + 1
 
 
 class FirstCome(Strategy):
@@ -95,4 +95,4 @@ class FirstCome(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, own=1, shared=CURSOR + len(view.grid.ways))
+        return memory_of(view, per_robot=1, shared=CURSOR + len(view.grid.type_cell_flags))

@@ -13,99 +13,112 @@ import numpy as np
 from automaton.strategy.kernels import (
     begin_search,
     can_do,
-    drop_stand,
+    dropoff_cell,
     kernel,
     mark_goal,
     nearest_mark,
-    pick_stand,
+    pickup_cell,
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN, TAKE
+from automaton.world.state import (
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_TAKE_ORDER,
+    NIL,
+    REASON_ORDER_RETURNED,
+    REASON_PERIODIC,
+    REASON_PICKED,
+)
 from strategies.allocation.open_orders import is_open
 
 
 @kernel
-def nearest_order(view, given, space, i, around):
+def nearest_order(view, out, workspace, i, around):
     """The open order of least path cost for robot i, NIL if there is none."""
-    search = begin_search(space)
+    search = begin_search(workspace)
     found = False
-    kind = view.robots.type[i]
+    robot_type = view.robots.type[i]
     for order in range(view.orders.state.shape[0]):
-        if is_open(view, given, order) and can_do(view, i, order):
-            mark_goal(space, search, pick_stand(view, kind, view.orders.place[order]), order)
+        if is_open(view, out, order) and can_do(view, i, order):
+            mark_goal(
+                workspace,
+                search,
+                pickup_cell(view, robot_type, view.orders.current_slot[order]),
+                order,
+            )
             found = True
     if not found:
         return NIL
     heading = np.int64(view.robots.heading[i])
-    return nearest_mark(view, space, search, kind, position(view, i), heading, around)
+    return nearest_mark(view, workspace, search, robot_type, position(view, i), heading, around)
 
 
 @kernel
-def take_order(view, given, k, i, order):
-    """Answer k of the batch: robot i picks up this order."""
-    given.verb[k] = TAKE
-    given.order[k] = order
-    given.stand[k] = pick_stand(view, view.robots.type[i], view.orders.place[order])
-    given.order_taken[order] = 1
+def take_order(view, out, k, i, order):
+    """Decision k of the batch: robot i picks up this order."""
+    out.command[k] = CMD_TAKE_ORDER
+    out.order[k] = order
+    out.goal_cell[k] = pickup_cell(view, view.robots.type[i], view.orders.current_slot[order])
+    out.order_taken[order] = 1
 
 
 @kernel
-def take_nearest(view, given, space, k, i, released):
-    """Answer k: the nearest open order, or home if there is none."""
+def take_nearest(view, out, workspace, k, i, released):
+    """Decision k: the nearest open order, or home if there is none."""
     order = NIL
     if released:
-        order = nearest_order(view, given, space, i, True)
+        order = nearest_order(view, out, workspace, i, True)
     if order == NIL:
-        order = nearest_order(view, given, space, i, False)
+        order = nearest_order(view, out, workspace, i, False)
     if order == NIL:
-        given.verb[k] = PARK
+        out.command[k] = CMD_PARK
     else:
-        take_order(view, given, k, i, order)
+        take_order(view, out, k, i, order)
 
 
 @kernel
-def takes_load(view, given, slot):
+def takes_load(view, out, slot):
     """Whether a load may be set down at a slot: where any number fits, or on a shelf that is empty
     and promised to nobody."""
-    if view.slots.endless[slot]:
+    if view.slots.unbounded[slot]:
         return True
-    empty = view.slots.content[slot] == NIL and view.slots.by[slot] == NIL
-    return empty and given.slot_taken[slot] == 0
+    empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
+    return empty and out.slot_taken[slot] == 0
 
 
 @kernel
-def set_down(view, given, k, i, slot):
-    """Answer k: robot i sets its load down at this slot, which takes it."""
-    given.verb[k] = SET_DOWN
-    given.slot[k] = slot
-    given.stand[k] = drop_stand(view, view.robots.type[i], slot)
-    if view.slots.endless[slot] == 0:
-        given.slot_taken[slot] = 1
+def set_down(view, out, k, i, slot):
+    """Decision k: robot i sets its load down at this slot, which takes it."""
+    out.command[k] = CMD_DROP_AT
+    out.slot[k] = slot
+    out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot)
+    if view.slots.unbounded[slot] == 0:
+        out.slot_taken[slot] = 1
 
 
 @kernel
-def deliver(view, given, k, i):
-    """Answer k: set the load down at its order's own target; if it is full, ask again next tick."""
+def deliver(view, out, k, i):
+    """Decision k: set the load down at its order's own target; if it is full, ask again next tick."""
     slot = np.int64(view.orders.target[view.robots.load[i]])
-    if takes_load(view, given, slot):
-        set_down(view, given, k, i, slot)
+    if takes_load(view, out, slot):
+        set_down(view, out, k, i, slot)
     else:
-        given.ask_again[k] = 1
+        out.ask_again[k] = 1
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.allocation
-    for k in range(asked.count[0]):
-        if space.stop[0]:
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.allocation
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
             return
-        i = np.int64(asked.robot[k])
-        reason = asked.reason[k]
-        if reason == PICKED:
-            deliver(view, given, k, i)
-        elif reason != PERIODIC:
-            take_nearest(view, given, space, k, i, reason == RELEASED)
+        i = np.int64(batch.robot[k])
+        reason = batch.reason[k]
+        if reason == REASON_PICKED:
+            deliver(view, out, k, i)
+        elif reason != REASON_PERIODIC:
+            take_nearest(view, out, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
 
 class Independent(Strategy):

@@ -1,13 +1,22 @@
 """The tutorial: how to write a strategy in plain Python.
 
-It decides exactly as `independent` does (equal digests, tested), in tens of microseconds a decision.
-The loop asks it with a batch of robots and goes on with its answers; whatever is not answered stays
-as it was. A compiled strategy has the same shape: replace `decide` by a kernel.
+It decides exactly as `independent` does (equal digests, tested), in tens of microseconds a
+decision. The loop asks it with a batch of robots and goes on with its decisions; whatever is not
+decided stays as it was. A compiled strategy has the same shape: replace `decide` by a kernel.
 """
 
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED, RELEASED, SET_DOWN, TAKE, WAITING
+from automaton.world.state import (
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_TAKE_ORDER,
+    NIL,
+    ORDER_WAITING,
+    REASON_ORDER_RETURNED,
+    REASON_PERIODIC,
+    REASON_PICKED,
+)
 
 
 class IndependentPython(Strategy):
@@ -15,46 +24,49 @@ class IndependentPython(Strategy):
 
     layer = "allocation"
 
-    def decide(self, view, asked, answers, memory, space):
-        given = answers.allocation
+    def decide(self, view, batch, decisions, memory, workspace):
+        out = decisions.allocation
         taken = set()  # orders that earlier robots of this batch took
-        for k in range(asked.count[0]):
-            robot, reason = asked.robot[k], asked.reason[k]
-            if reason == PICKED:  # the pick has begun: where does the load go?
+        for k in range(batch.count[0]):
+            robot, reason = batch.robot[k], batch.reason[k]
+            if reason == REASON_PICKED:  # the pick has begun: where does the load go?
                 slot = view.orders.target[view.robots.load[robot]]
-                given.verb[k] = SET_DOWN
-                given.slot[k] = slot
-                given.stand[k] = self.beside(
+                out.command[k] = CMD_DROP_AT
+                out.slot[k] = slot
+                out.goal_cell[k] = self.beside(
                     view, robot, slot, (2, 0, 3, 1)
                 )  # the left if possible
-            elif reason != PERIODIC:
-                order = self.nearest(view, space, robot, taken, reason == RELEASED)
+            elif reason != REASON_PERIODIC:
+                order = self.nearest(view, workspace, robot, taken, reason == REASON_ORDER_RETURNED)
                 if order is None:
-                    given.verb[k] = PARK
+                    out.command[k] = CMD_PARK
                     continue
                 taken.add(order)
-                given.verb[k] = TAKE
-                given.order[k] = order
-                given.stand[k] = self.beside(view, robot, view.orders.place[order], (0, 2, 1, 3))
+                out.command[k] = CMD_TAKE_ORDER
+                out.order[k] = order
+                out.goal_cell[k] = self.beside(
+                    view, robot, view.orders.current_slot[order], (0, 2, 1, 3)
+                )
 
-    def nearest(self, view, space, robot, taken, around):
+    def nearest(self, view, workspace, robot, taken, around):
         orders = [
             order
             for order in range(len(view.orders.state))
-            if view.orders.state[order] == WAITING
-            and view.orders.by[order] == NIL
+            if view.orders.state[order] == ORDER_WAITING
+            and view.orders.reserved_by[order] == NIL
             and order not in taken
             and paths.can_do(view, robot, order)
         ]
-        stands = [
-            self.beside(view, robot, view.orders.place[order], (0, 2, 1, 3)) for order in orders
+        access_cells = [
+            self.beside(view, robot, view.orders.current_slot[order], (0, 2, 1, 3))
+            for order in orders
         ]
-        found = paths.nearest(view, space, robot, stands, around) if around else None
+        found = paths.nearest(view, workspace, robot, access_cells, around) if around else None
         if found is None:  # or if nothing is reachable around the other robots
-            found = paths.nearest(view, space, robot, stands)
+            found = paths.nearest(view, workspace, robot, access_cells)
         return None if found is None else orders[found]
 
     def beside(self, view, robot, slot, directions):
         """The cell from which a robot serves a slot: the first neighbour where it gets to."""
-        access, usable = view.slots.access[slot], paths.stands_of(view, robot, slot)
+        access, usable = view.slots.access[slot], paths.access_cells(view, robot, slot)
         return next(access[d] for d in directions if access[d] in usable)

@@ -3,62 +3,66 @@
 import numpy as np
 
 from automaton.strategy.kernels import can_do, kernel
-from automaton.world.state import KEEP, NIL, PARK, PERIODIC, PICKED, WAITING
+from automaton.world.state import CMD_PARK, KEEP, NIL, ORDER_WAITING, REASON_PERIODIC, REASON_PICKED
 from strategies.allocation.independent import deliver, take_order
 
 
 @kernel
-def planned_count(view, given, i):
-    """How many orders robot i has ahead of it, by the answers if they say so."""
-    return np.int64(view.robots.planned[i] if given.planned[i] == KEEP else given.planned[i])
+def planned_count(view, out, i):
+    """How many orders robot i has ahead of it, by the decisions if they say so."""
+    return np.int64(
+        view.robots.order_queue_length[i]
+        if out.order_queue_length[i] == KEEP
+        else out.order_queue_length[i]
+    )
 
 
 @kernel
-def copy_plan(view, given, i):
-    """Let the answers begin with the plan that robot i has."""
-    if given.planned[i] != KEEP:
+def copy_plan(view, out, i):
+    """Let the decisions begin with the plan that robot i has."""
+    if out.order_queue_length[i] != KEEP:
         return
-    given.planned[i] = view.robots.planned[i]
-    for k in range(view.robots.planned[i]):
-        given.plan[i, k] = view.robots.plan[i, k]
+    out.order_queue_length[i] = view.robots.order_queue_length[i]
+    for k in range(view.robots.order_queue_length[i]):
+        out.order_queue[i, k] = view.robots.order_queue[i, k]
 
 
 @kernel
-def take_next(view, given, k, i):
-    """Answer k: robot i takes the first order of its list that still waits; False if none does."""
-    copy_plan(view, given, i)
-    count = np.int64(given.planned[i])
+def take_next(view, out, k, i):
+    """Decision k: robot i takes the first order of its list that still waits; False if none does."""
+    copy_plan(view, out, i)
+    count = np.int64(out.order_queue_length[i])
     for p in range(count):
-        order = np.int64(given.plan[i, p])
-        waits = view.orders.state[order] == WAITING and view.orders.by[order] == NIL
+        order = np.int64(out.order_queue[i, p])
+        waits = view.orders.state[order] == ORDER_WAITING and view.orders.reserved_by[order] == NIL
         if waits and can_do(view, i, order):
-            take_order(view, given, k, i, order)
+            take_order(view, out, k, i, order)
             for q in range(p + 1, count):
-                given.plan[i, q - p - 1] = given.plan[i, q]
-            given.planned[i] = count - p - 1
+                out.order_queue[i, q - p - 1] = out.order_queue[i, q]
+            out.order_queue_length[i] = count - p - 1
             return True
-    given.planned[i] = 0
+    out.order_queue_length[i] = 0
     return False
 
 
 @kernel
-def serve(view, asked, given, memory, due):
-    """Answer a batch: loads go to their targets, free robots take the next order of their lists."""
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        if asked.reason[k] == PICKED:
-            deliver(view, given, k, i)
-        elif asked.reason[k] != PERIODIC and not take_next(view, given, k, i):
-            given.verb[k] = PARK
-            memory.own[i, due] = 0
+def serve(view, batch, out, memory, due):
+    """Decide for a batch: loads go to their targets, free robots take the next order of their lists."""
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if batch.reason[k] == REASON_PICKED:
+            deliver(view, out, k, i)
+        elif batch.reason[k] != REASON_PERIODIC and not take_next(view, out, k, i):
+            out.command[k] = CMD_PARK
+            memory.per_robot[i, due] = 0
 
 
 @kernel
-def has_empty_list(view, asked, given):
+def has_empty_list(view, batch, out):
     """Whether a robot that is asked what to do next has nothing ahead of it."""
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        if asked.reason[k] != PICKED and asked.reason[k] != PERIODIC:
-            if planned_count(view, given, i) == 0:
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if batch.reason[k] != REASON_PICKED and batch.reason[k] != REASON_PERIODIC:
+            if planned_count(view, out, i) == 0:
                 return True
     return False

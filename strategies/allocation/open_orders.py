@@ -1,14 +1,14 @@
 """Which orders a robot may take."""
 
 from automaton.strategy.kernels import kernel
-from automaton.world.state import NIL, WAITING
+from automaton.world.state import NIL, ORDER_WAITING
 
 
 @kernel
-def is_open(view, given, order):
-    """Whether an order waits, unreserved, and no earlier answer of this batch took it."""
+def is_open(view, out, order):
+    """Whether an order waits, unreserved, and no earlier decision of this batch took it."""
     return (
-        view.orders.state[order] == WAITING
-        and view.orders.by[order] == NIL
-        and given.order_taken[order] == 0
+        view.orders.state[order] == ORDER_WAITING
+        and view.orders.reserved_by[order] == NIL
+        and out.order_taken[order] == 0
     )

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.scenario.schema import Scenario
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 Tick = Annotated[int, Meta(ge=1, le=2_000_000_000)]
 Fraction = Annotated[float, Meta(ge=0, le=1)]
@@ -123,7 +123,7 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
             if wrong:
                 raise ValueError(sentence)
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """The optimum is known for small fleets alone, and without charging."""
         robots = scenario.fleet.robots
         if scenario.information != "everything":

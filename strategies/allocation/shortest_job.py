@@ -10,16 +10,16 @@ zoning says; without, any order, which it carries to its target.
 import numpy as np
 
 from automaton.strategy.kernels import (
-    FAR,
+    UNREACHABLE,
     can_bring,
     distance,
-    drop_stand,
+    dropoff_cell,
     kernel,
-    pick_stand,
+    pickup_cell,
     position,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, PARK, PERIODIC, PICKED, TICK
+from automaton.world.state import CLOCK_TICK, CMD_PARK, NIL, REASON_PERIODIC, REASON_PICKED
 from strategies.allocation.independent import deliver, set_down, take_order, takes_load
 from strategies.allocation.open_orders import is_open
 
@@ -34,77 +34,77 @@ WORST = -(1 << 62)
 @kernel
 def is_mine(view, order, identity):
     """Whether an order is in a queue that this robot serves; without zones all are."""
-    zoning = view.zoning
-    if zoning.queue.shape[0] == 0:
+    service_zones = view.service_zones
+    if service_zones.queue.shape[0] == 0:
         return True
-    queue = zoning.queue[order]
-    return queue >= 0 and zoning.server[queue] == identity
+    queue = service_zones.queue[order]
+    return queue >= 0 and service_zones.server[queue] == identity
 
 
 @kernel
 def next_stop(view, order):
     """The slot where an order is set down next: where zoning says, or its target."""
-    if view.zoning.queue.shape[0] and view.zoning.stop[order] != NIL:
-        return np.int64(view.zoning.stop[order])
+    if view.service_zones.queue.shape[0] and view.service_zones.next_slot[order] != NIL:
+        return np.int64(view.service_zones.next_slot[order])
     return np.int64(view.orders.target[order])
 
 
 @kernel
-def score(view, space, memory, i, order):
+def score(view, workspace, memory, i, order):
     """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it."""
-    slot, kind = next_stop(view, order), view.robots.type[i]
-    if not can_bring(view, kind, order, slot):
+    slot, robot_type = next_stop(view, order), view.robots.type[i]
+    if not can_bring(view, robot_type, order, slot):
         return WORST
-    pick = pick_stand(view, kind, np.int64(view.orders.place[order]))
-    drop = drop_stand(view, kind, slot)
+    pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]))
+    drop = dropoff_cell(view, robot_type, slot)
     heading = np.int64(view.robots.heading[i])
-    job = distance(view, space, kind, position(view, i), heading, pick)
-    job += distance(view, space, kind, pick, heading, drop)
-    if job >= FAR:
+    job = distance(view, workspace, robot_type, position(view, i), heading, pick)
+    job += distance(view, workspace, robot_type, pick, heading, drop)
+    if job >= UNREACHABLE:
         return WORST
-    age = view.clock[TICK] - view.orders.released[order]
+    age = view.clock[CLOCK_TICK] - view.orders.release_tick[order]
     return memory.parameters[AGE] * age - memory.parameters[JOB] * job
 
 
 @kernel
-def best_order(view, given, memory, space, i):
+def best_order(view, out, memory, workspace, i):
     """The open order of highest score for robot i, NIL if there is none."""
     found, highest = NIL, WORST
     identity = view.robots.identity[i]
     for order in range(view.orders.state.shape[0]):
-        if is_open(view, given, order) and is_mine(view, order, identity):
-            worth = score(view, space, memory, i, order)
+        if is_open(view, out, order) and is_mine(view, order, identity):
+            worth = score(view, workspace, memory, i, order)
             if worth > highest:
                 found, highest = order, worth
     return found
 
 
 @kernel
-def bring(view, given, k, i):
-    """Answer k: carry the load of robot i to its next stop, or to its target if that is full."""
+def bring(view, out, k, i):
+    """Decision k: carry the load of robot i to its next stop, or to its target if that is full."""
     order = np.int64(view.robots.load[i])
     stop = next_stop(view, order)
-    if stop != view.orders.target[order] and takes_load(view, given, stop):
-        set_down(view, given, k, i, stop)
+    if stop != view.orders.target[order] and takes_load(view, out, stop):
+        set_down(view, out, k, i, stop)
     else:
-        deliver(view, given, k, i)
+        deliver(view, out, k, i)
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.allocation
-    for k in range(asked.count[0]):
-        if space.stop[0]:
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.allocation
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
             return
-        i = np.int64(asked.robot[k])
-        if asked.reason[k] == PICKED:
-            bring(view, given, k, i)
-        elif asked.reason[k] != PERIODIC:
-            order = best_order(view, given, memory, space, i)
+        i = np.int64(batch.robot[k])
+        if batch.reason[k] == REASON_PICKED:
+            bring(view, out, k, i)
+        elif batch.reason[k] != REASON_PERIODIC:
+            order = best_order(view, out, memory, workspace, i)
             if order != NIL:
-                take_order(view, given, k, i, order)
+                take_order(view, out, k, i, order)
             elif memory.parameters[PARKS]:
-                given.verb[k] = PARK
+                out.command[k] = CMD_PARK
 
 
 class ShortestJob(Strategy):

@@ -10,13 +10,13 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from automaton.auctions.charging_choice import choose_charging
-from automaton.auctions.market import FILL_UP, FULL, HIERARCHICAL, JOINT, LOOK, SAFE
+from automaton.auctions.market import BATTERY_FULL, FILL_UP, HIERARCHICAL, JOINT, LOOK, SAFE
 from automaton.auctions.site import site_for
 from automaton.strategy.layer import Strategy
-from automaton.world.state import Answers, Asked, Memory, Workspace, World
+from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 
-PERCENT = FULL // 100
+BATTERY_PERCENT = BATTERY_FULL // 100
 IDLE_CHECKS = 50  # ticks between two looks at idle robots
 
 
@@ -25,7 +25,7 @@ class Quoted(Strategy):
 
     layer: ClassVar[str] = "charging"
     parameters: Any
-    every = IDLE_CHECKS
+    period = IDLE_CHECKS
     idle_below = 0  # idle robots with less go to charge
 
     def policy(self) -> dict[str, int]:
@@ -40,15 +40,15 @@ class Quoted(Strategy):
 
     def reset(self, view: World) -> Memory:
         """No memory; room for the list of one robot."""
-        longest = view.robots.plan.shape[1] + 1
+        longest = view.robots.order_queue.shape[1] + 1
         self._site = site_for(view, 1, longest, longest, self.policy(), self.queues)
         return super().reset(view)
 
     def decide(
-        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Send robots to chargers."""
-        choose_charging(view, asked, answers.charging, self._site, space, self.idle_below)
+        choose_charging(view, batch, decisions.charging, self._site, workspace, self.idle_below)
 
 
 class InsertCharging(Quoted):
@@ -61,7 +61,7 @@ class InsertCharging(Quoted):
             "policy": HIERARCHICAL if self.parameters.mode == "hierarchical" else JOINT,
             "end_reach": int(self.parameters.never_strand),
             "threshold": 0,
-            "target": FULL,
+            "target": BATTERY_FULL,
         }
 
 
@@ -71,7 +71,7 @@ class FillUpCharging(Quoted):
     Parameters: ClassVar[Any] = FillUp
 
     def policy(self) -> dict[str, int]:
-        target = round(self.parameters.target * PERCENT)
+        target = round(self.parameters.target * BATTERY_PERCENT)
         return {"policy": FILL_UP, "end_reach": 1, "threshold": 0, "target": target}
 
 
@@ -84,8 +84,8 @@ class ThresholdCharging(Quoted):
         return {
             "policy": LOOK if self.parameters.mode == "look" else SAFE,
             "end_reach": 0,
-            "threshold": round(self.parameters.threshold * PERCENT),
-            "target": FULL,
+            "threshold": round(self.parameters.threshold * BATTERY_PERCENT),
+            "target": BATTERY_FULL,
         }
 
 
@@ -96,7 +96,7 @@ class OpportunityCharging(InsertCharging):
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)
-        self.idle_below = round(self.parameters.below * PERCENT)
+        self.idle_below = round(self.parameters.below * BATTERY_PERCENT)
 
     def policy(self) -> dict[str, int]:
-        return {"policy": HIERARCHICAL, "end_reach": 1, "threshold": 0, "target": FULL}
+        return {"policy": HIERARCHICAL, "end_reach": 1, "threshold": 0, "target": BATTERY_FULL}

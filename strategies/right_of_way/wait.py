@@ -7,8 +7,8 @@ NEVER_ASKED = 256  # failed retries are counted up to 255
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    """Every answer stays KEEP."""
+def decide(view, batch, decisions, memory, workspace):
+    """Every decision stays KEEP."""
 
 
 class Wait(Strategy):
@@ -17,7 +17,7 @@ class Wait(Strategy):
     layer = "right_of_way"
     compiled = decide
 
-    def waits(self):
+    def wait_ranges(self):
         p = self.parameters
         return (*p.wait_empty, *p.wait_loaded, NEVER_ASKED)
 

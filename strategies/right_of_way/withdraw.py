@@ -1,6 +1,6 @@
 """Wait, retry, withdraw (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a deadlock.
 
-The world runs the waits and retries that `waits` sets. After a failed retry the robot withdraws if
+The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot withdraws if
 the other one wants its cell (head-on), or when it failed `limit` times; else it keeps its plan.
 A withdrawal is a random number of moves away from the target; the plan is made anew after it.
 With `give_way` a robot that has nothing to do makes room for one that wants its cell.
@@ -11,26 +11,27 @@ Robots are looked up by cell: in `traffic.holder`, or in lists of those in each 
 import numpy as np
 
 from automaton.strategy.kernels import (
-    ABORTS,
-    FAR,
-    WITHDRAWALS,
+    STREAM_ABORTS,
+    STREAM_RETREATS,
+    UNREACHABLE,
     distance,
-    draw_between,
     has_room,
     kernel,
     lane_of,
+    random_between,
 )
 from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.cells import MAY_TURN
 from automaton.world.state import (
+    CLOCK_TICK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_WAIT,
     GOAL_NONE,
     NIL,
-    PAUSE,
-    PERIODIC,
-    RETREAT,
-    STEP,
-    STUCK,
-    TICK,
-    WITHDRAWING,
+    REASON_PERIODIC,
+    REASON_RETREATING,
+    REASON_RETRIES_EXHAUSTED,
 )
 
 # memory.parameters
@@ -49,7 +50,7 @@ PRESSES = 2
 @kernel
 def capacity_of(view, cell):
     """How many robots a cell is for; 0: any number."""
-    return (np.int64(view.grid.rule[cell]) >> 5) & 3
+    return (np.int64(view.grid.cell_flags[cell]) >> 5) & 3
 
 
 @kernel
@@ -58,7 +59,7 @@ def list_crowds(view, crowds):
     robots = view.robots
     if crowds.shape[0] == 0:
         return
-    n, cells = robots.cell.shape[0], view.grid.rule.shape[0]
+    n, cells = robots.cell.shape[0], view.grid.cell_flags.shape[0]
     for back in range(n):
         i = np.int64(robots.at_index[n - 1 - back])
         for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
@@ -86,7 +87,7 @@ def next_place(view, crowds, cell, place):
         return place + 1 if place < capacity else 0
     if crowds.shape[0] == 0:
         return 0
-    return crowds[cell] if place == 0 else crowds[view.grid.rule.shape[0] + place - 1]
+    return crowds[cell] if place == 0 else crowds[view.grid.cell_flags.shape[0] + place - 1]
 
 
 @kernel
@@ -111,7 +112,7 @@ def holder_of(view, crowds, cell, direction):
 
     In a cell without limit the one of lowest identity: the order of storage must not matter.
     """
-    lane = lane_of(np.int64(view.grid.rule[cell]), direction)
+    lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
     if lane != NIL:
         identity = np.int64(view.traffic.holder[cell, lane])
         return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
@@ -123,30 +124,30 @@ def holder_of(view, crowds, cell, direction):
 def is_head_on(view, crowds, i):
     """Whether the robot ahead plans to move into robot i's cell next, and is not withdrawing."""
     robots, grid = view.robots, view.grid
-    if robots.at[i] >= robots.length[i]:
+    if robots.route_index[i] >= robots.route_length[i]:
         return False
-    way = np.int64(robots.route[i, robots.at[i]])
+    way = np.int64(robots.route[i, robots.route_index[i]])
     j = holder_of(view, crowds, robots.cell[i] + grid.offset[way], way)
-    if j == NIL or robots.withdrawing[j] or robots.at[j] >= robots.length[j]:
+    if j == NIL or robots.retreat_moves[j] or robots.route_index[j] >= robots.route_length[j]:
         return False
-    direction = np.int64(robots.route[j, robots.at[j]])
+    direction = np.int64(robots.route[j, robots.route_index[j]])
     if direction & (grid.headings - 1) != robots.heading[j]:
         return False  # it turns first
     return robots.cell[j] + grid.offset[direction] == robots.cell[i]
 
 
 @kernel
-def may_turn(view, i, rule):
+def may_turn(view, i, flags):
     """Whether robot i can turn where it is: in a cell of capacity 2 that takes both lanes."""
-    if rule & 16 == 0:
+    if flags & MAY_TURN == 0:
         return False
-    if (rule >> 5) & 3 != 2:
+    if (flags >> 5) & 3 != 2:
         return True
     return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
 
 
 @kernel
-def step_away(view, space, i):
+def step_away(view, workspace, i):
     """The direction of a withdrawal's next move, NIL if every way is closed.
 
     A straight move that raises the path cost to the target, else the one of largest cost.
@@ -154,20 +155,20 @@ def step_away(view, space, i):
     robots, grid = view.robots, view.grid
     mask = grid.headings - 1
     cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
-    target = np.int64(robots.home[i] if robots.stand[i] == NIL else robots.stand[i])
-    kind = np.int64(robots.type[i])
-    here = distance(view, space, kind, cell, heading, target)
+    target = np.int64(robots.home[i] if robots.goal_cell[i] == NIL else robots.goal_cell[i])
+    robot_type = np.int64(robots.type[i])
+    here = distance(view, workspace, robot_type, cell, heading, target)
     best, best_cost, best_raises = NIL, NIL, False
     for direction in range(4):
         straight = direction & mask == heading
-        rule = np.int64(grid.ways[kind, cell])
-        if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
+        flags = np.int64(grid.type_cell_flags[robot_type, cell])
+        if (flags >> direction) & 1 == 0 or not (straight or may_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):
             continue
-        cost = distance(view, space, kind, to, direction & mask, target)
-        if cost >= FAR:
+        cost = distance(view, workspace, robot_type, to, direction & mask, target)
+        if cost >= UNREACHABLE:
             continue  # there is no way back
         raises = straight and cost > here
         if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
@@ -179,7 +180,7 @@ def step_away(view, space, i):
 def is_idle(view, i):
     """Whether robot i stands on the floor with nothing to do, parked there or not."""
     robots = view.robots
-    free = robots.goal[i] == GOAL_NONE and robots.load[i] == NIL
+    free = robots.goal_type[i] == GOAL_NONE and robots.load[i] == NIL
     return robots.cell[i] != NIL and free
 
 
@@ -187,9 +188,9 @@ def is_idle(view, i):
 def wants(view, j, i):
     """Whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
     robots = view.robots
-    if robots.at[j] >= robots.length[j]:
+    if robots.route_index[j] >= robots.route_length[j]:
         return False
-    direction = np.int64(robots.route[j, robots.at[j]])
+    direction = np.int64(robots.route[j, robots.route_index[j]])
     return robots.cell[j] + view.grid.offset[direction] == robots.cell[i]
 
 
@@ -213,11 +214,11 @@ def who_wants_in(view, crowds, i):
 def is_hemmed_in(view, i):
     """Whether robot i, which is idle or withdraws, has no room on any way out of its cell."""
     robots, grid = view.robots, view.grid
-    if not is_idle(view, i) and not robots.withdrawing[i]:
+    if not is_idle(view, i) and not robots.retreat_moves[i]:
         return False
     cell = np.int64(robots.cell[i])
     for direction in range(4):
-        if (np.int64(grid.ways[robots.type[i], cell]) >> direction) & 1:
+        if (np.int64(grid.type_cell_flags[robots.type[i], cell]) >> direction) & 1:
             if has_room(view.traffic.occupancy, cell + grid.offset[direction], direction):
                 return False
     return True
@@ -247,7 +248,7 @@ def who_presses(view, crowds, files, i):
 @kernel
 def leads(view, j, cell, direction):
     """Whether robot j stands in a cell, and may leave it in this direction."""
-    way = np.int64(view.grid.ways[view.robots.type[j], cell]) >> direction
+    way = np.int64(view.grid.type_cell_flags[view.robots.type[j], cell]) >> direction
     return view.robots.cell[j] == cell and way & 1 != 0
 
 
@@ -283,7 +284,7 @@ def presses(view, crowds, files, i, first):
             break  # a file that comes back to a link of its own is a ring, and in vain
         if not is_hemmed_in(view, at):
             break
-        if view.robots.withdrawing[at] or who_wants_in(view, crowds, at) != NIL:
+        if view.robots.retreat_moves[at] or who_wants_in(view, crowds, at) != NIL:
             found = PRESSES
             break
         if link != NIL:
@@ -304,7 +305,7 @@ def presses(view, crowds, files, i, first):
 def link_of(view, behind, at):
     """The entry in `files` of two robots, one behind another; NIL for one in a cell without limit."""
     cell = np.int64(view.robots.cell[behind])
-    lane = lane_of(np.int64(view.grid.rule[cell]), np.int64(view.robots.travel[behind]))
+    lane = lane_of(np.int64(view.grid.cell_flags[cell]), np.int64(view.robots.travel[behind]))
     if lane == NIL:
         return np.int64(NIL)
     direction = np.int64(0)
@@ -328,7 +329,7 @@ def who_wants(view, crowds, files, i):
 def is_on_route(view, j, cell):
     """Whether the rest of the route of robot j leads through a cell."""
     here = np.int64(view.robots.cell[j])
-    for s in range(view.robots.at[j], view.robots.length[j]):
+    for s in range(view.robots.route_index[j], view.robots.route_length[j]):
         here += view.grid.offset[np.int64(view.robots.route[j, s])]
         if here == cell:
             return True
@@ -341,9 +342,9 @@ def step_aside(view, i, j):
     grid, cell = view.grid, np.int64(view.robots.cell[i])
     best = NIL
     for direction in range(4):
-        rule = np.int64(grid.ways[view.robots.type[i], cell])
+        flags = np.int64(grid.type_cell_flags[view.robots.type[i], cell])
         straight = direction & (grid.headings - 1) == view.robots.heading[i]
-        if (rule >> direction) & 1 == 0 or not (straight or may_turn(view, i, rule)):
+        if (flags >> direction) & 1 == 0 or not (straight or may_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]
         if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
@@ -355,36 +356,40 @@ def step_aside(view, i, j):
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given = answers.right_of_way
-    seed, tick = view.rules.seed, view.clock[TICK]
+def decide(view, batch, decisions, memory, workspace):
+    out = decisions.right_of_way
+    seed, tick = view.rules.seed, view.clock[CLOCK_TICK]
     p = memory.parameters
     files, crowds = memory.shared[: p[FILES]], memory.shared[p[FILES] :]
     list_crowds(view, crowds)
     if files.shape[0]:
         files[0] += 1
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
         who = np.int64(view.robots.identity[i])
-        if asked.reason[k] == PERIODIC:
+        if batch.reason[k] == REASON_PERIODIC:
             waiting = who_wants(view, crowds, files, i) if is_idle(view, i) else NIL
             direction = step_aside(view, i, waiting) if waiting != NIL else NIL
             if direction != NIL:
-                given.verb[k] = STEP
-                given.value[k] = direction
-        elif asked.reason[k] == STUCK:
-            if view.robots.blocked[i] >= p[LIMIT] or is_head_on(view, crowds, i):
-                given.verb[k] = RETREAT
-                given.value[k] = draw_between(p[MOVES], p[MOVES + 1], seed, WITHDRAWALS, tick, who)
-                given.release[k] = 1
-        elif asked.reason[k] == WITHDRAWING:
-            direction = step_away(view, space, i)
+                out.command[k] = CMD_STEP
+                out.value[k] = direction
+        elif batch.reason[k] == REASON_RETRIES_EXHAUSTED:
+            if view.robots.failed_retries[i] >= p[LIMIT] or is_head_on(view, crowds, i):
+                out.command[k] = CMD_RETREAT
+                out.value[k] = random_between(
+                    p[MOVES], p[MOVES + 1], seed, STREAM_RETREATS, tick, who
+                )
+                out.return_order[k] = 1
+        elif batch.reason[k] == REASON_RETREATING:
+            direction = step_away(view, workspace, i)
             if direction == NIL:
-                given.verb[k] = PAUSE
-                given.value[k] = draw_between(p[ABORT], p[ABORT + 1], seed, ABORTS, tick, who)
+                out.command[k] = CMD_WAIT
+                out.value[k] = random_between(
+                    p[ABORT], p[ABORT + 1], seed, STREAM_ABORTS, tick, who
+                )
             else:
-                given.verb[k] = STEP
-                given.value[k] = direction
+                out.command[k] = CMD_STEP
+                out.value[k] = direction
     forget_crowds(view, crowds)
 
 
@@ -397,19 +402,19 @@ class Withdraw(Strategy):
 
     def __init__(self, parameters=None):
         super().__init__(parameters)
-        self.every = int(self.parameters.give_way)
+        self.period = int(self.parameters.give_way)
 
-    def waits(self):
+    def wait_ranges(self):
         p = self.parameters
         return (*p.wait_empty, *p.wait_loaded, p.retries)
 
     def reset(self, view):
         """The parameters; where idle robots give way, all robots are asked about in every tick."""
-        p, rule, n = self.parameters, view.grid.rule, len(view.robots.cell)
-        unlimited = bool(np.any((rule & 15 != 0) & (rule >> 5 & 3 == 0)))
+        p, cell_flags, n = self.parameters, view.grid.cell_flags, len(view.robots.cell)
+        unlimited = bool(np.any((cell_flags & 15 != 0) & (cell_flags >> 5 & 3 == 0)))
         files = 1 + 8 * n if p.give_way else 0
         return memory_of(
             view,
-            shared=files + (len(rule) + 2 * n if unlimited else 0),
+            shared=files + (len(cell_flags) + 2 * n if unlimited else 0),
             parameters=(p.limit, *p.withdraw, *p.abort_wait, files),
         )

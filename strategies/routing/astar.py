@@ -7,19 +7,21 @@ import numpy as np
 
 from automaton.strategy.kernels import TIES, astar, find_path, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import AROUND, NIL
+from automaton.world.state import NIL, REASON_AROUND_ROBOTS
 
 RULE = 0  # memory.parameters: the tie rule, an index of TIES
 
 
 @kernel
-def around_robots(view, space, i, reason, steps):
+def around_robots(view, workspace, i, reason, steps):
     """The length of a way around the other robots if a withdrawal is over; NIL if not, or if none."""
-    if reason != AROUND:
+    if reason != REASON_AROUND_ROBOTS:
         return NIL
-    heading, stand = np.int64(view.robots.heading[i]), np.int64(view.robots.stand[i])
-    kind = view.robots.type[i]
-    return find_path(view, space, kind, position(view, i), heading, stand, True, steps)
+    heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
+    robot_type = view.robots.type[i]
+    return find_path(
+        view, workspace, robot_type, position(view, i), heading, goal_cell, True, steps
+    )
 
 
 @kernel
@@ -29,21 +31,30 @@ def start_pose(view, i):
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
+def decide(view, batch, decisions, memory, workspace):
     seed = view.rules.seed
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        steps = answers.routing.steps[k]
-        length = around_robots(view, space, i, asked.reason[k], steps)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
         if length == NIL:
-            start, stand = start_pose(view, i), np.int64(view.robots.stand[i])
-            rule, kind = memory.parameters[RULE], view.robots.type[i]
-            duration = view.rules.duration[kind]
+            start, goal_cell = start_pose(view, i), np.int64(view.robots.goal_cell[i])
+            rule, robot_type = memory.parameters[RULE], view.robots.type[i]
+            duration = view.rules.duration[robot_type]
             length = astar(
-                view.grid, kind, duration, space.routes, rule, seed, start, stand, False, steps
+                view.grid,
+                robot_type,
+                duration,
+                workspace.routes,
+                rule,
+                seed,
+                start,
+                goal_cell,
+                False,
+                steps,
             )
         if length != NIL:
-            answers.routing.length[k] = length
+            decisions.routing.route_length[k] = length
 
 
 class AStar(Strategy):

@@ -13,75 +13,75 @@ import numpy as np
 from automaton.strategy.kernels import (
     KEPT,
     OWN_PARAMETERS,
-    expect,
-    expect_no_more,
-    expect_one,
-    find_in_time,
+    add_task_forecast,
+    add_task_forecasts,
+    forecast_all,
     forecast_memory,
-    foresee,
-    foresee_one,
+    forecast_one,
     forget,
     forget_all,
     kernel,
+    remove_task_forecast,
+    time_dependent_path,
 )
 from automaton.strategy.layer import Strategy
-from automaton.world.state import AROUND, NIL, PERIODIC
+from automaton.world.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC
 from strategies.catalogue import SharedPlans
 
 BETA = OWN_PARAMETERS
 BY_TASKS = OWN_PARAMETERS + 1  # 1: nothing is known of the others but their tasks
-DETOUR = KEPT  # memory.own: 1 + the stand to which a detour leads, or 0
+DETOUR = KEPT  # memory.per_robot: 1 + the stand to which a detour leads, or 0
 
 
 @kernel
-def look_ahead(view, space, memory):
+def look_ahead(view, workspace, memory):
     """Foresee all robots, by their plans or by their tasks alone."""
     if memory.parameters[BY_TASKS]:
-        expect(view, space, memory)
+        add_task_forecasts(view, workspace, memory)
     else:
-        foresee(view, space, memory)
+        forecast_all(view, workspace, memory)
 
 
 @kernel
 def leave_out(view, memory, i):
     """Foresee all robots but this one."""
     if memory.parameters[BY_TASKS]:
-        expect_no_more(view, memory, i)
+        remove_task_forecast(view, memory, i)
     else:
         forget(memory, i)
 
 
 @kernel
-def put_back(view, space, memory, i, steps, length):
+def put_back(view, workspace, memory, i, steps, length):
     """Foresee this robot, too, with its new route."""
     if memory.parameters[BY_TASKS]:
-        expect_one(view, space, memory, i)
+        add_task_forecast(view, workspace, memory, i)
     elif length != NIL:
-        foresee_one(view, space, memory, i, steps, length)
+        forecast_one(view, workspace, memory, i, steps, length)
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    if asked.count[0] == 0:
+def decide(view, batch, decisions, memory, workspace):
+    if batch.count[0] == 0:
         return
     beta = memory.parameters[BETA]
-    look_ahead(view, space, memory)
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        steps = answers.routing.steps[k]
-        detour = 1 + np.int64(view.robots.stand[i])
-        if asked.reason[k] == PERIODIC and memory.own[i, DETOUR] == detour:
+    look_ahead(view, workspace, memory)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        detour = 1 + np.int64(view.robots.goal_cell[i])
+        if batch.reason[k] == REASON_PERIODIC and memory.per_robot[i, DETOUR] == detour:
             continue
         leave_out(view, memory, i)
         length = NIL
-        if asked.reason[k] == AROUND:
-            length = find_in_time(view, space, memory, beta, i, True, steps)
-        memory.own[i, DETOUR] = 0 if length == NIL else detour
+        if batch.reason[k] == REASON_AROUND_ROBOTS:
+            length = time_dependent_path(view, workspace, memory, beta, i, True, steps)
+        memory.per_robot[i, DETOUR] = 0 if length == NIL else detour
         if length == NIL:
-            length = find_in_time(view, space, memory, beta, i, False, steps)
+            length = time_dependent_path(view, workspace, memory, beta, i, False, steps)
         if length != NIL:
-            answers.routing.length[k] = length
-        put_back(view, space, memory, i, steps, length)
+            decisions.routing.route_length[k] = length
+        put_back(view, workspace, memory, i, steps, length)
     forget_all(memory)
 
 
@@ -94,7 +94,7 @@ class Congestion(Strategy):
 
     def __init__(self, parameters=None):
         super().__init__(parameters)
-        self.every = self.parameters.every
+        self.period = self.parameters.every
 
     def reset(self, view):
         beta = round(1000 * self.parameters.beta)

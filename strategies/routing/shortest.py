@@ -2,27 +2,27 @@
 
 import numpy as np
 
-from automaton.strategy.kernels import descend, find_path, kernel, position
+from automaton.strategy.kernels import find_path, follow_gradient, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import AROUND, NIL
+from automaton.world.state import NIL, REASON_AROUND_ROBOTS
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
+def decide(view, batch, decisions, memory, workspace):
     robots = view.robots
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        kind, cell = robots.type[i], position(view, i)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        robot_type, cell = robots.type[i], position(view, i)
         heading = np.int64(robots.heading[i])
-        stand = np.int64(robots.stand[i])
-        steps = answers.routing.steps[k]
+        goal_cell = np.int64(robots.goal_cell[i])
+        steps = decisions.routing.steps[k]
         length = NIL
-        if asked.reason[k] == AROUND:
-            length = find_path(view, space, kind, cell, heading, stand, True, steps)
+        if batch.reason[k] == REASON_AROUND_ROBOTS:
+            length = find_path(view, workspace, robot_type, cell, heading, goal_cell, True, steps)
         if length == NIL:
-            length = descend(view, space, kind, cell, heading, stand, steps)
+            length = follow_gradient(view, workspace, robot_type, cell, heading, goal_cell, steps)
         if length != NIL:
-            answers.routing.length[k] = length
+            decisions.routing.route_length[k] = length
 
 
 class Shortest(Strategy):

@@ -31,13 +31,13 @@ from automaton.strategy.kernels import (
     false_alarms,
     has_zone,
     kernel,
-    next_stand,
+    next_goal_cell,
     position,
     search,
 )
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.network import network_for, packed, scratch_size
-from automaton.world.state import NIL, TICK
+from automaton.world.state import CLOCK_TICK, NIL
 from strategies.routing.astar import RULE, around_robots, start_pose
 
 # memory.parameters, after RULE
@@ -46,7 +46,7 @@ KEEP_ZONE = 2  # the chances of the noise in units of 1 / CERTAIN: a zone used i
 ADD_ZONE = 3  # and another one
 NETWORK = 4  # where a packed network begins, if there is one; memory.shared is its scratch
 
-# memory.own
+# memory.per_robot
 STAND = 0  # the zones foreseen of a robot are those of its way to this cell ...
 NEXT = 1  # ... and on to this one
 PLAN_FROM = 2  # the leg that was planned before its time
@@ -60,54 +60,58 @@ SETS = 7  # two sets of zones, a bit for each: those foreseen, those closed to t
 @kernel
 def sets_of(memory, i):
     """The two sets of zones of robot i."""
-    words = (memory.own.shape[1] - SETS) >> 1
-    return memory.own[i, SETS : SETS + words], memory.own[i, SETS + words :]
+    words = (memory.per_robot.shape[1] - SETS) >> 1
+    return memory.per_robot[i, SETS : SETS + words], memory.per_robot[i, SETS + words :]
 
 
 @kernel
-def foresee_task(view, memory, space, i):
+def foresee_task(view, memory, workspace, i):
     """Replay robot i's task from where it is now, and remember the zones that it uses."""
-    own, given = memory.own, memory.parameters
+    per_robot, given = memory.per_robot, memory.parameters
     if given.shape[0] > NETWORK:
         predict(view, memory, i)
         return
     used, _ = sets_of(memory, i)
     used[:] = 0
-    own[i, STAND] = view.robots.stand[i]
-    own[i, NEXT] = next_stand(view, i)
-    pose, kind = start_pose(view, i), view.robots.type[i]
+    per_robot[i, STAND] = view.robots.goal_cell[i]
+    per_robot[i, NEXT] = next_goal_cell(view, i)
+    pose, robot_type = start_pose(view, i), view.robots.type[i]
     for leg in (STAND, NEXT):
-        if own[i, leg] != NIL and pose != NIL:
+        if per_robot[i, leg] != NIL and pose != NIL:
             pose = search(
                 view.grid,
-                kind,
-                view.rules.duration[kind],
-                space.routes,
+                robot_type,
+                view.rules.duration[robot_type],
+                workspace.routes,
                 given[RULE],
                 view.rules.seed,
                 pose,
-                own[i, leg],
+                per_robot[i, leg],
                 False,
             )
             if pose != NIL:
-                add_zones(view.grid, space.routes, pose, used)
+                add_zones(view.grid, workspace.routes, pose, used)
     if given[KEEP_ZONE] < CERTAIN or given[ADD_ZONE] > 0:
-        zones, tick = view.grid.zones, view.clock[TICK]
+        traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock[CLOCK_TICK]
         who = np.int64(view.robots.identity[i])
-        blur(used, zones, given[KEEP_ZONE], given[ADD_ZONE], view.rules.seed, tick, who)
+        blur(
+            used, traffic_zone_count, given[KEEP_ZONE], given[ADD_ZONE], view.rules.seed, tick, who
+        )
 
 
 @kernel
 def is_on_second_leg(view, memory, i):
     """Whether robot i has its load and brings it where it was foreseen to."""
-    return view.robots.load[i] != NIL and memory.own[i, NEXT] == view.robots.stand[i]
+    return view.robots.load[i] != NIL and memory.per_robot[i, NEXT] == view.robots.goal_cell[i]
 
 
 @kernel
 def is_foreseen(view, memory, i):
     """Whether the zones foreseen of robot i are those of its present task."""
-    own = memory.own
-    same = own[i, STAND] == view.robots.stand[i] and own[i, NEXT] == next_stand(view, i)
+    per_robot = memory.per_robot
+    same = per_robot[i, STAND] == view.robots.goal_cell[i] and per_robot[i, NEXT] == next_goal_cell(
+        view, i
+    )
     return same or is_on_second_leg(view, memory, i)
 
 
@@ -118,54 +122,57 @@ def predict(view, memory, i):
     It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
     when it was first seen with its order, or where it stands now if there is none to pick up.
     """
-    own, zone = memory.own, view.grid.zone
-    own[i, STAND] = view.robots.stand[i]
-    own[i, NEXT] = next_stand(view, i)
+    per_robot, traffic_zone = memory.per_robot, view.grid.traffic_zone
+    per_robot[i, STAND] = view.robots.goal_cell[i]
+    per_robot[i, NEXT] = next_goal_cell(view, i)
     used, _ = sets_of(memory, i)
     used[:] = 0
     network, cell = memory.parameters[NETWORK:], position(view, i)
-    if own[i, NEXT] != NIL:
+    if per_robot[i, NEXT] != NIL:
         taken = np.int64(view.robots.order[i]) + 1  # the memory begins with zeros: no order
-        if own[i, TAKEN] != taken:
-            own[i, TAKEN] = taken
-            own[i, TAKEN_AT] = cell
-        cell = own[i, TAKEN_AT]
+        if per_robot[i, TAKEN] != taken:
+            per_robot[i, TAKEN] = taken
+            per_robot[i, TAKEN_AT] = cell
+        cell = per_robot[i, TAKEN_AT]
     for leg in (STAND, NEXT):
-        if own[i, leg] != NIL:
-            start, end = np.int64(zone[cell, 0]), np.int64(zone[own[i, leg], 0])
+        if per_robot[i, leg] != NIL:
+            start, end = (
+                np.int64(traffic_zone[cell, 0]),
+                np.int64(traffic_zone[per_robot[i, leg], 0]),
+            )
             add_predicted(network, memory.shared, start, end, used)
-            cell = own[i, leg]
+            cell = per_robot[i, leg]
 
 
 @kernel
-def count_others(view, memory, space, i):
-    """space.routes.count = how many others are foreseen in each zone.
+def count_others(view, memory, workspace, i):
+    """workspace.routes.count = how many others are foreseen in each zone.
 
     Each is foreseen once for a task. With limited sight nothing is remembered about others.
     """
-    count = space.routes.count
+    count = workspace.routes.count
     count[:] = 0
     for j in range(view.robots.cell.shape[0]):
-        if j == i or view.robots.stand[j] == NIL:
+        if j == i or view.robots.goal_cell[j] == NIL:
             continue
         if not is_foreseen(view, memory, j) or view.rules.radius > 0:
-            foresee_task(view, memory, space, j)
+            foresee_task(view, memory, workspace, j)
         used, _ = sets_of(memory, j)
         count_zones(used, count)
 
 
 @kernel
-def choose(view, memory, space, i, start):
+def choose(view, memory, workspace, i, start):
     """Close zones as the chosen plan has it; whether any is. Keeps those of a second leg."""
-    routes, given = space.routes, memory.parameters
-    stand, then = np.int64(view.robots.stand[i]), next_stand(view, i)
-    pick, drop = (stand, then) if then != NIL else (then, stand)
-    count_others(view, memory, space, i)
-    kind = view.robots.type[i]
+    routes, given = workspace.routes, memory.parameters
+    goal_cell, then = np.int64(view.robots.goal_cell[i]), next_goal_cell(view, i)
+    pick, drop = (goal_cell, then) if then != NIL else (then, goal_cell)
+    count_others(view, memory, workspace, i)
+    robot_type = view.robots.type[i]
     threshold = choose_threshold(
         view.grid,
-        kind,
-        view.rules.duration[kind],
+        robot_type,
+        view.rules.duration[robot_type],
         routes,
         given[RULE],
         view.rules.seed,
@@ -179,62 +186,65 @@ def choose(view, memory, space, i, start):
         routes.closed[:] = 0
     else:
         close_zones(view.grid, routes, threshold, start, pick, drop)
-        memory.own[i, ALTERNATIVES] += 1
+        memory.per_robot[i, ALTERNATIVES] += 1
     _, closed = sets_of(memory, i)
     closed[:] = 0
-    for zone in range(view.grid.zones):
+    for zone in range(view.grid.traffic_zone_count):
         closed[zone >> 6] |= np.int64(routes.closed[zone]) << (zone & 63)
-    memory.own[i, PLAN_FROM] = stand
-    memory.own[i, PLAN_TO] = then
+    memory.per_robot[i, PLAN_FROM] = goal_cell
+    memory.per_robot[i, PLAN_TO] = then
 
 
 @kernel
 def has_plan(view, memory, i, start):
     """Whether this leg was planned together with the one before it."""
     cell = start // view.grid.headings
-    return memory.own[i, PLAN_FROM] == cell and memory.own[i, PLAN_TO] == view.robots.stand[i]
+    return (
+        memory.per_robot[i, PLAN_FROM] == cell
+        and memory.per_robot[i, PLAN_TO] == view.robots.goal_cell[i]
+    )
 
 
 @kernel
-def plan(view, memory, space, i, steps):
+def plan(view, memory, workspace, i, steps):
     """Write the route of robot i into steps; its length, or NIL."""
-    routes, start = space.routes, start_pose(view, i)
+    routes, start = workspace.routes, start_pose(view, i)
     if has_plan(view, memory, i, start):
         _, closed = sets_of(memory, i)
-        for zone in range(view.grid.zones):
+        for zone in range(view.grid.traffic_zone_count):
             routes.closed[zone] = has_zone(closed, zone)
-        memory.own[i, PLAN_FROM] = NIL
+        memory.per_robot[i, PLAN_FROM] = NIL
     else:
-        choose(view, memory, space, i, start)
-    kind = view.robots.type[i]
+        choose(view, memory, workspace, i, start)
+    robot_type = view.robots.type[i]
     return astar(
         view.grid,
-        kind,
-        view.rules.duration[kind],
+        robot_type,
+        view.rules.duration[robot_type],
         routes,
         memory.parameters[RULE],
         view.rules.seed,
         start,
-        np.int64(view.robots.stand[i]),
+        np.int64(view.robots.goal_cell[i]),
         True,
         steps,
     )
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    for k in range(asked.count[0]):  # first: tasks that begin now, all from where they begin
-        i = np.int64(asked.robot[k])
+def decide(view, batch, decisions, memory, workspace):
+    for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
+        i = np.int64(batch.robot[k])
         if not is_on_second_leg(view, memory, i):
-            foresee_task(view, memory, space, i)
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
-        steps = answers.routing.steps[k]
-        length = around_robots(view, space, i, asked.reason[k], steps)
+            foresee_task(view, memory, workspace, i)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
         if length == NIL:
-            length = plan(view, memory, space, i, steps)
+            length = plan(view, memory, workspace, i, steps)
         if length != NIL:
-            answers.routing.length[k] = length
+            decisions.routing.route_length[k] = length
 
 
 class TrafficAvoidance(Strategy):
@@ -246,7 +256,7 @@ class TrafficAvoidance(Strategy):
 
     def reset(self, view):
         p = self.parameters
-        words = -(-view.grid.zones // 64)
+        words = -(-view.grid.traffic_zone_count // 64)
         keep, add = 1.0, 0.0
         if p.predictor == "noisy":
             keep = p.recall

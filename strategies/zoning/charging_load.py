@@ -3,8 +3,8 @@
 import numpy as np
 
 from automaton.strategy.kernels import charging_ticks, kernel
-from automaton.world.condition import FULL
-from automaton.world.state import MOVE, NIL
+from automaton.world.robot_status import BATTERY_FULL
+from automaton.world.state import ACTION_MOVE, NIL
 from automaton.zoning.space import SPEED
 
 
@@ -13,16 +13,16 @@ def charging_minutes(view, rules, i):
     """Minutes that robot i needs at a charger until its battery is full; 0 without batteries."""
     if view.rules.battery == 0:
         return 0.0
-    ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), FULL)
-    return ticks / (rules[SPEED] * view.rules.duration[0, MOVE])
+    ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
+    return ticks / (rules[SPEED] * view.rules.duration[0, ACTION_MOVE])
 
 
 @kernel
-def add_charging(view, space, rules):
+def add_charging(view, workspace, rules):
     """Add the minutes that the server of each zone charges to the zone's space.load."""
-    for zone in range(space.load.shape[0]):
-        server = view.zoning.server[zone]
+    for zone in range(workspace.load.shape[0]):
+        server = view.service_zones.server[zone]
         if server != NIL:
-            space.load[zone] += charging_minutes(
+            workspace.load[zone] += charging_minutes(
                 view, rules, np.int64(view.robots.at_index[server])
             )

@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, TICK
+from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import NEIGHBOURS
@@ -69,19 +69,19 @@ from strategies.zoning.units import cells, rules_of_zones, ticks
 
 
 @kernel
-def replace_broken(view, given, i, far):
+def replace_broken(view, out, i, far):
     """Robot i serves its own zone, and that of one that it sees out of order and unreplaced."""
     identity = np.int64(view.robots.identity[i])
-    for zone in range(view.zoning.server.shape[0]):
-        server = np.int64(view.zoning.server[zone])
+    for zone in range(view.service_zones.server.shape[0]):
+        server = np.int64(view.service_zones.server[zone])
         base = np.int64(view.robots.at_index[zone])
         if zone == identity and server != identity and is_running(view, i):
-            given.server[zone] = identity
+            out.server[zone] = identity
         elif server != NIL and zone != identity and not is_running(view, base):
             holder = np.int64(view.robots.at_index[server])
             if not is_running(view, holder) and is_running(view, i):
                 if serves_all(view, identity, zone) or not others_can(view, i, zone, far):
-                    given.server[zone] = identity
+                    out.server[zone] = identity
 
 
 @kernel
@@ -94,23 +94,23 @@ def others_can(view, i, zone, far):
 
 
 @kernel
-def share_near(view, given, space, memory, i, p, age, job):
+def share_near(view, out, workspace, memory, i, p, age, job):
     """Out of tolerance, robot i gives an order that lies near a neighbour's zone to that neighbour."""
-    own, now = memory.own, view.clock[TICK]
-    own[i, SHARE] = now + p[SHARE_EVERY]
+    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
+    per_robot[i, SHARE] = now + p[SHARE_EVERY]
     identity = np.int64(view.robots.identity[i])
     mine = queue_length(view, identity)
     near = p[FIRST_RULE + ADJACENT] // (2 * MILLION)
-    for zone in range(view.zoning.server.shape[0]):
-        server = np.int64(view.zoning.server[zone])
+    for zone in range(view.service_zones.server.shape[0]):
+        server = np.int64(view.service_zones.server[zone])
         if server == NIL or server == identity or queue_length(view, zone) >= mine:
             continue
         if not is_near(view, i, np.int64(view.robots.at_index[server]), p[RANGE]):
             continue
-        order = first_for(view, given, space, identity, zone, zone, 1, near, age, job)
+        order = first_for(view, out, workspace, identity, zone, zone, 1, near, age, job)
         if order != NIL:
-            enter(given, order, zone, np.int64(view.orders.target[order]), 1)
-            own[i, SHARES] += 1
+            enter(out, order, zone, np.int64(view.orders.target[order]), 1)
+            per_robot[i, SHARES] += 1
             mine -= 1
 
 
@@ -124,74 +124,74 @@ def is_blank(design):
 
 
 @kernel
-def begin(view, given, memory, space, rules, k, i, p):
+def begin(view, out, memory, workspace, rules, k, i, p):
     """The first call for robot i: its timers, its zone, and the transfer stations to its neighbours."""
-    own, now = memory.own, view.clock[TICK]
+    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
     identity = np.int64(view.robots.identity[i])
-    given.zone[k] = identity
-    own[i, LOOK] = now + p[LOOK_EVERY]
-    own[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
-    own[i, SHARE] = now + p[SHARE_EVERY]
-    own[i, ROUND] = NIL
-    own[i, MEAN] = NIL
-    own[i, IN] = NIL
-    own[i, CALM] = now
-    reach = space.reach
-    design = given.design
+    out.service_zone[k] = identity
+    per_robot[i, LOOK] = now + p[LOOK_EVERY]
+    per_robot[i, AVERAGE] = next_multiple(now, p[AVERAGE_EVERY])
+    per_robot[i, SHARE] = now + p[SHARE_EVERY]
+    per_robot[i, ROUND] = NIL
+    per_robot[i, MEAN] = NIL
+    per_robot[i, IN] = NIL
+    per_robot[i, CALM] = now
+    reach = workspace.reach
+    design = out.design
     if identity == 0 and is_blank(design):
         reach[:] = 1
         first_zones(
-            view.zoning.roads, rules, HOT, COLD, STEPS, p[FIRST_TRY], design, space, reach,
+            view.service_zones.roads, rules, HOT, COLD, STEPS, p[FIRST_TRY], design, workspace, reach,
             view.rules.seed, 0,
         )  # fmt: skip
-        given.redesigned[0] = 1
+        out.redesigned[0] = 1
         return
     find_reach(view, reach, i, p[RANGE])
     for station in range(design.zone.shape[0]):
         for zone in range(reach.shape[0]):
             if reach[zone] and design.transfer[identity, zone, station]:
                 return  # the scenario's design has them
-    space.load[:] = 0.0
-    find_transfers(view.zoning.roads, rules, design, space, reach)
-    given.redesigned[0] = 1
+    workspace.load[:] = 0.0
+    find_transfers(view.service_zones.roads, rules, design, workspace, reach)
+    out.redesigned[0] = 1
 
 
 @kernel
-def decide(view, asked, answers, memory, space):
-    given, zones, parts = answers.zoning, space.zoning, space.parts
-    own, p, now = memory.own, memory.parameters, view.clock[TICK]
+def decide(view, batch, decisions, memory, workspace):
+    out, zones, parts = decisions.zoning, workspace.zoning, workspace.parts
+    per_robot, p, now = memory.per_robot, memory.parameters, view.clock[CLOCK_TICK]
     rules = zones.rules
     for column in range(RULES):
         rules[column] = p[FIRST_RULE + column] / MILLION
-    copy_design(view.zoning.design, given.design)
+    copy_design(view.service_zones.design, out.design)
     heed_servers(view, zones)
-    for k in range(asked.count[0]):
-        i = np.int64(asked.robot[k])
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
-        if own[i, LOOK] == 0:
-            begin(view, given, memory, zones, rules, k, i, p)
-        replace_broken(view, given, i, p[RANGE])
+        if per_robot[i, LOOK] == 0:
+            begin(view, out, memory, zones, rules, k, i, p)
+        replace_broken(view, out, i, p[RANGE])
         if not is_running(view, i):
-            given.again[k] = p[LOOK_EVERY]
+            out.again[k] = p[LOOK_EVERY]
             continue
-        busy = negotiate(view, given, memory, zones, parts, rules, k, i, p)
-        queue_orders_of(view, given.design, zones, given, NEIGHBOURS, identity, p[NEAR])
-        hand_on(view, given, identity)
-        looks = now >= own[i, LOOK]
-        averages = not busy and (now >= own[i, AVERAGE] or own[i, ROUND] != NIL)
+        busy = negotiate(view, out, memory, zones, parts, rules, k, i, p)
+        queue_orders_of(view, out.design, zones, out, NEIGHBOURS, identity, p[NEAR])
+        hand_on(view, out, identity)
+        looks = now >= per_robot[i, LOOK]
+        averages = not busy and (now >= per_robot[i, AVERAGE] or per_robot[i, ROUND] != NIL)
         if looks or averages:
             degree = find_reach(view, zones.reach, i, p[RANGE])
             load = np.int64(0)
-            if looks or own[i, ROUND] == NIL:  # further steps of a consensus need no load
-                load = np.int64(NANO * own_load(view, rules, given.design, zones, parts, i))
+            if looks or per_robot[i, ROUND] == NIL:  # further steps of a consensus need no load
+                load = np.int64(NANO * own_load(view, rules, out.design, zones, parts, i))
             if looks:
                 look(view, memory, i, p, load)
             if averages:
-                average(view, given, memory, k, i, p, degree, load)
-        if p[SHARING] and own[i, IN] == 0 and now >= own[i, SHARE] and not busy:
-            share_near(view, given, space, memory, i, p, p[AGE], p[JOB])
-        soon = min(own[i, LOOK], own[i, AVERAGE])
-        given.again[k] = 1 if busy or own[i, ROUND] != NIL else max(1, soon - now)
+                average(view, out, memory, k, i, p, degree, load)
+        if p[SHARING] and per_robot[i, IN] == 0 and now >= per_robot[i, SHARE] and not busy:
+            share_near(view, out, workspace, memory, i, p, p[AGE], p[JOB])
+        soon = min(per_robot[i, LOOK], per_robot[i, AVERAGE])
+        out.again[k] = 1 if busy or per_robot[i, ROUND] != NIL else max(1, soon - now)
 
 
 class DecentralizedZones(Strategy):
@@ -205,7 +205,7 @@ class DecentralizedZones(Strategy):
     def reset(self, view):
         """What each robot remembers; the parameters in ticks, cells and nano-minutes."""
         given = self.parameters
-        allocation = getattr(self.colleagues.get("allocation"), "parameters", None)
+        allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
         every = max(1, ticks(view, given.average_every))
         numbers = (
             int(cells(view, given.range)),
@@ -227,10 +227,10 @@ class DecentralizedZones(Strategy):
         )
         rules = rules_of_zones(view, given.adjacency, decentralized=True)
         rounded = tuple(min(round(MILLION * rule), 1 << 60) for rule in rules)
-        blank = (view.zoning.design.held == NIL).all()
+        blank = (view.service_zones.design.held == NIL).all()
         tries = try_first_zones(view, np.array(rounded) / MILLION) if blank else 0
         weights = (
             round(1000 * getattr(allocation, "age", 0.5)),
             round(1000 * getattr(allocation, "job", 10.0)),
         )
-        return memory_of(view, own=OWN, parameters=(*numbers, *rounded, *weights, tries))
+        return memory_of(view, per_robot=OWN, parameters=(*numbers, *rounded, *weights, tries))

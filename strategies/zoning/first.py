@@ -15,7 +15,7 @@ from strategies.zoning.able import heed_servers
 def no_first_zones(view: World) -> InputError:
     """What is said when none are found."""
     return InputError(
-        f"zoning found no zones for {count(len(view.zoning.server), 'robot')} on this floor; "
+        f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
         "strategy.zoning.design gives them, and fewer robots or more groups are easier"
     )
 
@@ -26,14 +26,14 @@ def try_first_zones(view: World, rules: Array) -> int:
     It could not say that there are none, and need not fail again. rules: (RULES,) float64, as it has
     them. Raises InputError.
     """
-    roads, zones = view.zoning.roads, len(view.zoning.server)
-    space = space_for(roads, zones).replaced(
-        serves=view.zoning.serves.copy(), first=view.zoning.first.copy()
+    roads, zones = view.service_zones.roads, len(view.service_zones.server)
+    workspace = space_for(roads, zones).replaced(
+        serves=view.service_zones.accessible.copy(), first=view.service_zones.has_priority.copy()
     )
-    heed_servers(view, space)
+    heed_servers(view, workspace)
     everywhere = np.ones(zones, np.uint8)
     found = first_zones(
-        roads, rules, HOT, COLD, STEPS, 0, design_for(roads, zones), space, everywhere,
+        roads, rules, HOT, COLD, STEPS, 0, design_for(roads, zones), workspace, everywhere,
         view.rules.seed, 0,
     )  # fmt: skip
     if not found:

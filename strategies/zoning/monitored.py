@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.state import NIL, TICK, Answers, Asked, Memory, Workspace, World
+from automaton.world.state import CLOCK_TICK, NIL, Batch, Decisions, Memory, Workspace, World
 from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
@@ -30,7 +30,7 @@ from strategies.zoning.units import rules_of_zones, ticks
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
 
-# memory.own, in the row of robot 0
+# memory.per_robot, in the row of robot 0
 REDESIGNS: Final = 0
 SHARED: Final = 1
 BALANCED: Final = 2  # ticks between two looks, the first of which found the zones balanced
@@ -63,98 +63,106 @@ class Monitored(Strategy):
 
     def reset(self, view: World) -> Memory:
         """What is counted, when something is due next, and the flow for a redesign."""
-        stations = len(view.zoning.roads.point)
+        stations = len(view.service_zones.roads.point)
         self._rules = rules_of_zones(view, self.parameters.adjacency)
         self._flow = np.zeros((stations, stations))
-        self._everywhere = np.ones(len(view.zoning.server), np.uint8)
-        allocation = getattr(self.colleagues.get("allocation"), "parameters", None)
+        self._everywhere = np.ones(len(view.service_zones.server), np.uint8)
+        allocation = getattr(self.other_layers.get("allocation"), "parameters", None)
         self._age = round(1000 * getattr(allocation, "age", 0.5))
         self._job = round(1000 * getattr(allocation, "job", 10.0))
-        return memory_of(view, own=4, shared=FLOW + stations * stations)
+        return memory_of(view, per_robot=4, shared=FLOW + stations * stations)
 
     def decide(
-        self, view: World, asked: Asked, answers: Answers, memory: Memory, space: Workspace
+        self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Queue what is new, look at the balance, share, or bring new zones into effect."""
-        given, state = answers.zoning, memory.shared
-        now = int(view.clock[TICK])
-        copy_design(view.zoning.design, given.design)
-        heed_servers(view, space.zoning)
+        out, state = decisions.zoning, memory.shared
+        now = int(view.clock[CLOCK_TICK])
+        copy_design(view.service_zones.design, out.design)
+        heed_servers(view, workspace.zoning)
         if not state[BEGUN]:
-            self._begin(view, asked, given, state, space)
+            self._begin(view, batch, out, state, workspace)
         else:
-            self._renew(view, given, memory, space)
-        redesigned = int(given.redesigned[0])
-        take_over(view, given)
-        queue_orders(view, given.design, space.zoning, given, CENTRAL, redesigned)
-        hand_on(view, given, NIL)
+            self._renew(view, out, memory, workspace)
+        redesigned = int(out.redesigned[0])
+        take_over(view, out)
+        queue_orders(view, out.design, workspace.zoning, out, CENTRAL, redesigned)
+        hand_on(view, out, NIL)
         if now >= state[NEXT_LOOK]:
-            self._look(view, given, memory, space)
+            self._look(view, out, memory, workspace)
         self._consider(view, state)
         due = state[BAD_SINCE] and not redesigned
         if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
             if self._shares(state):
-                memory.own[view.robots.at_index[0], SHARED] += share(
-                    view, space, given, self._age, self._job
+                memory.per_robot[view.robots.at_index[0], SHARED] += share(
+                    view, workspace, out, self._age, self._job
                 )
             state[NEXT_SHARE] = now + ticks(view, self.parameters.share_every)
-        given.again[: int(asked.count[0])] = max(1, min(self._due(view, state)) - now)
+        out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
 
     def _due(self, view: World, state: Any) -> list[int]:
         """The ticks in which something is to be done next."""
         sharing = self.parameters.sharing and state[BAD_SINCE]
         return [int(state[NEXT_LOOK]), *([int(state[NEXT_SHARE])] if sharing else [])]
 
-    def _begin(self, view: World, asked: Asked, given: Any, state: Any, space: Workspace) -> None:
+    def _begin(self, view: World, batch: Batch, out: Any, state: Any, workspace: Workspace) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
-        if given.design.zone[0] == NIL:
-            if not self._anneal_first(view, given.design, space):
+        if out.design.zone[0] == NIL:
+            if not self._anneal_first(view, out.design, workspace):
                 raise no_first_zones(view)
-        elif not given.design.transfer.any():
+        elif not out.design.transfer.any():
             record_flow(view, INF, 1 << 40, self._flow)  # of all orders, known or not
-            find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
-            find_transfers(
-                view.zoning.roads, self._rules, given.design, space.zoning, self._everywhere
+            find_loads(
+                view.service_zones.roads, self._rules, self._flow, 0, out.design, workspace.zoning
             )
-        given.redesigned[0] = 1
-        for k in range(int(asked.count[0])):
-            given.zone[k] = view.robots.identity[asked.robot[k]]
+            find_transfers(
+                view.service_zones.roads,
+                self._rules,
+                out.design,
+                workspace.zoning,
+                self._everywhere,
+            )
+        out.redesigned[0] = 1
+        for k in range(int(batch.count[0])):
+            out.service_zone[k] = view.robots.identity[batch.robot[k]]
         state[BEGUN] = 1
-        state[NEXT_LOOK] = int(view.clock[TICK]) + ticks(view, FIRST_LOOK)
+        state[NEXT_LOOK] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
 
-    def _anneal_first(self, view: World, design: Any, space: Workspace) -> bool:
+    def _anneal_first(self, view: World, design: Any, workspace: Workspace) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
         given = self.parameters
         return bool(
             first_zones(
-                view.zoning.roads,
+                view.service_zones.roads,
                 self._rules,
                 float(getattr(given, "hot", HOT)),
                 float(getattr(given, "cold", COLD)),
                 int(getattr(given, "steps", STEPS)),
                 0,
                 design,
-                space.zoning,
+                workspace.zoning,
                 self._everywhere,
                 view.rules.seed,
-                int(view.clock[TICK]),
+                int(view.clock[CLOCK_TICK]),
             )
         )
 
-    def _look(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+    def _look(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """How balanced the zones are now, and what follows from it."""
-        state, now = memory.shared, int(view.clock[TICK])
-        row = memory.own[view.robots.at_index[0]]
+        state, now = memory.shared, int(view.clock[CLOCK_TICK])
+        row = memory.per_robot[view.robots.at_index[0]]
         if state[LAST_LOOK]:
             row[WATCHED] += now - state[LAST_LOOK]
             row[BALANCED] += (now - state[LAST_LOOK]) * (state[WAS_GOOD] == 1)
         flows = record_flow(view, ticks(view, 60 * self.parameters.window), now, self._flow)
         good = NIL
         if flows:
-            find_loads(view.zoning.roads, self._rules, self._flow, 0, given.design, space.zoning)
-            add_charging(view, space.zoning, self._rules)
-            value = balance(space.zoning.load)
-            if len(space.zoning.load) > 1:  # one zone is out of balance with nobody
+            find_loads(
+                view.service_zones.roads, self._rules, self._flow, 0, out.design, workspace.zoning
+            )
+            add_charging(view, workspace.zoning, self._rules)
+            value = balance(workspace.zoning.load)
+            if len(workspace.zoning.load) > 1:  # one zone is out of balance with nobody
                 good = int(0.0 < value <= self.parameters.tolerance)
         state[LAST_LOOK], state[WAS_GOOD] = now, good
         often = ticks(view, self.parameters.often)
@@ -176,5 +184,5 @@ class Monitored(Strategy):
         """Whether orders are shared at a time of sharing; here always."""
         return True
 
-    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+    def _renew(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -18,8 +18,8 @@ from automaton.errors import InputError, nearest
 from automaton.scenario.floors import point_names
 from automaton.scenario.schema import Scenario
 from automaton.units import count
-from automaton.world.plan import FloorPlan
-from automaton.world.reach import slot_access
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.reachability import slot_access
 from automaton.world.state import NIL
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
@@ -56,15 +56,15 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         ),
     ] = {}
 
-    def located(self, folder: Path) -> Self:
+    def resolve_paths(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
         if not isinstance(self.design, str):
             return self
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
 
-    def _wrong_priority(self, scenario: Scenario, plan: FloorPlan) -> str | None:
-        names = [kind.name for kind in scenario.fleet.types]
-        most = len(plan.stations()) or self.groups
+    def _wrong_priority(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        names = [robot_type.name for robot_type in scenario.fleet.types]
+        most = len(floor_plan.stations()) or self.groups
         for name, stations in self.priority.items():
             if name not in names:
                 known = (
@@ -76,23 +76,31 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
                     return f"priority names station {station}, but there are stations 1 to {most}"
         return None
 
-    def stations(self, plan: FloorPlan) -> int:
+    def stations(self, floor_plan: FloorPlan) -> int:
         """The stations that zones are made of; without any, the groups of slots that count as such."""
-        served = slot_access(plan).max(axis=1, initial=NIL)
+        served = slot_access(floor_plan).max(axis=1, initial=NIL)
         stands = int(np.unique(served[served != NIL]).size)
-        return len(plan.stations()) or min(self.groups, stands)
+        return len(floor_plan.stations()) or min(self.groups, stands)
 
-    def flaw(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def flaw(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """What is wrong with the design on this floor."""
         if self.design is None:
             return None
-        from automaton.world.partitions import grouped  # kernels: who has no design needs none
+        from automaton.world.build_service_zones import (
+            grouped,
+        )  # kernels: who has no design needs none
         from automaton.zoning.designs import read_design
         from automaton.zoning.roads import roads_of
 
-        cells = plan.stations() if len(plan.stations()) else grouped(plan, self.groups)[0]
+        cells = (
+            floor_plan.stations()
+            if len(floor_plan.stations())
+            else grouped(floor_plan, self.groups)[0]
+        )
         try:
-            read_design(plan, roads_of(plan, cells), self.design, point_names(scenario.layout))
+            read_design(
+                floor_plan, roads_of(floor_plan, cells), self.design, point_names(scenario.layout)
+            )
         except InputError as error:
             choice = scenario.strategy.zoning
             name = choice.get("design") if isinstance(choice, dict) else None
@@ -100,21 +108,21 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             return f"{which}: {error.message}"
         return None
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """Each robot has a zone with a station in it; a design says how many robots there are, and
         priority names types and stations."""
-        if wrong := self._wrong_priority(scenario, plan):
+        if wrong := self._wrong_priority(scenario, floor_plan):
             return wrong
         zones = self.design.get("zones") if isinstance(self.design, dict) else None
-        robots, stations = scenario.fleet.robots, self.stations(plan)
+        robots, stations = scenario.fleet.robots, self.stations(floor_plan)
         if robots > stations:
-            counted = "stations" if len(plan.stations()) else "groups of slots (raise groups)"
+            counted = "stations" if len(floor_plan.stations()) else "groups of slots (raise groups)"
             return (
                 f"each robot serves a zone with a station at least, and there are {robots} robots and "
                 f"{stations} {counted}; take fewer robots"
             )
         if not isinstance(zones, list) or len(zones) == robots:
-            return self.flaw(scenario, plan)
+            return self.flaw(scenario, floor_plan)
         return (
             f"the zone design has {count(len(zones), 'zone')}, one for each robot; there are {robots} "
             "(without a design, strategy.zoning.design=null, zones are made for any number)"
@@ -134,14 +142,14 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     calm: Annotated[Minutes, Meta(description="in balance so long: look seldom")] = 5.0
     share_every: Annotated[Seconds, Meta(description="between two times of sharing")] = 60.0
 
-    def objection(self, scenario: Scenario, plan: FloorPlan) -> str | None:
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """As of all zones; and one computer makes them, of what all robots do."""
         if scenario.information != "everything":
             return (
                 "one computer watches all zones, so it needs information: everything; with less, "
                 "robots make zones by decentralized"
             )
-        return super().objection(scenario, plan)
+        return super().check_scenario(scenario, floor_plan)
 
 
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -7,15 +7,15 @@ still belongs to the zone whose robot brought it, and is routed on from there (K
 import numpy as np
 
 from automaton.strategy.kernels import (
-    FAR,
+    UNREACHABLE,
     can_bring,
     distance,
-    drop_stand,
+    dropoff_cell,
     kernel,
-    pick_stand,
+    pickup_cell,
     position,
 )
-from automaton.world.state import NIL, TICK
+from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.routing import route
 from strategies.zoning.able import (
     enter,
@@ -36,10 +36,10 @@ def slot_at(view, station):
     """Where a load may lie at a station on its way: the station itself, or a free shelf; NIL: nowhere."""
     if view.stations.slot.shape[0]:
         return np.int64(view.stations.slot[station])
-    for slot in range(view.slots.spare):
-        if view.zoning.station_of[slot] != station or view.slots.endless[slot]:
+    for slot in range(view.slots.first_spare):
+        if view.service_zones.station_of[slot] != station or view.slots.unbounded[slot]:
             continue
-        if view.slots.content[slot] == NIL and view.slots.by[slot] == NIL:
+        if view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL:
             return np.int64(slot)
     return np.int64(NIL)
 
@@ -47,84 +47,84 @@ def slot_at(view, station):
 @kernel
 def owner_of(view, design, order, again):
     """The zone that has to say where an order goes; NIL: none. again: forget who brought it."""
-    slot = np.int64(view.orders.place[order])
+    slot = np.int64(view.orders.current_slot[order])
     if slot == NIL:
         return np.int64(NIL)
-    former = np.int64(view.zoning.queue[order])
+    former = np.int64(view.service_zones.queue[order])
     if former <= FORMER and again == 0:
         return FORMER - former
-    station = np.int64(view.zoning.station_of[slot])
+    station = np.int64(view.service_zones.station_of[slot])
     return np.int64(NIL) if station == NIL else np.int64(design.zone[station])
 
 
 @kernel
-def queue_order(view, design, space, given, rule, order, zone):
+def queue_order(view, design, workspace, out, rule, order, zone):
     """Route an order of a zone; enters its queue and its next stop."""
-    at = np.int64(view.zoning.station_of[view.orders.place[order]])
+    at = np.int64(view.service_zones.station_of[view.orders.current_slot[order]])
     target = np.int64(view.orders.target[order])
-    to = np.int64(view.zoning.station_of[target])
+    to = np.int64(view.service_zones.station_of[target])
     if at == NIL or to == NIL or design.zone[to] == NIL:
-        enter_able(view, given, order, zone, target, 0)
+        enter_able(view, out, order, zone, target, 0)
         return
-    queue, station, _ = route(view.zoning.roads, design, space, rule, zone, at, to)
+    queue, station, _ = route(view.service_zones.roads, design, workspace, rule, zone, at, to)
     stop = target if station == to else slot_at(view, station)
-    enter_able(view, given, order, queue, target if stop == NIL else stop, 0)
+    enter_able(view, out, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel
-def queue_orders_of(view, design, space, given, rule, robot, near):
+def queue_orders_of(view, design, workspace, out, rule, robot, near):
     """Queue the orders that are in no queue and belong to the zones that a robot serves.
 
     near: cells; an order whose next station is so near a transfer station is brought there directly.
     """
     for order in range(view.orders.state.shape[0]):
-        if not is_free(view, order) or view.zoning.queue[order] >= 0:
+        if not is_free(view, order) or view.service_zones.queue[order] >= 0:
             continue
         zone = owner_of(view, design, order, 0)
-        if zone != NIL and view.zoning.server[zone] == robot:
+        if zone != NIL and view.service_zones.server[zone] == robot:
             if near > 0 and is_near_transfer(view, design, order, zone, near):
-                enter_able(view, given, order, zone, np.int64(view.orders.target[order]), 1)
+                enter_able(view, out, order, zone, np.int64(view.orders.target[order]), 1)
             else:
-                queue_order(view, design, space, given, rule, order, zone)
+                queue_order(view, design, workspace, out, rule, order, zone)
 
 
 @kernel
 def is_near_transfer(view, design, order, zone, near):
     """Whether the next station of an order lies near one where it would leave the zone."""
-    to = np.int64(view.zoning.station_of[view.orders.target[order]])
+    to = np.int64(view.service_zones.station_of[view.orders.target[order]])
     if to == NIL or design.zone[to] == NIL or design.zone[to] == zone:
         return False
     for station in range(design.zone.shape[0]):
         if design.transfer[zone, design.zone[to], station]:
-            if view.zoning.roads.between[station, to] <= near:
+            if view.service_zones.roads.between[station, to] <= near:
                 return True
     return False
 
 
 @kernel
-def queue_orders(view, design, space, given, rule, again):
+def queue_orders(view, design, workspace, out, rule, again):
     """Queue all orders that are in no queue; again = 1: all that wait, from where they are."""
     for order in range(view.orders.state.shape[0]):
-        if not is_free(view, order) or (view.zoning.queue[order] >= 0 and again == 0):
+        if not is_free(view, order) or (view.service_zones.queue[order] >= 0 and again == 0):
             continue
         zone = owner_of(view, design, order, again)
         if zone != NIL:
-            queue_order(view, design, space, given, rule, order, zone)
+            queue_order(view, design, workspace, out, rule, order, zone)
 
 
 @kernel
 def lies_near(view, order, zone, near):
     """Whether an order waits within so many cells of a station of a zone."""
-    at = np.int64(view.zoning.station_of[view.orders.place[order]])
-    for station in range(view.zoning.design.zone.shape[0]):
-        if view.zoning.design.zone[station] == zone and at != NIL:
-            if view.zoning.roads.between[at, station] <= near:
+    at = np.int64(view.service_zones.station_of[view.orders.current_slot[order]])
+    for station in range(view.service_zones.design.zone.shape[0]):
+        if view.service_zones.design.zone[station] == zone and at != NIL:
+            if view.service_zones.roads.between[at, station] <= near:
                 return True
     return False
 
 
 @kernel
-def first_for(view, given, space, zone, other, taker, direct, near, age, job):
+def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
     """The first order in the queue of a zone, by its score, whose next station is in the other zone.
 
     It is one that the robot of the zone `taker` can bring to its target.
@@ -132,69 +132,75 @@ def first_for(view, given, space, zone, other, taker, direct, near, age, job):
     Of those not direct yet, if direct = 0; of those that lie within `near` cells of a station of the
     other zone, if near > 0. NIL if there is none.
     """
-    design, found, highest = view.zoning.design, NIL, -(1 << 62)
-    server = np.int64(view.zoning.server[zone])
+    design, found, highest = view.service_zones.design, NIL, -(1 << 62)
+    server = np.int64(view.service_zones.server[zone])
     if server == NIL:
         return found
     i = np.int64(view.robots.at_index[server])
-    kind, heading = np.int64(view.robots.type[i]), np.int64(view.robots.heading[i])
+    robot_type, heading = np.int64(view.robots.type[i]), np.int64(view.robots.heading[i])
     for order in range(view.orders.state.shape[0]):
-        if not is_free(view, order) or view.zoning.queue[order] != zone:
+        if not is_free(view, order) or view.service_zones.queue[order] != zone:
             continue
-        to = np.int64(view.zoning.station_of[view.orders.target[order]])
-        if to == NIL or design.zone[to] != other or (direct == 0 and view.zoning.direct[order]):
+        to = np.int64(view.service_zones.station_of[view.orders.target[order]])
+        if (
+            to == NIL
+            or design.zone[to] != other
+            or (direct == 0 and view.service_zones.skips_transfer[order])
+        ):
             continue
         if near > 0 and not lies_near(view, order, other, near):
             continue
-        if not zone_can(view, given, taker, order, np.int64(view.orders.target[order])):
+        if not zone_can(view, out, taker, order, np.int64(view.orders.target[order])):
             continue
-        stop = np.int64(view.zoning.stop[order])
-        if not can_bring(view, kind, order, stop):
+        next_slot = np.int64(view.service_zones.next_slot[order])
+        if not can_bring(view, robot_type, order, next_slot):
             continue
-        pick = pick_stand(view, kind, np.int64(view.orders.place[order]))
-        ticks = distance(view, space, kind, position(view, i), heading, pick)
-        ticks += distance(view, space, kind, pick, heading, drop_stand(view, kind, stop))
-        if ticks >= FAR:
+        pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]))
+        ticks = distance(view, workspace, robot_type, position(view, i), heading, pick)
+        ticks += distance(
+            view, workspace, robot_type, pick, heading, dropoff_cell(view, robot_type, next_slot)
+        )
+        if ticks >= UNREACHABLE:
             continue
-        worth = age * (view.clock[TICK] - view.orders.released[order]) - job * ticks
+        worth = age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order]) - job * ticks
         if worth > highest:
             found, highest = order, worth
     return found
 
 
 @kernel
-def share(view, space, given, age, job):
+def share(view, workspace, out, age, job):
     """Load sharing, once: at most two orders for each pair of zones; returns how many.
 
     The first order of the longer queue that goes into the other zone moves to that zone's robot; the
     first one of the shorter queue that goes into the busy zone skips the transfer station.
     """
-    zones = view.zoning.server.shape[0]
+    zones = view.service_zones.server.shape[0]
     shared = 0
     for a in range(zones):
         for b in range(a + 1, zones):
-            here, there = length_then(view, given, a), length_then(view, given, b)
+            here, there = length_then(view, out, a), length_then(view, out, b)
             if here == there:
                 continue
             busy, idle = (a, b) if here > there else (b, a)
-            moved = first_for(view, given, space, busy, idle, idle, 1, 0, age, job)
+            moved = first_for(view, out, workspace, busy, idle, idle, 1, 0, age, job)
             if moved != NIL:
-                enter(given, moved, idle, np.int64(view.orders.target[moved]), 1)
+                enter(out, moved, idle, np.int64(view.orders.target[moved]), 1)
                 shared += 1
-            skipped = first_for(view, given, space, idle, busy, idle, 0, 0, age, job)
+            skipped = first_for(view, out, workspace, idle, busy, idle, 0, 0, age, job)
             if skipped != NIL:
-                enter(given, skipped, idle, np.int64(view.orders.target[skipped]), 1)
+                enter(out, skipped, idle, np.int64(view.orders.target[skipped]), 1)
                 shared += 1
     return shared
 
 
 @kernel
-def take_over(view, given):
+def take_over(view, out):
     """Who is out of order is replaced by a running robot until it is back.
 
     By one that serves all its stations if there is any, then by that with the shortest queue.
     """
-    zones = view.zoning.server.shape[0]
+    zones = view.service_zones.server.shape[0]
     for zone in range(zones):
         best, least = zone, 1 << 60
         if not is_running(view, np.int64(view.robots.at_index[zone])):
@@ -203,8 +209,8 @@ def take_over(view, given):
                 waiting += 0 if serves_all(view, other, zone) else 1 << 40
                 if is_running(view, np.int64(view.robots.at_index[other])) and waiting < least:
                     best, least = other, waiting
-        if view.zoning.server[zone] != best:
-            given.server[zone] = best
+        if view.service_zones.server[zone] != best:
+            out.server[zone] = best
 
 
 @kernel
@@ -217,11 +223,11 @@ def record_flow(view, window, now, flow):
     total = 0
     orders = view.orders
     for order in range(orders.state.shape[0]):
-        if orders.released[order] > now:
+        if orders.release_tick[order] > now:
             continue
         gone = np.int64(orders.delivered[order])
-        start = np.int64(view.zoning.station_of[orders.source[order]])
-        end = np.int64(view.zoning.station_of[orders.target[order]])
+        start = np.int64(view.service_zones.station_of[orders.source[order]])
+        end = np.int64(view.service_zones.station_of[orders.target[order]])
         if start == NIL or end == NIL or start == end or (gone != NIL and now - gone >= window):
             continue
         flow[start, end] += 1.0

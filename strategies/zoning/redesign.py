@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from automaton.strategy.kernels import draw_between, kernel
-from automaton.world.state import NIL, TICK
+from automaton.strategy.kernels import kernel, random_between
+from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.negotiation import lead
 from strategies.zoning.able import enter_able
 from strategies.zoning.averaging import fill_parts, next_multiple, wants_redesign
@@ -43,126 +43,129 @@ from strategies.zoning.talk import (
 
 
 @kernel
-def join(view, given, memory, k, i, p, began):
+def join(view, out, memory, k, i, p, began):
     """Robot i takes part in the redesign that began in a tick, and stands still."""
-    own, now = memory.own, view.clock[TICK]
-    tell(view, given, k, i)
-    given.said[k, REDESIGN] = began
-    given.said[k, LEADER] = NIL
-    given.said[k, TURN] = 0
-    given.said[k, TURNS] = 0
-    given.said[k, DONE] = 0
-    own[i, LED] = 0
-    own[i, ROUND] = NIL
+    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
+    tell(view, out, k, i)
+    out.messages[k, REDESIGN] = began
+    out.messages[k, LEADER] = NIL
+    out.messages[k, TURN] = 0
+    out.messages[k, TURNS] = 0
+    out.messages[k, DONE] = 0
+    per_robot[i, LED] = 0
+    per_robot[i, ROUND] = NIL
     left = p[PAUSE] - (now - began)
     if left > 0:
-        given.halt[k] = min(left, 60_000)
+        out.halt[k] = min(left, 60_000)
 
 
 @kernel
-def leave(view, given, memory, k, i, p):
+def leave(view, out, memory, k, i, p):
     """The redesign is over for robot i; it looks and reckons again when it drives again."""
-    own = memory.own
-    tell(view, given, k, i)
-    given.said[k, DONE] = 1
-    goes_on = max(np.int64(view.clock[TICK]), given.said[k, REDESIGN] + p[PAUSE])
-    own[i, CALM] = goes_on
-    own[i, SINCE] = goes_on
-    own[i, LOOK] = goes_on + p[LOOK_EVERY]
-    own[i, AVERAGE] = next_multiple(goes_on, p[AVERAGE_EVERY])
-    own[i, IN] = NIL
+    per_robot = memory.per_robot
+    tell(view, out, k, i)
+    out.messages[k, DONE] = 1
+    goes_on = max(np.int64(view.clock[CLOCK_TICK]), out.messages[k, REDESIGN] + p[PAUSE])
+    per_robot[i, CALM] = goes_on
+    per_robot[i, SINCE] = goes_on
+    per_robot[i, LOOK] = goes_on + p[LOOK_EVERY]
+    per_robot[i, AVERAGE] = next_multiple(goes_on, p[AVERAGE_EVERY])
+    per_robot[i, IN] = NIL
 
 
 @kernel
-def take_turn(view, given, memory, space, parts, rules, k, i, p, turn):
+def take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn):
     """Robot i leads: exchanges about the mean, then the next leader is named, or the end."""
-    own, now = memory.own, view.clock[TICK]
+    per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
     identity = np.int64(view.robots.identity[i])
-    reach = space.reach
+    reach = workspace.reach
     find_reach(view, reach, i, p[RANGE])
     seed = view.rules.seed
-    if own[i, LED] < p[MOST_TURNS]:
+    if per_robot[i, LED] < p[MOST_TURNS]:
         fill_parts(view, parts)
-        mean = max(own[i, MEAN], 0) / NANO
-        before = own[i, LED] * p[ITERATIONS]
+        mean = max(per_robot[i, MEAN], 0) / NANO
+        before = per_robot[i, LED] * p[ITERATIONS]
         hot, cold, scale = p[HOT] / MILLION, p[COLD] / MILLION, p[SCALE] / MILLION
         steps = p[MOST_TURNS] * p[ITERATIONS]
         lead(
-            view.zoning.roads, rules, parts, hot, cold, steps, scale, before, p[ITERATIONS],
-            given.design, space, identity, reach, mean, seed, now,
+            view.service_zones.roads, rules, parts, hot, cold, steps, scale, before, p[ITERATIONS],
+            out.design, workspace, identity, reach, mean, seed, now,
         )  # fmt: skip
-        given.redesigned[0] = 1
-        enter_parts(view, given, parts, reach)
-        own[i, LED] += 1
-    tell(view, given, k, i)
-    given.said[k, TURNS] = own[i, LED]
-    waiting = own[i, LED] < p[MOST_TURNS]
+        out.redesigned[0] = 1
+        enter_parts(view, out, parts, reach)
+        per_robot[i, LED] += 1
+    tell(view, out, k, i)
+    out.messages[k, TURNS] = per_robot[i, LED]
+    waiting = per_robot[i, LED] < p[MOST_TURNS]
     near = 0
     for j in range(view.robots.cell.shape[0]):
         if is_near(view, i, j, p[RANGE]):
             near += 1
-            waiting = waiting or view.zoning.said[j, TURNS] < p[MOST_TURNS]
-            own[i, MESSAGES] += 1
+            waiting = waiting or view.service_zones.messages[j, TURNS] < p[MOST_TURNS]
+            per_robot[i, MESSAGES] += 1
     if not waiting or near == 0:
-        own[i, REDESIGNS] += 1
-        leave(view, given, memory, k, i, p)
+        per_robot[i, REDESIGNS] += 1
+        leave(view, out, memory, k, i, p)
         return
-    chosen = draw_between(0, near - 1, seed, LEADERS, now, identity)
+    chosen = random_between(0, near - 1, seed, LEADERS, now, identity)
     for other in range(view.robots.cell.shape[0]):
         j = np.int64(view.robots.at_index[other])
         if is_near(view, i, j, p[RANGE]):
             if chosen == 0:
-                given.said[k, LEADER] = other
-                given.said[k, TURN] = turn + 1
+                out.messages[k, LEADER] = other
+                out.messages[k, TURN] = turn + 1
             chosen -= 1
 
 
 @kernel
-def enter_parts(view, given, parts, reach):
-    """Answer where the parts of a negotiation wait now, and where they are brought."""
-    zoning = view.zoning
+def enter_parts(view, out, parts, reach):
+    """Decide where the parts of a negotiation wait now, and where they are brought."""
+    service_zones = view.service_zones
     for n in range(parts.count[0]):
         order = np.int64(parts.order[n])
         if parts.carried[n] or reach[parts.zone[n]] == 0:
             continue
         queue, station = np.int64(parts.zone[n]), np.int64(parts.stop[n])
-        if queue == zoning.queue[order] and station == zoning.station_of[zoning.stop[order]]:
+        if (
+            queue == service_zones.queue[order]
+            and station == service_zones.station_of[service_zones.next_slot[order]]
+        ):
             continue
         target = np.int64(view.orders.target[order])
         stop = target if station == parts.to[n] else slot_at(view, station)
-        enter_able(view, given, order, queue, target if stop == NIL else stop, 0)
+        enter_able(view, out, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel
-def negotiate(view, given, memory, space, parts, rules, k, i, p):
+def negotiate(view, out, memory, workspace, parts, rules, k, i, p):
     """What robot i does in a redesign, or to begin one; returns whether it takes part."""
-    now, said = view.clock[TICK], view.zoning.said
+    now, messages = view.clock[CLOCK_TICK], view.service_zones.messages
     identity = np.int64(view.robots.identity[i])
-    active = said[i, REDESIGN] > 0 and said[i, DONE] == 0
+    active = messages[i, REDESIGN] > 0 and messages[i, DONE] == 0
     over, newest = False, np.int64(0)
-    turn, leader = said[i, TURN], said[i, LEADER]
+    turn, leader = messages[i, TURN], messages[i, LEADER]
     for j in range(view.robots.cell.shape[0]):
         if not is_near(view, i, j, p[RANGE]):
             continue
-        if said[j, DONE] == 0:
-            newest = max(newest, said[j, REDESIGN])
-        if active and said[j, REDESIGN] == said[i, REDESIGN]:
-            over = over or said[j, DONE] == 1
-            if said[j, TURN] > turn:
-                turn, leader = said[j, TURN], said[j, LEADER]
+        if messages[j, DONE] == 0:
+            newest = max(newest, messages[j, REDESIGN])
+        if active and messages[j, REDESIGN] == messages[i, REDESIGN]:
+            over = over or messages[j, DONE] == 1
+            if messages[j, TURN] > turn:
+                turn, leader = messages[j, TURN], messages[j, LEADER]
     if active:
-        if over or now - said[i, REDESIGN] > p[PAUSE] + 100 * (1 + p[MOST_TURNS]):
-            leave(view, given, memory, k, i, p)
+        if over or now - messages[i, REDESIGN] > p[PAUSE] + 100 * (1 + p[MOST_TURNS]):
+            leave(view, out, memory, k, i, p)
             return False
-        if leader == identity and (said[i, TURN] < turn or turn == 1):
-            take_turn(view, given, memory, space, parts, rules, k, i, p, turn)
+        if leader == identity and (messages[i, TURN] < turn or turn == 1):
+            take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn)
         return True
-    if newest > said[i, REDESIGN]:
-        join(view, given, memory, k, i, p, newest)
+    if newest > messages[i, REDESIGN]:
+        join(view, out, memory, k, i, p, newest)
         return True
-    if wants_redesign(view, memory, i, p) and find_reach(view, space.reach, i, p[RANGE]):
-        join(view, given, memory, k, i, p, now)
-        given.said[k, LEADER] = identity
-        given.said[k, TURN] = 1
+    if wants_redesign(view, memory, i, p) and find_reach(view, workspace.reach, i, p[RANGE]):
+        join(view, out, memory, k, i, p, now)
+        out.messages[k, LEADER] = identity
+        out.messages[k, TURN] = 1
         return True
     return False

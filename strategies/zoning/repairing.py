@@ -9,7 +9,7 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.units import count
-from automaton.world.state import NIL, TICK, Array, Memory, Workspace, World
+from automaton.world.state import CLOCK_TICK, NIL, Array, Memory, Workspace, World
 from automaton.zoning.annealing import REPAIRS, repair
 from automaton.zoning.genetic import evolve
 from automaton.zoning.herd import population_for
@@ -39,7 +39,7 @@ class Repaired(Monitored, ABC):
 
     def _consider(self, view: World, state: Any) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""
-        now = int(view.clock[TICK])
+        now = int(view.clock[CLOCK_TICK])
         if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
             return
         record_flow(view, ticks(view, 60 * self.parameters.window), now, self._flow)
@@ -62,22 +62,22 @@ class Repaired(Monitored, ABC):
         """Not while new zones are computed, if the scenario says so."""
         return self.parameters.share_while_computing or not state[NEW_ZONES_AT]
 
-    def _renew(self, view: World, given: Any, memory: Memory, space: Workspace) -> None:
+    def _renew(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
-        state, now = memory.shared, int(view.clock[TICK])
+        state, now = memory.shared, int(view.clock[CLOCK_TICK])
         if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
             return
         self._flow[:] = state[FLOW:].reshape(self._flow.shape)
-        if self._design(view, given.design, space):
-            given.redesigned[0] = 1
-            memory.own[view.robots.at_index[0], REDESIGNS] += 1
+        if self._design(view, out.design, workspace):
+            out.redesigned[0] = 1
+            memory.per_robot[view.robots.at_index[0], REDESIGNS] += 1
         else:
-            copy_design(view.zoning.design, given.design)
+            copy_design(view.service_zones.design, out.design)
         state[NEW_ZONES_AT] = state[BAD_SINCE] = 0
         state[NEXT_LOOK] = now + ticks(view, AFTER_REPAIR)
 
     @abstractmethod
-    def _design(self, view: World, design: Any, space: Workspace) -> bool:
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
         """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
 
 
@@ -86,11 +86,11 @@ class AnnealedZones(Repaired):
 
     Parameters = Annealing
 
-    def _design(self, view: World, design: Any, space: Workspace) -> bool:
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
         given = self.parameters
         return bool(
             repair(
-                view.zoning.roads,
+                view.service_zones.roads,
                 self._rules,
                 self._flow,
                 float(given.hot),
@@ -99,10 +99,10 @@ class AnnealedZones(Repaired):
                 given.steps,
                 REPAIRS,
                 design,
-                space.zoning,
+                workspace.zoning,
                 self._everywhere,
                 view.rules.seed,
-                int(view.clock[TICK]),
+                int(view.clock[CLOCK_TICK]),
             )
         )
 
@@ -116,13 +116,13 @@ class BredZones(Repaired):
         """Room for the population besides."""
         memory = super().reset(view)
         self._poses = self._poses_of(view)
-        self._population = population_for(view.zoning.roads, self.parameters.population)
+        self._population = population_for(view.service_zones.roads, self.parameters.population)
         return memory
 
-    def _design(self, view: World, design: Any, space: Workspace) -> bool:
+    def _design(self, view: World, design: Any, workspace: Workspace) -> bool:
         given = self.parameters
         found = evolve(
-            view.zoning.roads,
+            view.service_zones.roads,
             self._rules,
             self._flow,
             given.generations,
@@ -130,10 +130,10 @@ class BredZones(Repaired):
             float(given.mutation),
             self._population,
             design,
-            space.zoning,
+            workspace.zoning,
             self._everywhere,
             view.rules.seed,
-            int(view.clock[TICK]),
+            int(view.clock[CLOCK_TICK]),
         )
         if found and given.matched:
             self._give_out(view, design)
@@ -141,7 +141,7 @@ class BredZones(Repaired):
 
     def _poses_of(self, view: World) -> Array:
         """(n, 2) by identity: columns and rows of the grid, from where each robot looks for its zone."""
-        given, robots = self.parameters.poses, len(view.zoning.server)
+        given, robots = self.parameters.poses, len(view.service_zones.server)
         if given is None:
             homes = view.robots.home[view.robots.at_index]
             return np.stack((homes % view.grid.width, homes // view.grid.width), axis=1)
@@ -157,14 +157,18 @@ class BredZones(Repaired):
 
         Robots of a type choose among the zones that were bred for their type.
         """
-        cells = view.zoning.roads.cell[view.zoning.roads.point]
+        cells = view.service_zones.roads.cell[view.service_zones.roads.point]
         across, down = cells % view.grid.width, cells // view.grid.width
-        zones, kinds = len(view.zoning.server), view.robots.type[view.robots.at_index]
+        zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
             x, y = self._poses[robot]
-            alike = (view.zoning.serves == view.zoning.serves[robot]).all(axis=1)
-            alike &= (view.zoning.first == view.zoning.first[robot]).all(axis=1)
+            alike = (view.service_zones.accessible == view.service_zones.accessible[robot]).all(
+                axis=1
+            )
+            alike &= (
+                view.service_zones.has_priority == view.service_zones.has_priority[robot]
+            ).all(axis=1)
             alike &= kinds == kinds[robot]
             free = [zone for zone in range(zones) if name[zone] == NIL and alike[zone]]
             middle = [design.zone == zone for zone in free]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from automaton.strategy.kernels import kernel, position
-from automaton.world.partition import SAID
+from automaton.world.service_zones import MESSAGE_WORDS
 from automaton.world.state import NIL
 from automaton.zoning.space import RULES
 from strategies.zoning.able import is_running
@@ -12,7 +12,7 @@ NANO = 1_000_000_000  # loads are told in this part of a minute
 DEGREES = 1 << 12  # more robots than anybody has in range
 BIAS = NANO // 10  # that consensus begins with
 
-# memory.own
+# memory.per_robot
 LOOK = 0  # tick of the next look
 AVERAGE = 1  # tick of the next consensus
 ROUND = 2  # step of the consensus that goes on, or NIL
@@ -80,7 +80,7 @@ def find_reach(view, reach, i, far):
     count = 0
     for zone in range(reach.shape[0]):
         reach[zone] = 0
-        server = np.int64(view.zoning.server[zone])
+        server = np.int64(view.service_zones.server[zone])
         if server == NIL:
             continue
         j = np.int64(view.robots.at_index[server])
@@ -93,9 +93,9 @@ def find_reach(view, reach, i, far):
 
 
 @kernel
-def tell(view, given, k, i):
+def tell(view, out, k, i):
     """Begin to say something new: what robot i says stays as it is but for what is changed now."""
-    if given.tells[k] == 0:
-        given.tells[k] = 1
-        for word in range(SAID):
-            given.said[k, word] = view.zoning.said[i, word]
+    if out.sends_message[k] == 0:
+        out.sends_message[k] = 1
+        for word in range(MESSAGE_WORDS):
+            out.messages[k, word] = view.service_zones.messages[i, word]

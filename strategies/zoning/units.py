@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.world.state import DROP, MOVE, PICK, World
+from automaton.world.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.zoning.roads import typical_distance
 from automaton.zoning.space import zone_rules
 
@@ -27,12 +27,12 @@ def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = F
     """The numbers by which zones are made: (RULES,) float64 of automaton.zoning.space."""
     tick = seconds_of_tick(view)
     duration = view.rules.duration[0]
-    between = view.zoning.roads.between
+    between = view.service_zones.roads.between
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
     given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
     return zone_rules(
-        speed=60.0 / (tick * float(duration[MOVE])),
+        speed=60.0 / (tick * float(duration[ACTION_MOVE])),
         adjacent=float(adjacent),
-        handling=tick * float(duration[PICK] + duration[DROP]) / 60.0,
+        handling=tick * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / 60.0,
         **(given if decentralized else {}),  # type: ignore[arg-type]
     )

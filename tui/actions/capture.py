@@ -39,8 +39,8 @@ class CaptureActions(Stage):
     def _key(self, side: int) -> str:
         """What the letters of zones mean, if they are shown: there is no legend beside a text."""
         if self.choice.layer == "served":
-            zoning = self.pictures.scene(self.shot, self.choice, side).partition
-            many = 0 if zoning is None else len(zoning.server)
+            service_zones = self.pictures.scene(self.shot, self.choice, side).service_zones
+            many = 0 if service_zones is None else len(service_zones.server)
             return "; ".join(design_key(many, self.glyphs)) + "\n"
         if self.choice.layer != "zones":
             return ""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from automaton.world.observation import is_waiting
 from automaton.world.state import NIL
-from automaton.world.waiting import waits
 from tui.actions.find import FindActions
 from tui.recordings import beside, comparing_command, short_path
 from tui.titles import short, title_of
@@ -53,7 +53,7 @@ class ChooseActions(FindActions):
     def _longest_waiting(self) -> int:
         assert self.shot is not None
         robots = self.shot.snapshots[self.choice.side].robots
-        kept = np.flatnonzero(waits(robots.cause))
+        kept = np.flatnonzero(is_waiting(robots.cause))
         return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
 
     def action_inspect(self) -> None:

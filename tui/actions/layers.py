@@ -67,12 +67,14 @@ class LayerActions(Stage):
             self.show_layer(name)
 
     def _zones(self) -> bool:
-        zones = self.pictures.floors[self.choice.side].zones
-        return zones is not None and zones.count > 0
+        traffic_zones = self.pictures.floors[self.choice.side].traffic_zones
+        return traffic_zones is not None and traffic_zones.count > 0
 
     def _serve_zones(self) -> bool:
         """Whether there are zones that robots serve."""
-        return self.pictures.scene(self.shot, self.choice, self.choice.side).partition is not None
+        return (
+            self.pictures.scene(self.shot, self.choice, self.choice.side).service_zones is not None
+        )
 
     def show_layer(self, name: str) -> None:
         """One of LAYERS."""

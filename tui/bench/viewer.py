@@ -221,8 +221,8 @@ class unpinned_afterwards:
 
 def first_floor() -> float:
     """Seconds from the command to a picture with all turntables of the floor."""
-    plan = resolve("tabletop-1").plan
-    count = int((plan.kind == TURNTABLE).sum())
+    floor_plan = resolve("tabletop-1").floor_plan
+    count = int((floor_plan.kind == TURNTABLE).sum())
     sign = UNICODE.characters[UNICODE.turntable].encode()
     with tempfile.TemporaryDirectory(prefix="automaton-bench-") as state:
         command = [sys.executable, "-m", "automaton", "watch", "tabletop-1", "--no-record"]

@@ -12,9 +12,9 @@ from automaton.history.run import Run
 from automaton.recording.frames import StoredFrames
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.world.cells import FLOOR, STEPS, WALL
-from automaton.world.plan import floor_plan
-from automaton.world.state import TICK
+from automaton.world.cells import DIRECTION_VECTORS, FLOOR, WALL
+from automaton.world.floor_plan import make_floor_plan
+from automaton.world.state import CLOCK_TICK
 
 
 class Walk(Run):
@@ -24,7 +24,7 @@ class Walk(Run):
         super().__init__({}, StoredFrames([]), resolved)
         self._walkers = Simulation(resolved, on_observe=self.chronicle)
         self._walkers.world.robots.parked[:] = 0
-        self._keyframes = Keyframes(self._walkers.world, self._walkers.watch, budget=0)
+        self._keyframes = Keyframes(self._walkers.world, self._walkers.observation, budget=0)
 
     @property
     def live(self) -> bool:
@@ -49,7 +49,7 @@ class Walk(Run):
     def _compute(self, until: int) -> None:
         world = self._walkers.world
         random_walk(world, self._walkers.tick + 1, until + 1)
-        world.clock[TICK] = until
+        world.clock[CLOCK_TICK] = until
 
 
 def walkers(width: int, height: int, robots: int) -> Resolved:
@@ -59,12 +59,12 @@ def walkers(width: int, height: int, robots: int) -> Resolved:
     rows, columns = (slice(size // 2 - 1, size // 2 + 4) for size in (height, width))
     kind[rows, columns], leave[rows, columns] = WALL, 0
     leave &= exits_into(kind == FLOOR)
-    return scene(floor_plan(kind, leave), robots)
+    return scene(make_floor_plan(kind, leave), robots)
 
 
 def exits_into(drivable: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """(h, w) the exits that lead to a drivable cell."""
     found = np.zeros(drivable.shape, np.uint8)
-    for direction, (dx, dy) in enumerate(STEPS):
+    for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
         found |= np.roll(drivable, (-dy, -dx), (0, 1)).astype(np.uint8) << np.uint8(direction)
     return found

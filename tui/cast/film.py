@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.errors import InputError, alternatives
-from automaton.strategy.lookup import NONE
+from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import unit
 from automaton.world.state import NIL
 from tui.cast.frame import aim, checked_size, size_for
@@ -44,11 +44,11 @@ class Film:
         self._choice = self._chosen(request)
         self._pictures = Pictures(self._opening, self.glyphs)
         self._status = self._said(request)
-        plan, robots = self._resolved.plan, self._resolved.scenario.fleet.robots
+        floor_plan, robots = self._resolved.floor_plan, self._resolved.scenario.fleet.robots
         self.columns, self.rows = (
             checked_size(*request.size)
             if request.size
-            else size_for(plan, robots, request.zoom, self._status)
+            else size_for(floor_plan, robots, request.zoom, self._status)
         )
         map_rows = self.rows - self._status.rows(self.columns)
         self._pictures.resize(map_rows, self.columns)
@@ -137,6 +137,6 @@ class Film:
         floor = self._pictures.floors[0]
         key = zone_key(floor, self.glyphs) if request.layer == "zones" else []
         if request.layer == "served":
-            serve = self._resolved.picks["zoning"].name != NONE
+            serve = self._resolved.strategies["zoning"].name != NO_STRATEGY
             key = design_key(scenario.fleet.robots if serve else 0, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)

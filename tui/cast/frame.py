@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from automaton.errors import InputError, alternatives
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from tui.cast.status import Status
 from tui.render.camera import Camera
 
@@ -25,11 +25,11 @@ def checked_size(columns: int, rows: int) -> Size:
     return columns, rows
 
 
-def size_for(plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
+def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
     """As large as the floor is at this zoom, its margin and the status, within MOST_UNASKED."""
     margins = 2 * MARGIN[0], 2 * MARGIN[1]
     columns, rows = MOST_UNASKED[0] - margins[0], MOST_UNASKED[1] - margins[1] - 2
-    camera = Camera(plan, rows, columns, robots)
+    camera = Camera(floor_plan, rows, columns, robots)
     aim(camera, zoom)
     height, width = camera.size()
     columns = max(min(width, columns) + margins[0], status.least, LEAST[0])

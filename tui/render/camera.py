@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.world.cells import WALL
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 Place = tuple[int, int]  # row, column of the screen
 
@@ -51,11 +51,11 @@ ONE_TO_ONE: Final = Zoom("1x1", "cells")
 HALF: Final = Zoom("half", "pixels", 1, 1, 2)
 
 
-def shown_rectangle(plan: FloorPlan) -> Rectangle:
+def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
     """The smallest rectangle that holds everything but outer walls; bays may lie in the border."""
-    rows, columns = np.nonzero(plan.kind != WALL)
+    rows, columns = np.nonzero(floor_plan.kind != WALL)
     if not rows.size:
-        return Rectangle(1, 1, plan.height + 1, plan.width + 1)
+        return Rectangle(1, 1, floor_plan.height + 1, floor_plan.width + 1)
     return Rectangle(
         int(rows.min()), int(columns.min()), int(rows.max()) + 1, int(columns.max()) + 1
     )
@@ -75,9 +75,9 @@ def dots(k: int) -> Zoom:
 class Camera:
     """A window of rows x columns characters on the floor."""
 
-    def __init__(self, plan: FloorPlan, rows: int, columns: int, robots: int = 0) -> None:
-        self.plan = plan
-        self.shown = shown_rectangle(plan)
+    def __init__(self, floor_plan: FloorPlan, rows: int, columns: int, robots: int = 0) -> None:
+        self.floor_plan = floor_plan
+        self.shown = shown_rectangle(floor_plan)
         self.height = self.shown.bottom - self.shown.top
         self.width = self.shown.right - self.shown.left
         self.rows, self.columns = rows, columns
@@ -159,7 +159,7 @@ class Camera:
 
     def centre_on(self, cell: int) -> None:
         """Bring a cell as near to the middle as the edges of the floor allow."""
-        y, x = divmod(int(cell), self.plan.stride)
+        y, x = divmod(int(cell), self.floor_plan.stride)
         self._y, self._x = y - self.shown.top + 0.5, x - self.shown.left + 0.5
         self._settle(self._range(0), self._range(1))
 
@@ -179,11 +179,11 @@ class Camera:
         if not (0 <= row + self.top < rows and 0 <= column + self.left < columns):
             return None
         y, x = self._floor_at(row, column)
-        return (y + self.shown.top) * self.plan.stride + x + self.shown.left
+        return (y + self.shown.top) * self.floor_plan.stride + x + self.shown.left
 
     def place_of(self, cell: int) -> Place | None:
         """Where a cell begins on the screen, or None if it is not on it."""
-        y, x = divmod(int(cell), self.plan.stride)
+        y, x = divmod(int(cell), self.floor_plan.stride)
         y, x = y - self.shown.top, x - self.shown.left
         if not (0 <= y < self.height and 0 <= x < self.width):
             return None
@@ -212,7 +212,7 @@ class Camera:
     def inside(self, cells: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which of these cells are on the screen; NIL is not."""
         seen = self.visible()
-        y, x = np.divmod(cells, self.plan.stride)
+        y, x = np.divmod(cells, self.floor_plan.stride)
         inside: NDArray[np.bool_] = (
             (y >= seen.top) & (y < seen.bottom) & (x >= seen.left) & (x < seen.right) & (cells >= 0)
         )

@@ -32,7 +32,7 @@ class Canvas:
         self.scene, self.glyphs = scene, glyphs
         self.seen = camera.visible()
         self.width = camera.zoom.width
-        self.stride = camera.plan.stride
+        self.stride = camera.floor_plan.stride
         self.codes = empty_floor(scene.floor, self.seen, self.width, glyphs).copy()
         self.flat = self.codes.reshape(-1, self.width)
 

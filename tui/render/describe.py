@@ -9,17 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.world.cells import (
+    CELL_KINDS,
     DIRECTIONS,
     EXIT_EAST,
     EXIT_WEST,
     FLOOR,
-    KINDS,
     SHELF,
     TRACK,
 )
-from automaton.world.condition import PERCENT, TOWED
-from automaton.world.state import ACTION_NAMES, DELIVERED, IDLE, NIL, WAITING
-from automaton.world.waiting import CAUSES
+from automaton.world.observation import CAUSES
+from automaton.world.robot_status import BATTERY_PERCENT, STATUS_TOWED
+from automaton.world.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
 from tui.render.overlays import value_words, zone_words
 from tui.render.scene import CROWD, DETAIL_SHIFT, KIND_MASK, ONE_WAY, PASSING, Scene
 
@@ -36,7 +36,7 @@ def describe(scene: Scene, cell: int) -> str:
 
 
 def place(scene: Scene, cell: int) -> str:
-    x, y = scene.floor.plan.xy(cell)
+    x, y = scene.floor.floor_plan.xy(cell)
     return f"({x}, {y})"
 
 
@@ -52,7 +52,7 @@ def ground(scene: Scene, cell: int) -> str:
         return "passing aisle"
     if kind == FLOOR and detail == CROWD:
         return "floor for any number of robots"
-    return KINDS[kind].name
+    return CELL_KINDS[kind].name
 
 
 def _content(scene: Scene, cell: int) -> str:
@@ -64,26 +64,28 @@ def _content(scene: Scene, cell: int) -> str:
         return _left(scene, cell)
     orders, slots = snapshot.orders, snapshot.slots
     text = ""
-    kind = KINDS[scene.floor.plan.kind.reshape(-1)[cell]]
-    waiting = np.count_nonzero((orders.state == WAITING) & (orders.place == slot))
-    if kind.supplies and kind.swallows:
-        arrived = np.count_nonzero((orders.state == DELIVERED) & (orders.target == slot))
+    kind = CELL_KINDS[scene.floor.floor_plan.kind.reshape(-1)[cell]]
+    waiting = np.count_nonzero((orders.state == ORDER_WAITING) & (orders.current_slot == slot))
+    if kind.is_source and kind.is_sink:
+        arrived = np.count_nonzero((orders.state == ORDER_DELIVERED) & (orders.target == slot))
         text = f" with {waiting} loads to fetch, {arrived} brought"
-    elif kind.supplies:
+    elif kind.is_source:
         text = f" with {waiting} loads"
-    elif kind.swallows:
-        arrived = (orders.state == DELIVERED) & (orders.target == slot)
+    elif kind.is_sink:
+        arrived = (orders.state == ORDER_DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
     elif (order := int(slots.content[slot])) != NIL:
         text = f" with load {order}"
         if orders.target[order] != NIL:
             text += f" for {place(scene, int(slots.cell[orders.target[order]]))}"
-        if orders.by[order] != NIL:
-            text += f", to be fetched by robot {orders.by[order]}"
+        if orders.reserved_by[order] != NIL:
+            text += f", to be fetched by robot {orders.reserved_by[order]}"
     elif kind.code == SHELF:
         text = ", empty"
     text += _left(scene, cell)
-    return text + (f", reserved by robot {slots.by[slot]}" if slots.by[slot] != NIL else "")
+    return text + (
+        f", reserved by robot {slots.reserved_by[slot]}" if slots.reserved_by[slot] != NIL else ""
+    )
 
 
 def _left(scene: Scene, cell: int) -> str:
@@ -115,14 +117,14 @@ def _robot(scene: Scene, robot: int) -> str:
     if robots.load[robot] != NIL:
         words.append(f"with load {robots.load[robot]}")
     if scene.floor.battery:
-        words.append(f"at {robots.charge[robot] / PERCENT:.0f} %")
-    if robots.status[robot] >= TOWED:
+        words.append(f"at {robots.charge[robot] / BATTERY_PERCENT:.0f} %")
+    if robots.status[robot] >= STATUS_TOWED:
         return " ".join([*words, "towed"])
     if robots.parked[robot]:
         return " ".join([*words, "parked"])
     if robots.cause[robot]:
         waits = f", waits: {CAUSES[robots.cause[robot]].name}"
-        return " ".join(words) + waits + (" in a circle" if robots.ring[robot] else "")
-    if robots.action[robot] != IDLE:
+        return " ".join(words) + waits + (" in a circle" if robots.wait_cycle_ticks[robot] else "")
+    if robots.action[robot] != ACTION_IDLE:
         words.append(f"({ACTION_NAMES[robots.action[robot]]})")
     return " ".join(words)

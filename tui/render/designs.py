@@ -20,7 +20,7 @@ from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
 
 if TYPE_CHECKING:  # they import what is here
-    from automaton.world.partition import Partition
+    from automaton.world.service_zones import ServiceZones
     from tui.render.canvas import Canvas
     from tui.render.scene import Scene
 
@@ -30,40 +30,47 @@ TRANSFER_INK: Final = styles.TEXT
 DIGITS: Final = 2  # of the number of a station, beside its sign
 
 
-def design_tints(scene: Scene, zoning: Partition) -> NDArray[np.int8]:
+def design_tints(scene: Scene, service_zones: ServiceZones) -> NDArray[np.int8]:
     """(C,) the tint of each cell: of ways, of stations, and of slots that belong to one."""
-    tints = np.full(scene.floor.plan.kind.size, NIL, np.int8)
-    tint = served_tints(zoning)
-    cells, zones = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
+    tints = np.full(scene.floor.floor_plan.kind.size, NIL, np.int8)
+    tint = served_tints(service_zones)
+    cells, zones = ways_of(service_zones.roads, service_zones.design, scene.floor.floor_plan.stride)
     tints[cells] = tint[zones]
-    for cells, zones in (_slots(scene, zoning), stations_of(zoning.roads, zoning.design)[:2]):
+    for cells, zones in (
+        _slots(scene, service_zones),
+        stations_of(service_zones.roads, service_zones.design)[:2],
+    ):
         tints[cells[zones != NIL]] = tint[zones[zones != NIL]]
     return tints
 
 
-def _slots(scene: Scene, zoning: Partition) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _slots(
+    scene: Scene, service_zones: ServiceZones
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Cells of slots that count to a station, and its zone."""
     cells = scene.floor.slots_cell
-    station = zoning.station_of[: len(cells)]
+    station = service_zones.station_of[: len(cells)]
     there = station != NIL
-    return cells[there], zoning.design.zone[station[there]]
+    return cells[there], service_zones.design.zone[station[there]]
 
 
-def zone_cells_of(scene: Scene, zoning: Partition, zone: int) -> NDArray[np.int32]:
+def zone_cells_of(scene: Scene, service_zones: ServiceZones, zone: int) -> NDArray[np.int32]:
     """(k,) the cells of one zone's ways and stations."""
-    ways, ways_zone = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
-    cells, cells_zone, _ = stations_of(zoning.roads, zoning.design)
+    ways, ways_zone = ways_of(
+        service_zones.roads, service_zones.design, scene.floor.floor_plan.stride
+    )
+    cells, cells_zone, _ = stations_of(service_zones.roads, service_zones.design)
     found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
     return np.unique(found).astype(np.int32)
 
 
-def draw_stations(canvas: Canvas, zoning: Partition) -> None:
+def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
     """Stations that robots serve, with their numbers where there is room."""
-    cells, zones, shared = stations_of(zoning.roads, zoning.design)
+    cells, zones, shared = stations_of(service_zones.roads, service_zones.design)
     served = np.flatnonzero(zones != NIL)
     index, seen = canvas.at(cells[served].astype(np.int32))
     which = served[seen]
-    paper = np.array(TINTS)[served_tints(zoning)[zones[which]]]
+    paper = np.array(TINTS)[served_tints(service_zones)[zones[which]]]
     ink = np.where(shared[which], TRANSFER_INK, styles.STATION)
     sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
     canvas.flat[index, 0] = code(style(ink, paper), sign)
@@ -77,23 +84,23 @@ def draw_stations(canvas: Canvas, zoning: Partition) -> None:
 
 def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
     """Signs and meanings of the layer "served"."""
-    zoning = scene.partition
-    if zoning is None:
+    service_zones = scene.service_zones
+    if service_zones is None:
         return [((), NONE)]
     entries: list[tuple[tuple[int, ...], str]] = []
-    if tints_shared(len(zoning.server)):
+    if tints_shared(len(service_zones.server)):
         entries.append(((), SHARED))
-    for zone, tint in enumerate(served_tints(zoning).tolist()):
+    for zone, tint in enumerate(served_tints(service_zones).tolist()):
         sign = int(code(style(TINTS[tint], TINTS[tint]), LETTERS[tint]))
-        entries.append(((sign,), f"zone {zone + 1}: {_served(zoning, zone)}"))
+        entries.append(((sign,), f"zone {zone + 1}: {_served(service_zones, zone)}"))
     shared = int(code(style(TRANSFER_INK, styles.FLOOR), glyphs.transfer))
     entries.append(((shared,), "transfer station: parts change robots"))
     return entries
 
 
-def _served(zoning: Partition, zone: int) -> str:
-    who = "nobody" if zoning.server[zone] == NIL else f"robot {zoning.server[zone]}"
-    many = int(np.count_nonzero(zoning.design.zone == zone))
+def _served(service_zones: ServiceZones, zone: int) -> str:
+    who = "nobody" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
+    many = int(np.count_nonzero(service_zones.design.zone == zone))
     return f"{who}, {many} station{'s' * (many != 1)}"
 
 
@@ -109,36 +116,36 @@ def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
 
 def station_words(scene: Scene, cell: int) -> list[str]:
     """The number and the zone of the station in a cell, and the zone of a way."""
-    zoning = scene.partition
-    if zoning is None:
+    service_zones = scene.service_zones
+    if service_zones is None:
         return []
-    station = station_in(scene, zoning, cell)
+    station = station_in(scene, service_zones, cell)
     if station == NIL:
-        tint_zone = np.flatnonzero(_ways_here(scene, zoning, cell))
+        tint_zone = np.flatnonzero(_ways_here(scene, service_zones, cell))
         return [f"zone {zone + 1}" for zone in tint_zone.tolist()]
-    zone = int(zoning.design.zone[station])
+    zone = int(service_zones.design.zone[station])
     words = [f"station {station + 1}", *([f"zone {zone + 1}"] if zone != NIL else [])]
-    pairs = transfer_pairs(zoning, station)
+    pairs = transfer_pairs(service_zones, station)
     return words + [f"transfers between zones {a + 1} and {b + 1}" for a, b in pairs]
 
 
-def station_in(scene: Scene, zoning: Partition, cell: int) -> int:
+def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
     """The station in a cell, or to which its slot counts, or NIL."""
-    points = np.flatnonzero(zoning.roads.cell[zoning.roads.point] == cell)
+    points = np.flatnonzero(service_zones.roads.cell[service_zones.roads.point] == cell)
     if len(points):
         return int(points[0])
     slot = int(scene.floor.slot_in[cell])
-    return NIL if slot == NIL else int(zoning.station_of[slot])
+    return NIL if slot == NIL else int(service_zones.station_of[slot])
 
 
-def transfer_pairs(zoning: Partition, station: int) -> list[tuple[int, int]]:
+def transfer_pairs(service_zones: ServiceZones, station: int) -> list[tuple[int, int]]:
     """The pairs of zones between which parts change robots at a station."""
-    pairs = np.argwhere(zoning.design.transfer[:, :, station])
+    pairs = np.argwhere(service_zones.design.transfer[:, :, station])
     return [(int(a), int(b)) for a, b in pairs if a < b]
 
 
-def _ways_here(scene: Scene, zoning: Partition, cell: int) -> NDArray[np.bool_]:
-    cells, zones = ways_of(zoning.roads, zoning.design, scene.floor.plan.stride)
-    here = np.zeros(len(zoning.server), bool)
+def _ways_here(scene: Scene, service_zones: ServiceZones, cell: int) -> NDArray[np.bool_]:
+    cells, zones = ways_of(service_zones.roads, service_zones.design, scene.floor.floor_plan.stride)
+    here = np.zeros(len(service_zones.server), bool)
     here[zones[cells == cell]] = True
     return here

@@ -69,7 +69,7 @@ def draw_over(
 def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> Codes:
     """The whole floor without robots."""
     looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
-    kind = floor.plan.kind[shown.top : shown.bottom, shown.left : shown.right]
+    kind = floor.floor_plan.kind[shown.top : shown.bottom, shown.left : shown.right]
     shelves = (kind == SHELF) | (kind == RACK)
     walls = (kind == WALL) & (looks != look(WALL, OUTSIDE))
     area = blocks(np.ones(kind.shape, np.uint8), k)
@@ -97,7 +97,7 @@ class Dots:
     """Cells as characters of a part of the picture and dots in them."""
 
     def __init__(self, cells: NDArray[np.int32], part: Part, camera: Camera) -> None:
-        y, x = np.divmod(cells, np.int32(camera.plan.stride))
+        y, x = np.divmod(cells, np.int32(camera.floor_plan.stride))
         y, x = y - camera.shown.top, x - camera.shown.left
         if camera.zoom.kind == "pixels":
             row, column, bit = (y >> 1) - part.top, x - part.left, HALVES[y & 1]

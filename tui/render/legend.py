@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import FLOOR, KINDS, RACK, SHELF, TRACK, WALL
-from automaton.world.condition import PERCENT
+from automaton.world.cells import CELL_KINDS, FLOOR, RACK, SHELF, TRACK, WALL
+from automaton.world.robot_status import BATTERY_PERCENT
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
@@ -72,7 +72,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         Entry(signs(fleet.PARKED, fleet.SQUARE, (0,)), "parked"),
     ]
     if scene.floor.battery:
-        low = f"battery below {fleet.LOW_CHARGE // PERCENT} %"
+        low = f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %"
         entries += [
             Entry(signs(fleet.CHARGING, fleet.PLUG, (0,)), "charges"),
             Entry(signs(fleet.LOW, fleet.THIN, ways), low),
@@ -84,7 +84,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.LOADED, styles.FLOOR), glyphs.left_load))
         entries.append(Entry((left,), "load that a robot had to leave"))
-    if (scene.floor.plan.capacity[scene.floor.plan.drivable()] != 1).any():
+    if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable()] != 1).any():
         several = style(styles.FLOOR, styles.ROBOT)
         entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
     claim = int(code(style(styles.DIM, styles.FLOOR), glyphs.arrow[0]))
@@ -96,7 +96,7 @@ def _far_robots(scene: Scene, sign: int) -> list[Entry]:
     names = {
         fleet.DEADLOCK: worst,
         fleet.WAITS: "waiting",
-        fleet.LOW: f"battery below {fleet.LOW_CHARGE // PERCENT} %",
+        fleet.LOW: f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %",
         fleet.LOADED: "with a load",
         fleet.EMPTY: "empty",
         fleet.CHARGING: "charging",
@@ -132,7 +132,7 @@ def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     """Levels with their numbers, or the zones."""
-    if scene.zones is not None or scene.layer == "served":
+    if scene.traffic_zones is not None or scene.layer == "served":
         return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
     if scene.layer in OVERLAYS:
         said = overlay_meanings(scene)
@@ -167,13 +167,13 @@ def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
 
 
 def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
-    kinds = [kind for kind in np.unique(scene.floor.plan.kind).tolist() if kind not in DRIVEN]
+    kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
         ink = FAR_SHELF if kind in (SHELF, RACK) else ink_of(look(kind))
         return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
 
-    return [Entry((sign(kind),), KINDS[kind].name) for kind in kinds]
+    return [Entry((sign(kind),), CELL_KINDS[kind].name) for kind in kinds]
 
 
 def _meaning(number: int) -> str:
@@ -186,4 +186,6 @@ def _meaning(number: int) -> str:
         return {PASSING: "two robots pass here", CROWD: "any number of robots"}.get(
             detail, "one-way floor"
         )
-    return {"turntable": "turntable: robots turn here"}.get(KINDS[kind].name, KINDS[kind].name)
+    return {"turntable": "turntable: robots turn here"}.get(
+        CELL_KINDS[kind].name, CELL_KINDS[kind].name
+    )

@@ -22,7 +22,7 @@ class Minimap:
     """An overview of rows x columns characters, in braille; made once for a size of the map."""
 
     def __init__(self, camera: Camera, rows: int, columns: int) -> None:
-        self.camera = Camera(camera.plan, rows, columns)
+        self.camera = Camera(camera.floor_plan, rows, columns)
         while self.camera.zoom.kind != "dots":
             self.camera.zoom_out()
         self._framed: tuple[object, Codes] | None = None  # the frame, and where it lies
@@ -54,7 +54,7 @@ class Minimap:
 def edge(seen: Rectangle, camera: Camera) -> NDArray[np.int32]:
     """The outermost cells of a rectangle."""
     rows, columns = np.arange(seen.top, seen.bottom), np.arange(seen.left, seen.right)
-    stride = camera.plan.stride
+    stride = camera.floor_plan.stride
     sides = [rows * stride + column for column in (seen.left, seen.right - 1)]
     sides += [row * stride + columns for row in (seen.top, seen.bottom - 1)]
     return np.concatenate(sides).astype(np.int32)

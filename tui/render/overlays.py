@@ -77,31 +77,33 @@ def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], 
     """Signs and meanings of the layer "zones"."""
     if scene.layer == "served":
         return design_entries(scene, glyphs)
-    zones = scene.floor.zones
-    if zones is None or not zones.count:
+    traffic_zones = scene.floor.traffic_zones
+    if traffic_zones is None or not traffic_zones.count:
         return [((), "zones: this floor has none, all of it is intersections")]
     used = np.unique(scene.floor.tints[scene.floor.tints != NIL])
     inks = TINT_INKS[used]
     signs = code(style(inks, inks), TINT_LETTERS[used]).tolist()
-    said = f"{zones.count:,} zones, {zones.mode}; those that touch differ"
+    said = f"{traffic_zones.count:,} zones, {traffic_zones.mode}; those that touch differ"
     entries = [(tuple(signs[:4]), said)]
     entries += [(tuple(signs[4:]), "more of them")] if signs[4:] else []
-    if zones.mode != "with-intersections" and zones.intersection.any():
+    if traffic_zones.mode != "with-intersections" and traffic_zones.intersection.any():
         entries.append(((crossing_sign(glyphs),), "intersection, in no zone"))
     return entries
 
 
 def zone_key(floor: Floor, glyphs: GlyphSet) -> list[str]:
     """What a picture of zones without a legend beside it has to say, in a few words each."""
-    zones = floor.zones
-    if zones is None or not zones.count:
+    traffic_zones = floor.traffic_zones
+    if traffic_zones is None or not traffic_zones.count:
         return ["this floor has no zones"]
     letters = " ".join(
         chr(code) for code in TINT_LETTERS[np.unique(floor.tints[floor.tints != NIL])]
     )
     said = [f"a tint or letter ({letters}) for each zone", "touching ones differ"]
-    signed = floor.plan.kind.reshape(-1)[zones.intersection] == FLOOR  # others keep their signs
-    if zones.mode != "with-intersections" and signed.any():
+    signed = (
+        floor.floor_plan.kind.reshape(-1)[traffic_zones.intersection] == FLOOR
+    )  # others keep their signs
+    if traffic_zones.mode != "with-intersections" and signed.any():
         said.append(f"{glyphs.characters[glyphs.crossing]} intersection")
     return said
 
@@ -113,12 +115,12 @@ def crossing_sign(glyphs: GlyphSet) -> int:
 
 def zone_words(scene: Scene, cell: int) -> list[str]:
     """The zone of a cell; two where directions have their own; that of its robot, if they serve zones."""
-    if scene.partition is not None:
+    if scene.service_zones is not None:
         return station_words(scene, cell)
-    zones = scene.floor.zones
-    if zones is None or not scene.floor.drivable[cell]:
+    traffic_zones = scene.floor.traffic_zones
+    if traffic_zones is None or not scene.floor.drivable[cell]:
         return []
-    numbers = sorted({int(zone) for zone in zones.of[cell] if zone != NIL})
+    numbers = sorted({int(zone) for zone in traffic_zones.of[cell] if zone != NIL})
     if not numbers:
         return ["intersection"]
     return [f"zone{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}"]
@@ -148,10 +150,12 @@ def draw_zone_signs(canvas: Canvas) -> None:
     if scene.served is not None:
         draw_stations(canvas, scene.served)
         return
-    zones = scene.zones
-    if zones is None:
+    traffic_zones = scene.traffic_zones
+    if traffic_zones is None:
         return
-    crossings = np.flatnonzero(canvas.cells(zones.intersection).reshape(-1) & (tints == NIL))
+    crossings = np.flatnonzero(
+        canvas.cells(traffic_zones.intersection).reshape(-1) & (tints == NIL)
+    )
     crossings = crossings[looks[crossings] == FLOOR]
     canvas.flat[crossings, 0] = crossing_sign(canvas.glyphs)
 

@@ -141,7 +141,7 @@ def _dots(full: int, pair: int) -> NDArray[np.uint8]:
 def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
     """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
     rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
-    kind = floor.plan.kind[rows, columns]
+    kind = floor.floor_plan.kind[rows, columns]
     if k == 1:
         inks = np.array([_pixel_ink(number) for number in range(LOOKS)], np.uint8)
         pixels = inks[floor.looks[rows, columns]]
@@ -174,7 +174,7 @@ class _Pixels:
 
     def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
         """Index of the pixel of those cells that are on the screen, and which of them they are."""
-        y, x = np.divmod(cells, np.int32(self.camera.plan.stride))
+        y, x = np.divmod(cells, np.int32(self.camera.floor_plan.stride))
         shown, (rows, columns) = self.camera.shown, self.pixels.shape
         y = (y - shown.top) // self.k - 2 * self.part.top
         x = (x - shown.left) // self.k - self.part.left
@@ -191,7 +191,7 @@ class _Pixels:
         top, left = camera.shown.top, camera.shown.left
         rows, columns = self.pixels.shape
         y, x = top + 2 * part.top * k, left + part.left * k
-        values = values.reshape(camera.plan.kind.shape)
+        values = values.reshape(camera.floor_plan.kind.shape)
         values = values[
             y : min(y + rows * k, camera.shown.bottom), x : min(x + columns * k, camera.shown.right)
         ]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.history.charging import charging
-from automaton.world.condition import BROKEN, PERCENT, TOWED
-from automaton.world.condition import EMPTY as DRAINED
+from automaton.world.robot_status import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
+from automaton.world.robot_status import STATUS_DEPLETED as DRAINED
 from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.glyphs import GlyphSet
@@ -42,7 +42,7 @@ VOID: Final = 4  # battery empty
 CROSS: Final = 5  # broken
 THIN: Final = 6  # battery low
 BOXED: Final = 7  # battery low, with a load
-LOW_CHARGE: Final = 20 * PERCENT
+LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
 
 class Robots(NamedTuple):
@@ -63,7 +63,7 @@ def robots_of(scene: Scene) -> Robots:
     state = np.where(loaded, np.uint8(LOADED), np.uint8(EMPTY))
     state[fleet.cause != 0] = WAITS
     state[parked] = PARKED
-    state[fleet.ring != 0] = DEADLOCK
+    state[fleet.wait_cycle_ticks != 0] = DEADLOCK
     shape = loaded.astype(np.uint8)
     shape[parked] = SQUARE
     if scene.floor.battery:
@@ -89,9 +89,9 @@ def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.
     """Robots that stand out of order, and such as were towed, which show in a bay alone."""
     assert scene.snapshot is not None
     status = scene.snapshot.robots.status
-    for code, sign in ((DRAINED, VOID), (BROKEN, CROSS)):
+    for code, sign in ((DRAINED, VOID), (STATUS_FAILED, CROSS)):
         state[status == code], shape[status == code] = DEADLOCK, sign
-    state[status >= TOWED], shape[status >= TOWED] = PARKED, CROSS
+    state[status >= STATUS_TOWED], shape[status >= STATUS_TOWED] = PARKED, CROSS
 
 
 def directions(scene: Scene) -> NDArray[np.uint8]:

@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 from automaton.world.cells import (
     ALL_EXITS,
+    DIRECTION_VECTORS,
     EXIT_EAST,
     EXIT_NORTH,
     EXIT_SOUTH,
     EXIT_WEST,
     FLOOR,
-    STEPS,
     TRACK,
     TURNTABLE,
     UNLIMITED,
     WALL,
     opposite_exits,
 )
-from automaton.world.plan import DRIVABLE, FloorPlan
+from automaton.world.floor_plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL
-from automaton.world.zones import Zones
+from automaton.world.traffic_zones import TrafficZones
 from tui.render.designs import design_tints, zone_cells_of
 from tui.render.field import Scale, levels_of, scale_for
 from tui.render.overlays import OVERLAYS, overlay_levels
@@ -33,7 +33,7 @@ from tui.render.zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.history.snapshot import Snapshot
-    from automaton.world.partition import Partition
+    from automaton.world.service_zones import ServiceZones
 
 HEAT: Final = ("visits", "waiting", "congestion")
 SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers
@@ -51,18 +51,20 @@ FULL: Final = 1  # detail of a shelf: it holds a load
 NOTHING: Final = np.zeros(0, np.int32)
 
 
-def looks_of(plan: FloorPlan) -> NDArray[np.uint8]:
+def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
     """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
 
     How many robots a cell of floor holds is a detail only where cells differ in it.
     """
-    kind, exits = plan.kind, plan.exits
+    kind, exits = floor_plan.kind, floor_plan.exits
     detail = np.zeros_like(kind)
     rails = (kind == TRACK) | (kind == TURNTABLE)
     detail[rails] = exits[rails]
-    if len(np.unique(plan.capacity[kind == FLOOR])) > 1:  # else there is nothing to tell apart
-        detail[(kind == FLOOR) & (plan.capacity == 2)] = PASSING
-        detail[(kind == FLOOR) & (plan.capacity == UNLIMITED)] = CROWD
+    if (
+        len(np.unique(floor_plan.capacity[kind == FLOOR])) > 1
+    ):  # else there is nothing to tell apart
+        detail[(kind == FLOOR) & (floor_plan.capacity == 2)] = PASSING
+        detail[(kind == FLOOR) & (floor_plan.capacity == UNLIMITED)] = CROWD
     for direction in range(4):
         detail[(kind == FLOOR) & _one_way(exits, direction)] = ONE_WAY + direction
     detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE
@@ -72,7 +74,7 @@ def looks_of(plan: FloorPlan) -> NDArray[np.uint8]:
 def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
     """Cells with that exit alone, from which there is no way back: a dead end is not one-way."""
     bit = (EXIT_EAST, EXIT_SOUTH, EXIT_WEST, EXIT_NORTH)[direction]
-    dx, dy = STEPS[direction]
+    dx, dy = DIRECTION_VECTORS[direction]
     ahead = np.roll(exits, (-dy, -dx), (0, 1))
     one_way: NDArray[np.bool_] = (exits == bit) & (ahead & opposite_exits(bit) & ALL_EXITS == 0)
     return one_way
@@ -92,34 +94,34 @@ def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
 class Floor:
     """What does not change during a run; compared by identity, so that pictures can be kept."""
 
-    plan: FloorPlan
+    floor_plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
     slots_endless: NDArray[np.uint8]  # (s,) 1 = any number of loads
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
-    zones: Zones | None = None
+    traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries
     faults: bool = False  # robots may go out of order
 
     @cached_property
     def looks(self) -> NDArray[np.uint8]:
-        return looks_of(self.plan)
+        return looks_of(self.floor_plan)
 
     @cached_property
     def drivable(self) -> NDArray[np.bool_]:
         """(C,)"""
-        return DRIVABLE[self.plan.kind].reshape(-1)
+        return DRIVABLE[self.floor_plan.kind].reshape(-1)
 
     @cached_property
     def tints(self) -> NDArray[np.int8]:
         """(C,) the tint of each cell's zone, of tui.render.zone_tints, or NIL."""
-        if self.zones is None:
-            return np.full(self.plan.kind.size, NIL, np.int8)
-        return tints_of(self.zones, *self.plan.kind.shape)
+        if self.traffic_zones is None:
+            return np.full(self.floor_plan.kind.size, NIL, np.int8)
+        return tints_of(self.traffic_zones, *self.floor_plan.kind.shape)
 
     @cached_property
     def slot_in(self) -> NDArray[np.int32]:
         """(C,) the slot in a cell, or NIL."""
-        slots = np.full(self.plan.kind.size, NIL, np.int32)
+        slots = np.full(self.floor_plan.kind.size, NIL, np.int32)
         slots[self.slots_cell] = np.arange(len(self.slots_cell))
         return slots
 
@@ -179,7 +181,7 @@ class Scene:
         robots, orders = self.snapshot.robots, self.snapshot.orders
         order, slot = int(robots.order[self.selected]), int(robots.slot[self.selected])
         if int(robots.load[self.selected]) == NIL and order != NIL:
-            slot = int(orders.place[order])
+            slot = int(orders.current_slot[order])
         return NIL if slot == NIL else int(self.snapshot.slots.cell[slot])
 
     @cached_property
@@ -193,25 +195,27 @@ class Scene:
         return cells
 
     @property
-    def zones(self) -> Zones | None:
+    def traffic_zones(self) -> TrafficZones | None:
         """The zones of the floor, while their layer is shown."""
-        return self.floor.zones if self.layer == "zones" else None
+        return self.floor.traffic_zones if self.layer == "zones" else None
 
     @property
-    def partition(self) -> Partition | None:
+    def service_zones(self) -> ServiceZones | None:
         """The zones that robots serve, if there are any."""
-        zoning = None if self.snapshot is None else self.snapshot.zoning
-        return zoning if zoning is not None and len(zoning.roads.cell) else None
+        service_zones = None if self.snapshot is None else self.snapshot.service_zones
+        return (
+            service_zones if service_zones is not None and len(service_zones.roads.cell) else None
+        )
 
     @property
     def tinted(self) -> bool:
         """Whether zones of either kind are shown."""
-        return self.zones is not None or self.served is not None
+        return self.traffic_zones is not None or self.served is not None
 
     @property
-    def served(self) -> Partition | None:
+    def served(self) -> ServiceZones | None:
         """The zones that robots serve, while their layer is shown."""
-        return self.partition if self.layer == "served" else None
+        return self.service_zones if self.layer == "served" else None
 
     @cached_property
     def tints(self) -> NDArray[np.int8]:
@@ -221,16 +225,16 @@ class Scene:
     @property
     def zone_name(self) -> str:
         """What the zone that is marked is called: those that robots serve are counted from 1."""
-        return f"zone {self.zone + (self.partition is not None)}"
+        return f"zone {self.zone + (self.service_zones is not None)}"
 
     @cached_property
     def zone_cells(self) -> NDArray[np.int32]:
         """(k,) the cells of the zone that is marked: of one that robots serve, if they do."""
         if self.zone == NIL:
             return NOTHING
-        if self.partition is not None:
-            return zone_cells_of(self, self.partition, self.zone)
-        if self.floor.zones is None:
+        if self.service_zones is not None:
+            return zone_cells_of(self, self.service_zones, self.zone)
+        if self.floor.traffic_zones is None:
             return NOTHING
-        cells = np.flatnonzero((self.floor.zones.of == self.zone).any(axis=1))
+        cells = np.flatnonzero((self.floor.traffic_zones.of == self.zone).any(axis=1))
         return cells.astype(np.int32)

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.world.partition import Partition
+from automaton.world.service_zones import ServiceZones
 from automaton.world.state import NIL
 from tui.render.zone_tints import TINTS
 
@@ -22,13 +22,13 @@ def tints_shared(zones: int) -> bool:
     return zones > len(TINTS)
 
 
-def served_tints(zoning: Partition) -> NDArray[np.int8]:
+def served_tints(service_zones: ServiceZones) -> NDArray[np.int8]:
     """(Z,) the tint of each zone, an index of TINTS."""
-    zones = len(zoning.server)
+    zones = len(service_zones.server)
     if not tints_shared(zones):
         return np.arange(zones, dtype=np.int8)
-    ways = np.ascontiguousarray(zoning.roads.next, np.int32).tobytes()
-    held = np.ascontiguousarray(zoning.design.held, np.int32).tobytes()
+    ways = np.ascontiguousarray(service_zones.roads.next, np.int32).tobytes()
+    held = np.ascontiguousarray(service_zones.design.held, np.int32).tobytes()
     return _tints_of(ways, held, zones)
 
 

@@ -26,7 +26,7 @@ def shelves_in(floor: Floor, seen: Rectangle) -> Shelves:
     """Kept until the camera moves."""
     rows, columns = slice(seen.top, seen.bottom), slice(seen.left, seen.right)
     slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
-    index = np.flatnonzero(floor.plan.kind[rows, columns].reshape(-1) == SHELF)
+    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == SHELF)
     index = index[slots[index] != NIL]
     return Shelves(slots[index], index)
 
@@ -37,6 +37,6 @@ def full_shelves(scene: Scene, seen: Rectangle) -> NDArray[np.intp]:
     if scene.snapshot is not None:
         full = scene.snapshot.slots.content[shelves.slot] != NIL
     else:
-        full = scene.floor.plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
+        full = scene.floor.floor_plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
     at: NDArray[np.intp] = shelves.at[full]
     return at

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.world.state import NIL
-from automaton.world.zones import Zones
+from automaton.world.traffic_zones import TrafficZones
 from tui.render import styles
 
 # The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
@@ -27,17 +27,19 @@ AROUND: Final = ((0, 1), (1, 0), (1, 1), (1, -1))  # half of the neighbours: pai
 BEYOND: Final = ((0, 2), (2, 0))  # across one cell
 
 
-def tints_of(zones: Zones, height: int, width: int) -> NDArray[np.int8]:
+def tints_of(traffic_zones: TrafficZones, height: int, width: int) -> NDArray[np.int8]:
     """(C,) the tint of each cell, an index of TINTS, or NIL; the border counts in height and width.
 
     The two zones of a stretch with directions share one. Greedy, in an order that is drawn once and
     for all: rounds are few, and floors of aisles need at most six tints. Were more needed, they
     would be used again.
     """
-    number = zones.of[:, 0].reshape(height, width)
-    tint = np.arange(max(zones.count, 1))
-    if zones.count <= MOST:
-        tint = _coloured(len(tint), *_touching(number, zones.intersection.reshape(height, width)))
+    number = traffic_zones.of[:, 0].reshape(height, width)
+    tint = np.arange(max(traffic_zones.count, 1))
+    if traffic_zones.count <= MOST:
+        tint = _coloured(
+            len(tint), *_touching(number, traffic_zones.intersection.reshape(height, width))
+        )
     return np.where(number == NIL, NIL, tint[number] % len(TINTS)).astype(np.int8).reshape(-1)
 
 

@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 
 from automaton.errors import InputError
 from automaton.units import count
-from automaton.world.cells import KINDS
+from automaton.world.cells import CELL_KINDS
 from automaton.world.state import NIL
 from tui.screens.dialog import Dialog
 from tui.search import Found, find
@@ -57,21 +57,22 @@ class MatchList(Rows, can_focus=False):
         view = self.view
         if self.found.zones:
             zone = self.found.zones[index]
-            zoning = partition_of(view)
-            if zoning is not None:
-                many = int(np.count_nonzero(zoning.design.zone == zone))
+            service_zones = partition_of(view)
+            if service_zones is not None:
+                many = int(np.count_nonzero(service_zones.design.zone == zone))
                 return line(f"zone {zone + 1}  ", dim(count(many, "station")))
             return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
         if not self.found.robots:
             cell = self.found.cells[index]
-            name = KINDS[int(view.plan.kind.reshape(-1)[cell])].name
-            return line(cell_link(view.plan, cell).text, dim(f"  {name}"))
+            name = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])].name
+            return line(cell_link(view.floor_plan, cell).text, dim(f"  {name}"))
         robot, fleet = self.found.robots[index], view.snapshot.robots
         off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]
         cell = off if fleet.cell[robot] == NIL else fleet.cell[robot]
         load = f", load {fleet.load[robot]}" if fleet.load[robot] != NIL else ""
         return line(
-            f"robot {robot}  ", dim(f"{doing(fleet, robot)} at {view.plan.xy(int(cell))}{load}")
+            f"robot {robot}  ",
+            dim(f"{doing(fleet, robot)} at {view.floor_plan.xy(int(cell))}{load}"),
         )
 
     def chosen(self, index: int) -> None:

@@ -7,9 +7,15 @@ from typing import Final
 import numpy as np
 
 from automaton.units import count
-from automaton.world.cells import BAY, CHARGER, DIRECTIONS, KINDS, UNLIMITED
-from automaton.world.plan import DRIVABLE
-from automaton.world.state import CARRIED, DELIVERED, NIL, UNRELEASED, WAITING
+from automaton.world.cells import BAY, CELL_KINDS, CHARGER, DIRECTIONS, UNLIMITED
+from automaton.world.floor_plan import DRIVABLE
+from automaton.world.state import (
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    ORDER_UNRELEASED,
+    ORDER_WAITING,
+)
 from tui.view import View
 from tui.widgets.charge_facts import charger_lines
 from tui.widgets.lines import (
@@ -30,10 +36,10 @@ from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
 STATES: Final = {
-    WAITING: "waits to be picked up",
-    CARRIED: "under way",
-    DELIVERED: "delivered",
-    UNRELEASED: "will come; no strategy knows it yet",
+    ORDER_WAITING: "waits to be picked up",
+    ORDER_CARRIED: "under way",
+    ORDER_DELIVERED: "delivered",
+    ORDER_UNRELEASED: "will come; no strategy knows it yet",
 }
 COUNTED: Final = {  # what the layers count
     "visits": "visits",
@@ -45,8 +51,8 @@ COUNTED: Final = {  # what the layers count
 
 def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     """Everything about one cell."""
-    kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
-    x, y = view.plan.xy(cell)
+    kind = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])]
+    x, y = view.floor_plan.xy(cell)
     lines = [line(title(f"cell ({x}, {y}) "), kind.name), line(dim(kind.meaning))]
     facts = [
         *_ground(view, cell),
@@ -63,14 +69,17 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
 
 
 def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
-    plan = view.plan
-    kind = int(plan.kind.reshape(-1)[cell])
+    floor_plan = view.floor_plan
+    kind = int(floor_plan.kind.reshape(-1)[cell])
     if kind == BAY:
-        homes = plan.bays[plan.bays[:, 0] == cell, 1]
-        return [("opens on", [cell_link(plan, int(home)) for home in homes])]
+        homes = floor_plan.bays[floor_plan.bays[:, 0] == cell, 1]
+        return [("opens on", [cell_link(floor_plan, int(home)) for home in homes])]
     if not DRIVABLE[kind]:
         return []
-    exits, capacity = int(plan.exits.reshape(-1)[cell]), int(plan.capacity.reshape(-1)[cell])
+    exits, capacity = (
+        int(floor_plan.exits.reshape(-1)[cell]),
+        int(floor_plan.capacity.reshape(-1)[cell]),
+    )
     ways = [name for bit, name in enumerate(DIRECTIONS) if exits >> bit & 1]
     room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
     return [
@@ -107,25 +116,29 @@ def _robots(robots: list[int]) -> Parts:
 def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     """What a slot holds."""
     slots, orders = view.snapshot.slots, view.snapshot.orders
-    kind = KINDS[int(view.plan.kind.reshape(-1)[cell])]
+    kind = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])]
     found = np.flatnonzero(slots.cell == cell)
     if not len(found):
         return []
     slot = int(found[0])
-    keeper: Parts = [] if slots.by[slot] == NIL else [robot_link(int(slots.by[slot]))]
+    keeper: Parts = (
+        [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
+    )
     facts: list[tuple[str, Parts]] = []
-    if kind.supplies:
-        waiting = np.flatnonzero((orders.place == slot) & (orders.state == WAITING)).tolist()
-        fetched = (orders.state == CARRIED) | (orders.state == DELIVERED)
+    if kind.is_source:
+        waiting = np.flatnonzero(
+            (orders.current_slot == slot) & (orders.state == ORDER_WAITING)
+        ).tolist()
+        fetched = (orders.state == ORDER_CARRIED) | (orders.state == ORDER_DELIVERED)
         taken = int(np.count_nonzero((orders.source == slot) & fetched))
         facts += [
             ("waiting", [count(len(waiting), "load")]),
             ("fetched", [count(taken, "load")]),
             ("the next", several([order_link(order, "load") for order in waiting])),
         ]
-    if kind.swallows:
-        arrived = np.flatnonzero((orders.target == slot) & (orders.state == DELIVERED))
-        coming = (orders.state == WAITING) | (orders.state == CARRIED)
+    if kind.is_sink:
+        arrived = np.flatnonzero((orders.target == slot) & (orders.state == ORDER_DELIVERED))
+        coming = (orders.state == ORDER_WAITING) | (orders.state == ORDER_CARRIED)
         expected = int(np.count_nonzero((orders.target == slot) & coming))
         newest = arrived[np.argsort(-orders.delivered[arrived], kind="stable")].tolist()
         facts += [
@@ -139,7 +152,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
         return [*facts, ("left here", several([order_link(load, "load") for load in left]))]
     load = int(slots.content[slot])
     held: Parts = ["nothing"] if load == NIL else [order_link(load, "load")]
-    fetcher = NIL if load == NIL else int(orders.by[load])
+    fetcher = NIL if load == NIL else int(orders.reserved_by[load])
     return [
         ("holds", held),
         ("for", [] if load == NIL else _place(view, int(orders.target[load]))),
@@ -149,25 +162,25 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
 
 
 def _place(view: View, slot: int) -> Parts:
-    return [] if slot == NIL else [cell_link(view.plan, int(view.snapshot.slots.cell[slot]))]
+    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
 
 
 def order_lines(view: View, order: int, width: int) -> list[Line]:
     """Everything about one order and its load."""
     orders = view.snapshot.orders
-    state, by = int(orders.state[order]), int(orders.by[order])
+    state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
     lines = [line(title(f"order {order} "), STATES[state])]
-    done = state == DELIVERED
+    done = state == ORDER_DELIVERED
     facts: list[tuple[str, Parts]] = [
         ("from", _place(view, int(orders.source[order]))),
         ("to", _place(view, int(orders.target[order]))),
-        ("lies at", [] if done else _place(view, int(orders.place[order]))),
+        ("lies at", [] if done else _place(view, int(orders.current_slot[order]))),
         (
-            "carried by" if state == CARRIED else "taken by",
-            [] if by == NIL else [robot_link(by)],
+            "carried by" if state == ORDER_CARRIED else "taken by",
+            [] if reserved_by == NIL else [robot_link(reserved_by)],
         ),
         ("picked up", [count(int(orders.legs[order]), "time")]),
-        ("known", ["from ", *_tick(int(orders.released[order]))]),
+        ("known", ["from ", *_tick(int(orders.release_tick[order]))]),
         ("delivered", _tick(int(orders.delivered[order])) if done else []),
         ("lead time", _lead_time(view, order)),
         *part_of_order(view, order),
@@ -181,10 +194,10 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
 def _lead_time(view: View, order: int) -> Parts:
     """From its becoming known to its delivery, or to now."""
     orders = view.snapshot.orders
-    known, state = int(orders.released[order]), int(orders.state[order])
-    if state == UNRELEASED:
+    known, state = int(orders.release_tick[order]), int(orders.state[order])
+    if state == ORDER_UNRELEASED:
         return []
-    if state == DELIVERED:
+    if state == ORDER_DELIVERED:
         return [count(int(orders.delivered[order]) - known, "tick")]
     return [f"{count(view.snapshot.tick - known, 'tick')} so far"]
 

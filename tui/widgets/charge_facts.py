@@ -9,7 +9,7 @@ import numpy as np
 from automaton.history.charging import charging, charging_at, line_before, sent_to, up_to
 from automaton.history.explanation import out_of_order
 from automaton.units import count, percent
-from automaton.world.condition import EMPTY, FAILING, FULL
+from automaton.world.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
 from automaton.world.state import GOAL_CHARGE, NIL
 from tui.render.robots import LOW_CHARGE
 from tui.view import View
@@ -38,19 +38,19 @@ def battery(view: View, robot: int, signs: Signs) -> Parts:
         return []
     charge = int(view.snapshot.robots.charge[robot])
     look = "warn" if charge < LOW_CHARGE else "plain"
-    drawn = bar(charge / FULL, BAR, signs).replace(" ", signs.off)
-    return [Span(drawn, look), f" {percent(charge / FULL)}"]
+    drawn = bar(charge / BATTERY_FULL, BAR, signs).replace(" ", signs.off)
+    return [Span(drawn, look), f" {percent(charge / BATTERY_FULL)}"]
 
 
 def charging_plan(view: View, robot: int) -> Parts:
     """Up to which level it charges or is going to, how long that takes, and its place in line."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
-    if fleet.goal[robot] != GOAL_CHARGE:
+    if fleet.goal_type[robot] != GOAL_CHARGE:
         return []
-    cell = int(fleet.stand[robot])
+    cell = int(fleet.goal_cell[robot])
     if charging(fleet)[robot]:
         return [up_to(snapshot, robot)]
-    told = f"up to {percent(int(fleet.level[robot]) / FULL, 0)}"
+    told = f"up to {percent(int(fleet.charge_target[robot]) / BATTERY_FULL, 0)}"
     in_line = line_before(snapshot, cell)
     if robot in in_line:
         told += f", place {in_line.index(robot) + 1} of {len(in_line)} in line"
@@ -65,11 +65,11 @@ def condition(view: View, robot: int) -> list[str | Span]:
     if not may_fail(view):
         return []
     status = int(fleet.status[robot])
-    if status == FAILING:
+    if status == STATUS_FAILING:
         return [Span("fails when what it does is over", "warn")]
-    if status < EMPTY:
+    if status < STATUS_DEPLETED:
         return ["in order"]
-    told = linked(out_of_order(snapshot, robot), view.plan, "warn")
+    told = linked(out_of_order(snapshot, robot), view.floor_plan, "warn")
     if fleet.cell[robot] == NIL:
         return list(told)
     since = int(fleet.since[robot]) + 1  # the first tick lost, that of the event
@@ -82,7 +82,7 @@ def charger_lines(view: View, cell: int, width: int) -> list[Line]:
     lines: list[Line] = []
     there = charging_at(snapshot, cell)
     for robot in there:
-        charge = percent(int(snapshot.robots.charge[robot]) / FULL, 0)
+        charge = percent(int(snapshot.robots.charge[robot]) / BATTERY_FULL, 0)
         words = f" at {charge}, {up_to(snapshot, robot)}"
         lines += fact("charges", robot_link(robot), words, width=width)
     if not there:
@@ -100,7 +100,9 @@ def charger_lines(view: View, cell: int, width: int) -> list[Line]:
 
 def _arriving(view: View, robot: int) -> Parts:
     fleet = view.snapshot.robots
-    charge, level = (int(field[robot]) / FULL for field in (fleet.charge, fleet.level))
+    charge, level = (
+        int(field[robot]) / BATTERY_FULL for field in (fleet.charge, fleet.charge_target)
+    )
     return [robot_link(robot), f" at {percent(charge, 0)}, up to {percent(level, 0)}"]
 
 
@@ -109,4 +111,4 @@ def battery_figures(view: View) -> tuple[float, float] | None:
     if not has_batteries(view):
         return None
     charge = view.snapshot.robots.charge
-    return float(np.min(charge)) / FULL, float(np.mean(charge)) / FULL
+    return float(np.min(charge)) / BATTERY_FULL, float(np.mean(charge)) / BATTERY_FULL

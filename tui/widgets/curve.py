@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from automaton.history.chronicle import Curve
 from automaton.units import number
-from automaton.world.waiting import DELIVERED_ORDERS, WAITING_ROBOTS
+from automaton.world.observation import DELIVERED_ORDERS, WAITING_ROBOTS
 
 Values = NDArray[np.float64]
 LABELS: Final = 7  # columns for labels, the blank behind them included

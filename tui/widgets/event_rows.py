@@ -8,65 +8,71 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.history.chronicle import Event
-from automaton.world import waiting as codes
-from automaton.world.condition import PERCENT
+from automaton.world import observation as codes
+from automaton.world.observation import EVENT_NAMES
+from automaton.world.robot_status import BATTERY_PERCENT
 from automaton.world.state import NIL, Array
-from automaton.world.waiting import EVENT_NAMES
 from tui.widgets.lines import Line, Span, line
 
 KINDS: Final = {  # what can be picked in the list of events: name and codes
-    "deliveries": (codes.DELIVERED_AT,),
-    "deadlocks": (codes.CYCLE, codes.DEADLOCK),
-    "withdrawals": (codes.WITHDREW,),
-    "picks": (codes.PICKED_UP, codes.SET_DOWN),
-    "orders": (codes.TOOK, codes.GAVE_BACK),
-    "bays": (codes.OUT_OF_BAY, codes.PARKED),
-    "charging": (codes.CHARGED,),
-    "faults": (codes.RAN_EMPTY, codes.BROKE_DOWN, codes.WAS_TOWED, codes.CAME_BACK),
-    "illegal": (codes.REFUSED_ANSWER,),
-    "parts": (codes.WORK_DONE, codes.PART_FINISHED),
-    "zones": (codes.REDESIGNED,),
+    "deliveries": (codes.EVENT_DELIVERED,),
+    "deadlocks": (codes.EVENT_WAIT_CYCLE, codes.EVENT_DEADLOCK),
+    "withdrawals": (codes.EVENT_RETREATED,),
+    "picks": (codes.EVENT_PICKED, codes.EVENT_DROPPED),
+    "orders": (codes.EVENT_ORDER_TAKEN, codes.EVENT_ORDER_RETURNED),
+    "bays": (codes.EVENT_LEFT_BAY, codes.EVENT_PARKED),
+    "charging": (codes.EVENT_CHARGING,),
+    "faults": (codes.EVENT_DEPLETED, codes.EVENT_FAILED, codes.EVENT_TOWED, codes.EVENT_BACK),
+    "illegal": (codes.EVENT_ILLEGAL_DECISION,),
+    "parts": (codes.EVENT_JOB_DONE, codes.EVENT_PART_FINISHED),
+    "zones": (codes.EVENT_ZONES_REDESIGNED,),
 }
 TEXTS: Final = {
-    codes.TOOK: "takes order {subject}",
-    codes.PICKED_UP: "picks up load {subject}",
-    codes.SET_DOWN: "sets load {subject} down",
-    codes.DELIVERED_AT: "delivers load {subject}",
-    codes.OUT_OF_BAY: "leaves its bay",
-    codes.PARKED: "is parked",
-    codes.WITHDREW: "withdraws {value} step{s}",
-    codes.GAVE_BACK: "gives order {subject} back",
-    codes.CHARGED: "charges from {percent}",
-    codes.RAN_EMPTY: "battery is empty",
-    codes.BROKE_DOWN: "breaks down",
-    codes.WAS_TOWED: "is towed",
-    codes.CAME_BACK: "is back",
-    codes.REFUSED_ANSWER: "illegal answer",
-    codes.CYCLE: "circle of {value} closes",
-    codes.DEADLOCK: "deadlock of {value} robots",
-    codes.WORK_DONE: "station {station} is done with part {subject}",
-    codes.PART_FINISHED: "part {subject} is finished",
-    codes.REDESIGNED: "zones redesigned: {value} station{s}",
+    codes.EVENT_ORDER_TAKEN: "takes order {subject}",
+    codes.EVENT_PICKED: "picks up load {subject}",
+    codes.EVENT_DROPPED: "sets load {subject} down",
+    codes.EVENT_DELIVERED: "delivers load {subject}",
+    codes.EVENT_LEFT_BAY: "leaves its bay",
+    codes.EVENT_PARKED: "is parked",
+    codes.EVENT_RETREATED: "withdraws {value} step{s}",
+    codes.EVENT_ORDER_RETURNED: "gives order {subject} back",
+    codes.EVENT_CHARGING: "charges from {percent}",
+    codes.EVENT_DEPLETED: "battery is empty",
+    codes.EVENT_FAILED: "breaks down",
+    codes.EVENT_TOWED: "is towed",
+    codes.EVENT_BACK: "is back",
+    codes.EVENT_ILLEGAL_DECISION: "illegal answer",
+    codes.EVENT_WAIT_CYCLE: "circle of {value} closes",
+    codes.EVENT_DEADLOCK: "deadlock of {value} robots",
+    codes.EVENT_JOB_DONE: "station {station} is done with part {subject}",
+    codes.EVENT_PART_FINISHED: "part {subject} is finished",
+    codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
 }
 ROBOT: Final = 6  # columns for the number of a robot
 LOOKS: Final = {
-    codes.DELIVERED_AT: "good",
-    codes.DEADLOCK: "fault",
-    codes.RAN_EMPTY: "fault",
-    codes.BROKE_DOWN: "fault",
-    codes.REFUSED_ANSWER: "fault",
-    codes.CYCLE: "warn",
-    codes.WITHDREW: "warn",
-    codes.PART_FINISHED: "good",
-    codes.REDESIGNED: "warn",
+    codes.EVENT_DELIVERED: "good",
+    codes.EVENT_DEADLOCK: "fault",
+    codes.EVENT_DEPLETED: "fault",
+    codes.EVENT_FAILED: "fault",
+    codes.EVENT_ILLEGAL_DECISION: "fault",
+    codes.EVENT_WAIT_CYCLE: "warn",
+    codes.EVENT_RETREATED: "warn",
+    codes.EVENT_PART_FINISHED: "good",
+    codes.EVENT_ZONES_REDESIGNED: "warn",
 }
-SUBJECTS: Final = (codes.TOOK, codes.PICKED_UP, codes.SET_DOWN, codes.DELIVERED_AT, codes.GAVE_BACK)
+SUBJECTS: Final = (
+    codes.EVENT_ORDER_TAKEN,
+    codes.EVENT_PICKED,
+    codes.EVENT_DROPPED,
+    codes.EVENT_DELIVERED,
+    codes.EVENT_ORDER_RETURNED,
+)
 
 
 def event_words(event: Event) -> str:
     """An event in a few words, without the robot."""
     plural = "" if event.value == 1 else "s"
-    percent = f"{event.value / PERCENT:.0f} %"
+    percent = f"{event.value / BATTERY_PERCENT:.0f} %"
     words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}
     words["station"] = event.value + 1
     return TEXTS[event.code].format(**words)

@@ -12,9 +12,9 @@ from automaton.history.charging import charging, in_line
 from automaton.history.chronicle import Curve
 from automaton.metrics import GLOSSARY
 from automaton.units import count, number, percent
-from automaton.world.condition import BROKEN, EMPTY, FULL, TOWED
-from automaton.world.state import DELIVERED
-from automaton.world.waiting import CAUSES, NO_ORDER, NOT_WAITING, waits
+from automaton.world.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.world.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
+from automaton.world.state import ORDER_DELIVERED
 from tui.render.robots import LOW_CHARGE
 from tui.view import TickChosen, View
 from tui.widgets import curve
@@ -65,7 +65,7 @@ class Figures(TextPanel):
         metrics = view.shot.figures[view.side].metrics
         curve_now = _known(view)
         orders = view.snapshot.orders.state
-        done = int(np.count_nonzero(orders == DELIVERED))
+        done = int(np.count_nonzero(orders == ORDER_DELIVERED))
         share = done / max(1, len(orders))
         room = max(0, width - NAME - len(f"{done:,} of {len(orders):,} "))
         rate, now = float(metrics["throughput"]), curve.now_throughput(curve_now)
@@ -105,7 +105,7 @@ class Figures(TextPanel):
             return []
         fleet = view.snapshot.robots
         there, waiting = charging(fleet), np.count_nonzero(in_line(fleet))
-        look = "warn" if charge[0] * FULL < LOW_CHARGE else "plain"
+        look = "warn" if charge[0] * BATTERY_FULL < LOW_CHARGE else "plain"
         least, mean = percent(charge[0], 0), percent(charge[1], 0)
         chargers = f"{np.count_nonzero(there):,}, {waiting:,} in line"
         link = ("share", list(GLOSSARY).index("energy"))
@@ -148,7 +148,7 @@ class Figures(TextPanel):
     def _lost(self, view: View, width: int) -> list[Line]:
         """Robot ticks lost by cause."""
         lost = view.snapshot.robots.lost.sum(0)
-        lost[NOT_WAITING] = lost[NO_ORDER] = 0
+        lost[CAUSE_NOT_WAITING] = lost[CAUSE_NO_ORDER] = 0
         if not lost.any():
             return [line(title("no time lost so far"))]
         whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
@@ -214,8 +214,8 @@ def _out_of_order(view: View, width: int) -> list[Line]:
     if not may_fail(view):
         return []
     status = view.snapshot.robots.status
-    standing = int(np.count_nonzero((status == EMPTY) | (status == BROKEN)))
-    towed = int(np.count_nonzero(status >= TOWED))
+    standing = int(np.count_nonzero((status == STATUS_DEPLETED) | (status == STATUS_FAILED)))
+    towed = int(np.count_nonzero(status >= STATUS_TOWED))
     out = Span(count(standing, "robot"), "fault" if standing else "plain")
     return fact("out of order", out, f", {towed:,} towed", width=width, label=NAME)
 
@@ -231,10 +231,13 @@ def _short(value: float) -> str:
 def _robots(view: View, width: int) -> list[Line]:
     """How many robots work, wait and are parked or idle; two in a line where not all fit in one."""
     fleet = view.snapshot.robots
-    waiting, parked = int(np.count_nonzero(waits(fleet.cause))), int(np.count_nonzero(fleet.parked))
-    idle = int(np.count_nonzero((fleet.cause == NO_ORDER) & (fleet.parked == 0)))
+    waiting, parked = (
+        int(np.count_nonzero(is_waiting(fleet.cause))),
+        int(np.count_nonzero(fleet.parked)),
+    )
+    idle = int(np.count_nonzero((fleet.cause == CAUSE_NO_ORDER) & (fleet.parked == 0)))
     work = len(fleet) - waiting - parked - idle
-    look = "fault" if fleet.ring.any() else "warn" if waiting else "plain"
+    look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
     said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
     said += [Span(f"{idle:,} idle")] if idle else []
     fits = length(said) + 2 * (len(said) - 1) <= width - NAME

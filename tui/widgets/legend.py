@@ -70,7 +70,9 @@ class Legend(TextPanel):
 
 def _worst(scene: Scene) -> list[Line]:
     """The cells with the greatest numbers of the layer; a click leads there."""
-    cells = [(cell_link(scene.floor.plan, cell), number) for cell, number in worst_cells(scene)]
+    cells = [
+        (cell_link(scene.floor.floor_plan, cell), number) for cell, number in worst_cells(scene)
+    ]
     if not cells:
         return []
     wide = max(len(link.text) for link, _ in cells)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rich.style import Style
 
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 
 Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own word, number)
 LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
@@ -55,12 +55,12 @@ def order_link(order: int, name: str = "order") -> Span:
     return Span(f"{name} {order}", "link", ("order", order))
 
 
-def cell_link(plan: FloorPlan, cell: int) -> Span:
-    x, y = plan.xy(cell)
+def cell_link(floor_plan: FloorPlan, cell: int) -> Span:
+    x, y = floor_plan.xy(cell)
     return Span(f"({x}, {y})", "link", ("cell", cell))
 
 
-def linked(text: str, plan: FloorPlan, look: str = "plain") -> Line:
+def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
     """A sentence in which every robot and every cell can be clicked."""
     spans: list[Span] = []
     at = 0
@@ -70,7 +70,7 @@ def linked(text: str, plan: FloorPlan, look: str = "plain") -> Line:
         spans.append(
             robot_link(int(robot))
             if robot is not None
-            else cell_link(plan, plan.cell(int(x), int(y)))
+            else cell_link(floor_plan, floor_plan.cell(int(x), int(y)))
         )
         at = found.end()
     return tuple(span for span in (*spans, Span(text[at:], look)) if span.text)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from automaton.world.waiting import CAUSES
+from automaton.world.observation import CAUSES
 from tui.widgets.lines import Line, Span, dim, line
 from tui.widgets.signs import Signs, bar
 

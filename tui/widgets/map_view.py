@@ -1,8 +1,8 @@
 """A rectangle of coded cells: shows pictures, reports what the mouse does, knows nothing of robots.
 
-`shown` is what the terminal shows here, or what the compositor's next repaint will put here. The
-compositor paints from `shown` only, so that overlays, resizes, screenshots and tests without a
-terminal all see the same picture, whichever way it came.
+`batch_view` is what the terminal shows here, or what the compositor's next repaint will put here.
+The compositor paints from `batch_view` only, so that overlays, resizes, screenshots and tests
+without a terminal all see the same picture, whichever way it came.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class MapView(Widget, can_focus=True):
             self._strips[row] = None
 
     def render_lines(self, crop: Region) -> list[Strip]:
-        """The rows of `shown`; called for repaints, screenshots and to find what the mouse is on."""
+        """The rows of `batch_view`; called for repaints, screenshots and to find what the mouse is on."""
         strips = [self.render_line(row) for row in range(crop.y, crop.bottom)]
         if crop.x == 0 and all(strip.cell_length == crop.width for strip in strips):
             return strips

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from automaton.errors import InputError
 from automaton.picture.zone_work import minutes_of_zones
 from automaton.units import count
-from automaton.world.partition import Partition
 from automaton.world.rules import duration_table, tick_length
-from automaton.world.state import CARRIED, NIL, WAITING
+from automaton.world.service_zones import ServiceZones
+from automaton.world.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from tui.render.designs import transfer_pairs
 from tui.view import View
 from tui.widgets.lines import Line, Span, dim, fact, line, order_link, robot_link, several, title
@@ -21,10 +21,10 @@ Parts = list[str | Span]
 MOST_PARTS: Final = 12  # of a line that are named
 
 
-def partition_of(view: View) -> Partition | None:
+def partition_of(view: View) -> ServiceZones | None:
     """The zones that robots serve, if there are any."""
-    zoning = view.snapshot.zoning
-    return zoning if len(zoning.roads.cell) else None
+    service_zones = view.snapshot.service_zones
+    return service_zones if len(service_zones.roads.cell) else None
 
 
 def served_link(zone: int) -> Span:
@@ -39,9 +39,11 @@ def station_link(view: View, station: int) -> Span:
 
 def station_cells(view: View) -> NDArray[np.int32]:
     """(S,) the cell of each station: where parts are worked on, or what robots' zones are made of."""
-    zoning, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
+    service_zones, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
     cells: NDArray[np.int32] = slots.cell[stations.slot]
-    return zoning.roads.cell[zoning.roads.point] if zoning is not None else cells
+    return (
+        service_zones.roads.cell[service_zones.roads.point] if service_zones is not None else cells
+    )
 
 
 def checked_station(view: View, number: int) -> int:
@@ -58,14 +60,14 @@ def station_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
     station = station_at(view, cell)
     if station == NIL:
         return []
-    zoning = partition_of(view)
+    service_zones = partition_of(view)
     of = f"{station + 1} of {len(station_cells(view))}"
     facts: list[tuple[str, Parts]] = [("station", [of])]
-    if zoning is not None:
-        zone = int(zoning.design.zone[station])
+    if service_zones is not None:
+        zone = int(service_zones.design.zone[station])
         facts[0][1].extend([] if zone == NIL else [", in ", served_link(zone)])
         told: Parts = []
-        for a, b in transfer_pairs(zoning, station):
+        for a, b in transfer_pairs(service_zones, station):
             told += [" and " if told else "between ", served_link(a), " - ", served_link(b)]
         facts.append(("transfers", told))
     if len(view.snapshot.stations.slot):
@@ -78,18 +80,20 @@ def station_at(view: View, cell: int) -> int:
     points = np.flatnonzero(station_cells(view) == cell)
     if len(points):
         return int(points[0])
-    zoning = partition_of(view)
+    service_zones = partition_of(view)
     slots = np.flatnonzero(view.snapshot.slots.cell == cell)
-    return NIL if zoning is None or not len(slots) else int(zoning.station_of[slots[0]])
+    return (
+        NIL if service_zones is None or not len(slots) else int(service_zones.station_of[slots[0]])
+    )
 
 
 def line_at(view: View, station: int) -> list[int]:
     """The works of a station that are not done: the one under way first."""
     stations, works = view.snapshot.stations, []
-    work = int(stations.first[station])
+    work = int(stations.in_service[station])
     while work != NIL:
         works.append(work)
-        work = int(stations.behind[work])
+        work = int(stations.next_in_queue[work])
     return works
 
 
@@ -97,14 +101,14 @@ def _work(view: View, station: int) -> list[tuple[str, Parts]]:
     stations, tick = view.snapshot.stations, view.snapshot.tick
     works = line_at(view, station)
     mine = stations.station == station
-    done = int(np.count_nonzero(mine & (stations.done != NIL)))
+    done = int(np.count_nonzero(mine & (stations.completion_tick != NIL)))
     now = "nothing"
     if works:
-        left = int(stations.until[station]) - tick
+        left = int(stations.job_done_tick[station]) - tick
         now = f"part {stations.part[works[0]]}, {count(left, 'tick')} left"
     waiting = [str(stations.part[work]) for work in works[1:]]
     named = ", ".join(waiting[:MOST_PARTS]) + (", ..." if len(waiting) > MOST_PARTS else "")
-    busy = int(stations.ticks[mine & (stations.done != NIL)].sum())
+    busy = int(stations.processing_time[mine & (stations.completion_tick != NIL)].sum())
     return [
         ("works on", [now]),
         ("in line", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
@@ -114,16 +118,16 @@ def _work(view: View, station: int) -> list[tuple[str, Parts]]:
 
 def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
     """The zone of a robot, the zones that it serves, its queue, and whether it is halted."""
-    zoning = partition_of(view)
-    own = int(view.snapshot.robots.zone[robot])
-    if zoning is None:
+    service_zones = partition_of(view)
+    own = int(view.snapshot.robots.service_zone[robot])
+    if service_zones is None:
         return [("zone", [] if own == NIL else [str(own + 1)])]
-    served = np.flatnonzero(zoning.server == robot).tolist()
+    served = np.flatnonzero(service_zones.server == robot).tolist()
     parts = several([served_link(zone) for zone in served]) or ["no zone"]
     if own != NIL and own not in served:
         parts += ["; another robot serves its own, ", served_link(own)]
     waiting = queued(view, served)
-    left = int(zoning.halt[robot]) - view.snapshot.tick
+    left = int(service_zones.halt[robot]) - view.snapshot.tick
     halted = f"zones are redesigned: it stands still for {count(left, 'tick')}"
     return [
         ("serves", parts),
@@ -135,10 +139,14 @@ def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
 
 def queued(view: View, zones: list[int]) -> list[int]:
     """The orders that wait in the queues of zones and that nobody has taken, oldest first."""
-    orders, zoning = view.snapshot.orders, view.snapshot.zoning
-    there = np.isin(zoning.queue, zones) & (orders.state == WAITING) & (orders.by == NIL)
+    orders, service_zones = view.snapshot.orders, view.snapshot.service_zones
+    there = (
+        np.isin(service_zones.queue, zones)
+        & (orders.state == ORDER_WAITING)
+        & (orders.reserved_by == NIL)
+    )
     found = np.flatnonzero(there)
-    oldest: list[int] = found[np.argsort(orders.released[found], kind="stable")].tolist()
+    oldest: list[int] = found[np.argsort(orders.release_tick[found], kind="stable")].tolist()
     return oldest
 
 
@@ -147,23 +155,27 @@ def work_words(view: View, zones: list[int]) -> str:
     scenario, shown = view.run.resolved.scenario, view.snapshot
     tick_s = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
     duration = duration_table(scenario.durations)
-    minutes = minutes_of_zones(shown.zoning, shown.orders, zones, tick_s, duration)
+    minutes = minutes_of_zones(shown.service_zones, shown.orders, zones, tick_s, duration)
     return f"{minutes:.1f} minutes of driving and handling"
 
 
 def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
     """The queue that an order is in, where it is set down next, and whether it goes there directly."""
-    zoning, orders = partition_of(view), view.snapshot.orders
-    if zoning is None or orders.state[order] not in (WAITING, CARRIED):
+    service_zones, orders = partition_of(view), view.snapshot.orders
+    if service_zones is None or orders.state[order] not in (ORDER_WAITING, ORDER_CARRIED):
         return []
-    queue, stop = int(zoning.queue[order]), int(zoning.stop[order])
+    queue, next_slot = int(service_zones.queue[order]), int(service_zones.next_slot[order])
     facts: list[tuple[str, Parts]] = [("queue", ["of ", served_link(queue)] if queue >= 0 else [])]
-    if stop != NIL:
-        station = int(zoning.station_of[stop])
-        last = stop == orders.target[order]
+    if next_slot != NIL:
+        station = int(service_zones.station_of[next_slot])
+        last = next_slot == orders.target[order]
         where: Parts = ["station ", station_link(view, station)] if station != NIL else ["a shelf"]
         where.append(", its target" if last else ", a transfer station")
-        where.append("; past transfer stations, to share loads" if zoning.direct[order] else "")
+        where.append(
+            "; past transfer stations, to share loads"
+            if service_zones.skips_transfer[order]
+            else ""
+        )
         facts.append(("next stop", where))
     return facts
 
@@ -171,34 +183,41 @@ def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
 def part_of_order(view: View, order: int) -> list[tuple[str, Parts]]:
     """The part that an order moves, where stations work on parts."""
     stations = view.snapshot.stations
-    if not len(stations.arrives) or stations.arrives[order] == NIL:
+    if not len(stations.job_of_order) or stations.job_of_order[order] == NIL:
         return []
-    work = int(stations.arrives[order])
+    work = int(stations.job_of_order[order])
     return [
-        ("moves", [f"part {stations.part[work]} to its next work, {stations.ticks[work]} ticks"])
+        (
+            "moves",
+            [
+                f"part {stations.part[work]} to its next work, {stations.processing_time[work]} ticks"
+            ],
+        )
     ]
 
 
-def checked_served(zoning: Partition, number: int) -> int:
+def checked_served(service_zones: ServiceZones, number: int) -> int:
     """A zone that robots serve, by its number. Raises InputError."""
-    if not 1 <= number <= len(zoning.server):
-        numbers = f"zones are numbered from 1 to {len(zoning.server)}"
+    if not 1 <= number <= len(service_zones.server):
+        numbers = f"zones are numbered from 1 to {len(service_zones.server)}"
         raise InputError(f"there is no zone {number}; {numbers}")
     return number - 1
 
 
-def served_zone_lines(view: View, zoning: Partition, zone: int, width: int) -> list[Line]:
+def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
     """Everything about one zone that a robot serves."""
-    if zone >= len(zoning.server):  # of the other of two runs
+    if zone >= len(service_zones.server):  # of the other of two runs
         return [line(title(f"zone {zone + 1} "), "is none of this run")]
-    design, server = zoning.design, int(zoning.server[zone])
+    design, server = service_zones.design, int(service_zones.server[zone])
     waiting = queued(view, [zone])
-    lines = [line(title(f"zone {zone + 1} "), dim(f"of {len(zoning.server)} that robots serve"))]
+    lines = [
+        line(title(f"zone {zone + 1} "), dim(f"of {len(service_zones.server)} that robots serve"))
+    ]
     facts: list[tuple[str, Parts]] = [
         ("served by", ["nobody" if server == NIL else robot_link(server)]),
         ("stations", several(_stations(view, design.zone == zone))),
     ]
-    for other in range(len(zoning.server)):
+    for other in range(len(service_zones.server)):
         shared = design.transfer[zone, other].astype(bool)
         if shared.any():
             links = several(_stations(view, shared))
@@ -220,16 +239,16 @@ def _stations(view: View, mask: NDArray[np.bool_]) -> list[Span]:
 
 def _under_way(view: View, zone: int) -> str:
     """Orders of its queue that robots have taken or carry."""
-    orders, mine = view.snapshot.orders, view.snapshot.zoning.queue == zone
-    fetched = mine & (orders.state == WAITING) & (orders.by != NIL)
-    carried = mine & (orders.state == CARRIED)
+    orders, mine = view.snapshot.orders, view.snapshot.service_zones.queue == zone
+    fetched = mine & (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
+    carried = mine & (orders.state == ORDER_CARRIED)
     return f"{np.count_nonzero(carried)} carried, {np.count_nonzero(fetched)} to be fetched"
 
 
 def parts_finished(view: View) -> tuple[int, int] | None:
     """Parts that have left their last station, of how many; None where stations work on none."""
     stations = view.snapshot.stations
-    last = stations.frees == NIL
-    if not len(stations.entering):
+    last = stations.releases_order == NIL
+    if not len(stations.part_arrivals):
         return None
-    return int(np.count_nonzero(stations.done[last] != NIL)), int(np.count_nonzero(last))
+    return int(np.count_nonzero(stations.completion_tick[last] != NIL)), int(np.count_nonzero(last))

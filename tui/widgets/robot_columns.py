@@ -10,16 +10,27 @@ import numpy as np
 from automaton.history.charging import in_line
 from automaton.history.snapshot import Fleet
 from automaton.units import percent
-from automaton.world.condition import BROKEN, EMPTY, FULL, GONE, TOWED
+from automaton.world.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.world.robot_status import (
+    BATTERY_FULL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+)
 from automaton.world.state import ACTION_NAMES, NIL, Array
 from automaton.world.types import type_of_each
-from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, waits
 from tui.view import View
 from tui.widgets.charge_facts import has_batteries
 from tui.widgets.partition_facts import partition_of, queued
 from tui.widgets.types import has_types, type_of
 
-OUT_OF_ORDER: Final = {EMPTY: "empty", BROKEN: "broken", TOWED: "towed", GONE: "towed"}
+OUT_OF_ORDER: Final = {
+    STATUS_DEPLETED: "empty",
+    STATUS_FAILED: "broken",
+    STATUS_TOWED: "towed",
+    STATUS_REMOVED: "towed",
+}
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
 PARKED: Final = "parked"
 SHORT: Final = {"illegal answer": "illegal", "none": ""}
@@ -45,7 +56,7 @@ def doing(fleet: Fleet, robot: int) -> str:
         return PARKED
     if in_line(fleet)[robot]:
         return "in line"
-    if waits(fleet.cause[robot]):
+    if is_waiting(fleet.cause[robot]):
         return "waits"
     return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
 
@@ -54,17 +65,17 @@ def _doing_keys(view: View) -> Array:
     """In the order of DOING: idle, at work, waiting; then parked, last out of order and towed."""
     fleet = view.snapshot.robots
     keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
-    keys[waits(fleet.cause)] = ACTION_NAMES.index("wait")
+    keys[is_waiting(fleet.cause)] = ACTION_NAMES.index("wait")
     keys[in_line(fleet)] = len(DOING)
     keys[fleet.parked != 0] = len(DOING) + 1
-    out = fleet.status >= EMPTY
+    out = fleet.status >= STATUS_DEPLETED
     keys[out] = len(DOING) + fleet.status[out]
     return keys
 
 
 def _waited(view: View) -> Array:
     fleet = view.snapshot.robots
-    ticks: Array = np.where(waits(fleet.cause), view.snapshot.tick - fleet.since, 0)
+    ticks: Array = np.where(is_waiting(fleet.cause), view.snapshot.tick - fleet.since, 0)
     return ticks
 
 
@@ -76,7 +87,7 @@ def _cause(view: View, robot: int) -> str:
 def _cell(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     if fleet.cell[robot] != NIL:
-        return ",".join(map(str, view.plan.xy(int(fleet.cell[robot]))))
+        return ",".join(map(str, view.floor_plan.xy(int(fleet.cell[robot]))))
     return "in bay" if fleet.bay[robot] != NIL else "off"
 
 
@@ -84,7 +95,7 @@ def _queue(view: View, robot: int) -> list[int]:
     """The orders that wait in the zones that a robot serves."""
     if partition_of(view) is None:
         return []
-    served = np.flatnonzero(view.snapshot.zoning.server == robot).tolist()
+    served = np.flatnonzero(view.snapshot.service_zones.server == robot).tolist()
     return queued(view, served)
 
 
@@ -110,7 +121,7 @@ COLUMNS: Final = (
         "battery",
         7,
         lambda v: v.snapshot.robots.charge,
-        lambda v, r: percent(int(v.snapshot.robots.charge[r]) / FULL),
+        lambda v, r: percent(int(v.snapshot.robots.charge[r]) / BATTERY_FULL),
         False,
         there=has_batteries,
     ),
@@ -131,16 +142,16 @@ COLUMNS: Final = (
     Column(
         "ahead",
         5,
-        lambda v: v.snapshot.robots.planned,
-        lambda v, r: _or_blank(int(v.snapshot.robots.planned[r]), 0),
+        lambda v: v.snapshot.robots.order_queue_length,
+        lambda v, r: _or_blank(int(v.snapshot.robots.order_queue_length[r]), 0),
         True,
-        there=lambda v: bool(v.snapshot.robots.planned.any()),
+        there=lambda v: bool(v.snapshot.robots.order_queue_length.any()),
     ),
     Column(
         "zone",
         4,
-        lambda v: v.snapshot.robots.zone,
-        lambda v, r: _or_blank(int(v.snapshot.robots.zone[r]) + 1, 0),
+        lambda v: v.snapshot.robots.service_zone,
+        lambda v, r: _or_blank(int(v.snapshot.robots.service_zone[r]) + 1, 0),
         False,
         there=lambda v: partition_of(v) is not None,
     ),
@@ -156,8 +167,8 @@ COLUMNS: Final = (
     Column(
         "slowed",
         6,
-        lambda v: v.snapshot.robots.lost[:, DRIVING_SLOWLY],
-        lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, DRIVING_SLOWLY]), 0),
+        lambda v: v.snapshot.robots.lost[:, CAUSE_REDUCED_SPEED],
+        lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, CAUSE_REDUCED_SPEED]), 0),
         True,
     ),
     Column(
@@ -179,7 +190,7 @@ COLUMNS: Final = (
 
 def _waited_of(view: View, robot: int) -> int:
     fleet = view.snapshot.robots
-    return view.snapshot.tick - int(fleet.since[robot]) if waits(fleet.cause[robot]) else 0
+    return view.snapshot.tick - int(fleet.since[robot]) if is_waiting(fleet.cause[robot]) else 0
 
 
 def ordered(view: View, column: Column, greatest_first: bool) -> Array:

@@ -9,8 +9,9 @@ import numpy as np
 from automaton.history.chronicle import Event
 from automaton.history.explanation import doing
 from automaton.units import count, percent
-from automaton.world.cells import DIRECTIONS, KINDS
-from automaton.world.condition import BROKEN, EMPTY, TOWED
+from automaton.world.cells import CELL_KINDS, DIRECTIONS
+from automaton.world.observation import CAUSE_NOT_WAITING, CAUSE_REDUCED_SPEED, CAUSES, is_waiting
+from automaton.world.robot_status import STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
 from automaton.world.state import (
     GOAL_CHARGE,
     GOAL_DROP,
@@ -20,7 +21,6 @@ from automaton.world.state import (
     NIL,
     Array,
 )
-from automaton.world.waiting import CAUSES, DRIVING_SLOWLY, NOT_WAITING, waits
 from tui.view import View
 from tui.widgets.charge_facts import battery, charging_plan, condition
 from tui.widgets.event_rows import event_line
@@ -50,7 +50,7 @@ LAST_EVENTS: Final = 5
 
 def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> list[Line]:
     """Everything about one robot."""
-    fleet, plan = view.snapshot.robots, view.plan
+    fleet, floor_plan = view.snapshot.robots, view.floor_plan
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
     facts: list[tuple[str, list[str | Span]]] = [
@@ -68,8 +68,8 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> l
         ("route", _route(view, robot)),
         ("priority", [str(int(fleet.priority[robot]))]),
         *robot_zone(view, robot),
-        ("home", [cell_link(plan, int(fleet.home[robot]))]),
-        ("bay", [] if fleet.bay[robot] == NIL else [cell_link(plan, int(fleet.bay[robot]))]),
+        ("home", [cell_link(floor_plan, int(fleet.home[robot]))]),
+        ("bay", [] if fleet.bay[robot] == NIL else [cell_link(floor_plan, int(fleet.bay[robot]))]),
         ("so far", _so_far(view, robot)),
     ]
     for name, parts in facts:
@@ -91,46 +91,49 @@ def _type(view: View, robot: int) -> list[str | Span]:
 def _state(view: View, robot: int) -> str:
     """What it does."""
     fleet = view.snapshot.robots
-    if fleet.cause[robot] == NOT_WAITING:
+    if fleet.cause[robot] == CAUSE_NOT_WAITING:
         return doing(view.snapshot, robot)
     ticks = view.snapshot.tick - int(fleet.since[robot])
     name = CAUSES[int(fleet.cause[robot])].name
-    circle = ", in a circle" if fleet.ring[robot] else ""
+    circle = ", in a circle" if fleet.wait_cycle_ticks[robot] else ""
     return f"{count(ticks, 'tick')}: {name}{circle}"
 
 
 def _look(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
-    if fleet.ring[robot] or fleet.status[robot] in (EMPTY, BROKEN):
+    if fleet.wait_cycle_ticks[robot] or fleet.status[robot] in (STATUS_DEPLETED, STATUS_FAILED):
         return "fault"
-    return "warn" if waits(fleet.cause[robot]) else "plain"
+    return "warn" if is_waiting(fleet.cause[robot]) else "plain"
 
 
 def _waits_for(view: View, robot: int) -> list[str | Span]:
     fleet = view.snapshot.robots
     parts: list[str | Span] = []
     if fleet.wanted[robot] != NIL:
-        parts.append(cell_link(view.plan, int(fleet.wanted[robot])))
+        parts.append(cell_link(view.floor_plan, int(fleet.wanted[robot])))
     if fleet.blocker[robot] != NIL:
         parts += [" held by ", robot_link(int(fleet.blocker[robot]))]
     return parts
 
 
 def _place(view: View, robot: int) -> list[str | Span]:
-    fleet, plan = view.snapshot.robots, view.plan
+    fleet, floor_plan = view.snapshot.robots, view.floor_plan
     cell = int(fleet.cell[robot])
     if cell == NIL:
-        if fleet.status[robot] >= TOWED:
+        if fleet.status[robot] >= STATUS_TOWED:
             return ["off the floor, towed"]
         return ["in its bay" if fleet.bay[robot] != NIL else "off the floor"]
-    parts: list[str | Span] = [cell_link(plan, cell), f" {KINDS[_kind(view, cell)].name}"]
+    parts: list[str | Span] = [
+        cell_link(floor_plan, cell),
+        f" {CELL_KINDS[_kind(view, cell)].name}",
+    ]
     if fleet.claim[robot] != NIL:
-        parts += [", on its way to ", cell_link(plan, int(fleet.claim[robot]))]
+        parts += [", on its way to ", cell_link(floor_plan, int(fleet.claim[robot]))]
     return parts
 
 
 def _kind(view: View, cell: int) -> int:
-    return int(view.plan.kind.reshape(-1)[cell])
+    return int(view.floor_plan.kind.reshape(-1)[cell])
 
 
 def _heading(view: View, robot: int) -> str:
@@ -149,14 +152,14 @@ def _load(view: View, robot: int) -> list[str | Span]:
 
 
 def _slot(view: View, slot: int) -> Span:
-    return cell_link(view.plan, int(view.snapshot.slots.cell[slot]))
+    return cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))
 
 
 def _order(view: View, robot: int) -> list[str | Span]:
     order = int(view.snapshot.robots.order[robot])
     if order == NIL:
         return ["none"]
-    known = int(view.snapshot.orders.released[order])
+    known = int(view.snapshot.orders.release_tick[order])
     return [order_link(order), *([f", known for {_ticks(view, known)}"] if known else [])]
 
 
@@ -167,42 +170,42 @@ def _ticks(view: View, since: int) -> str:
 def _ahead(view: View, robot: int) -> list[str | Span]:
     """The orders that it is to do, one after another, as they were announced."""
     if view.snapshot.selected != robot:
-        many = int(view.snapshot.robots.planned[robot])
+        many = int(view.snapshot.robots.order_queue_length[robot])
         return [count(many, "order")] if many else []
-    return several([order_link(order) for order in view.snapshot.plan.tolist()])
+    return several([order_link(order) for order in view.snapshot.order_queue.tolist()])
 
 
 def _goal(view: View, robot: int) -> list[str | Span]:
     """What it drives for, and where."""
     fleet, orders = view.snapshot.robots, view.snapshot.orders
-    goal, order, slot = (int(field[robot]) for field in (fleet.goal, fleet.order, fleet.slot))
+    goal, order, slot = (int(field[robot]) for field in (fleet.goal_type, fleet.order, fleet.slot))
     if goal == GOAL_NONE:
         return ["none"]
     if goal == GOAL_PARK:
         return ["to park"]
     if goal == GOAL_CHARGE:
-        return ["to charge at ", cell_link(view.plan, int(fleet.stand[robot]))]
+        return ["to charge at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     if goal == GOAL_PICK:
-        slot = NIL if order == NIL else int(orders.place[order])
+        slot = NIL if order == NIL else int(orders.current_slot[order])
     parts: list[str | Span] = ["to set down" if goal == GOAL_DROP else "to pick up"]
     return parts if slot == NIL else [*parts, " at ", _slot(view, slot)]
 
 
 def _route(view: View, robot: int) -> list[str | Span]:
     fleet = view.snapshot.robots
-    steps, stand = int(fleet.route_length[robot]), int(fleet.stand[robot])
-    if stand == NIL:
+    steps, goal_cell = int(fleet.route_length[robot]), int(fleet.goal_cell[robot])
+    if goal_cell == NIL:
         return []
-    parts: list[str | Span] = [f"{count(steps, 'cell')} to ", cell_link(view.plan, stand)]
-    if fleet.withdrawing[robot] > 0:
-        parts.append(f", withdrawing {count(int(fleet.withdrawing[robot]), 'step')}")
+    parts: list[str | Span] = [f"{count(steps, 'cell')} to ", cell_link(view.floor_plan, goal_cell)]
+    if fleet.retreat_moves[robot] > 0:
+        parts.append(f", withdrawing {count(int(fleet.retreat_moves[robot]), 'step')}")
     return parts
 
 
 def _so_far(view: View, robot: int) -> list[str | Span]:
     """Its work since the start, as of the last reading of the figures."""
     figures = view.shot.figures[view.side]
-    slowed = int(view.snapshot.robots.lost[robot, DRIVING_SLOWLY])
+    slowed = int(view.snapshot.robots.lost[robot, CAUSE_REDUCED_SPEED])
     return [
         f"{count(int(figures.operations[robot]), 'operation')}, "
         f"active {percent(float(figures.active[robot]), 0)}",

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from automaton.world.condition import BROKEN, EMPTY
+from automaton.world.robot_status import STATUS_DEPLETED, STATUS_FAILED
 from automaton.world.state import Array
 from tui.view import RobotChosen, View
 from tui.widgets.lines import Line, Link, Span, line
@@ -99,7 +99,10 @@ class Robots(Rows):
         fleet = view.snapshot.robots
         if robot == view.robot:
             return line(Span(self.signs.here + text[1:], "title"))
-        wrong = fleet.ring[robot] or fleet.status[robot] in (EMPTY, BROKEN)
+        wrong = fleet.wait_cycle_ticks[robot] or fleet.status[robot] in (
+            STATUS_DEPLETED,
+            STATUS_FAILED,
+        )
         look = "fault" if wrong else "dim" if fleet.parked[robot] else "plain"
         return line(Span(text, look))
 

@@ -202,5 +202,5 @@ class PanelColumn(Container):
 
 def _within(view: View) -> View:
     """Without a choice that one of two compared runs does not know: fewer robots, a smaller floor."""
-    known = view.robot < len(view.snapshot.robots) and view.cell < view.plan.kind.size
+    known = view.robot < len(view.snapshot.robots) and view.cell < view.floor_plan.kind.size
     return view if known else replace(view, robot=NIL, cell=NIL)

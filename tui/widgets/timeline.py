@@ -17,7 +17,7 @@ from textual import events
 from textual.binding import Binding
 from textual.message import Message
 
-from automaton.world.waiting import DELIVERED_ORDERS
+from automaton.world.observation import DELIVERED_ORDERS
 from tui.render import styles
 from tui.render.glyphs import Codes, GlyphSet, code, text
 from tui.render.styles import style

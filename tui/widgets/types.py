@@ -21,4 +21,6 @@ def type_of(view: View, robot: int) -> FleetType | None:
 def closed_to(view: View, cell: int) -> list[str]:
     """The types of robots to which a cell is closed."""
     types = types_of(view.run.resolved.scenario)
-    return [kind.name for kind in types if closed_cells(view.plan, kind)[cell]]
+    return [
+        robot_type.name for robot_type in types if closed_cells(view.floor_plan, robot_type)[cell]
+    ]

@@ -8,8 +8,8 @@ import numpy as np
 
 from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
+from automaton.world.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting
 from automaton.world.state import NIL
-from automaton.world.waiting import CAUSES, NOT_WAITING, waits
 from tui.view import View
 from tui.widgets import lost as lost_time
 from tui.widgets.lines import Line, Link, Span, dim, line, linked, robot_link, term, title, wrapped
@@ -28,7 +28,7 @@ class Why(TextPanel):
     def written(self, view: View, width: int) -> list[Line]:
         if view.robot == NIL:
             return longest_waits(view, width)
-        found = explain(view.snapshot, view.plan, view.robot)
+        found = explain(view.snapshot, view.floor_plan, view.robot)
         lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
         if found.cycle != NIL:
             lines += _circle(view, found, width)
@@ -37,7 +37,7 @@ class Why(TextPanel):
     def _lost(self, view: View, width: int) -> list[Line]:
         """The robot's time by cause, the greatest first."""
         lost = view.snapshot.robots.lost[view.robot].copy()
-        lost[NOT_WAITING] = 0
+        lost[CAUSE_NOT_WAITING] = 0
         total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
         if not total:
             return [line(title("no time lost so far"))]
@@ -77,7 +77,7 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
     link = found.chain[at]
     in_circle = found.cycle != NIL and at >= found.cycle
     if not link.cause:  # the last one does not wait
-        words = linked(link.text if at else f"{link.text}: it does not wait", view.plan)
+        words = linked(link.text if at else f"{link.text}: it does not wait", view.floor_plan)
         return wrapped(line(dim("but " if at else ""), *words), width, indent=2)
     mark = "because " if at else ""
     look = "fault" if in_circle else "warn"
@@ -85,7 +85,7 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
     because = link.text.partition(": ")[2]
     return [
         *wrapped(line(dim(mark), robot_link(link.robot), waited), width, indent=2),
-        *wrapped(linked(because, view.plan), width, indent=2, first=2),
+        *wrapped(linked(because, view.floor_plan), width, indent=2, first=2),
         *wrapped(
             line(dim(f"rule: {link.rule.removeprefix('rule of ')}")), width, indent=4, first=2
         ),
@@ -93,13 +93,13 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
 
 
 def _circle(view: View, found: Explanation, width: int) -> list[Line]:
-    return [(), *wrapped(linked(found.lines[-1], view.plan, "fault"), width, indent=2)]
+    return [(), *wrapped(linked(found.lines[-1], view.floor_plan, "fault"), width, indent=2)]
 
 
 def longest_waits(view: View, width: int) -> list[Line]:
     """Robots that wait now, by how long they have."""
     fleet, now = view.snapshot.robots, view.snapshot.tick
-    waiting = np.flatnonzero(waits(fleet.cause))
+    waiting = np.flatnonzero(is_waiting(fleet.cause))
     if not len(waiting):
         return [
             line(title("no robot waits now")),
@@ -110,7 +110,7 @@ def longest_waits(view: View, width: int) -> list[Line]:
     lines = [line(title(f"{count(len(ordered), 'robot')} {head}"))]
     for robot in ordered[:MOST]:
         ticks = now - int(fleet.since[robot])
-        look = "fault" if fleet.ring[robot] else "plain"
+        look = "fault" if fleet.wait_cycle_ticks[robot] else "plain"
         cause = CAUSES[int(fleet.cause[robot])].name
         name = robot_link(robot)
         gap = " " * max(1, 11 - len(name.text))

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from automaton.errors import InputError
 from automaton.units import count
 from automaton.world.cells import DIRECTIONS
-from automaton.world.plan import DRIVABLE
+from automaton.world.floor_plan import DRIVABLE
 from automaton.world.state import NIL
-from automaton.world.zones import Zones, zones_of
+from automaton.world.traffic_zones import TrafficZones, traffic_zones_of
 from tui.view import View
 from tui.widgets.lines import Line, Span, cell_link, dim, fact, line, robot_link, title
 from tui.widgets.partition_facts import checked_served, partition_of, served_zone_lines
@@ -19,16 +19,16 @@ Parts = list[str | Span]
 MOST = 24  # robots that are named one by one
 
 
-def zones_in(view: View) -> Zones:
+def zones_in(view: View) -> TrafficZones:
     """The zones of the floor, as the rules have them by now."""
-    return zones_of(view.plan, view.run.resolved.scenario.world.zones)
+    return traffic_zones_of(view.floor_plan, view.run.resolved.scenario.world.zones)
 
 
 def checked_zone(view: View, zone: int) -> int:
     """A zone of this floor, or by its number one that robots serve. Raises InputError."""
-    zoning = partition_of(view)
-    if zoning is not None:
-        return checked_served(zoning, zone)
+    service_zones = partition_of(view)
+    if service_zones is not None:
+        return checked_served(service_zones, zone)
     many = zones_in(view).count
     if zone >= many:
         numbers = f"zones are numbered from 0 to {many - 1}" if many else "this floor has none"
@@ -55,16 +55,16 @@ def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
     """
     if partition_of(view) is not None and not _slow(view):
         return []
-    if not DRIVABLE[view.plan.kind.reshape(-1)[cell]]:
+    if not DRIVABLE[view.floor_plan.kind.reshape(-1)[cell]]:
         return []
-    zones = zones_in(view)
-    numbers = sorted({int(zone) for zone in zones.of[cell] if zone != NIL})
+    traffic_zones = zones_in(view)
+    numbers = sorted({int(zone) for zone in traffic_zones.of[cell] if zone != NIL})
     if not numbers:
-        crossing = "none: an intersection" if zones.intersection[cell] else "none"
+        crossing = "none: an intersection" if traffic_zones.intersection[cell] else "none"
         return [("zone", [crossing, *_free(view)])]
     facts: list[tuple[str, Parts]] = []
     for zone in numbers:
-        ways = [f" ({way})" for way in _ways(view, zones, cell, zone)]
+        ways = [f" ({way})" for way in _ways(view, traffic_zones, cell, zone)]
         now = f" with {count(len(robots_in(view, zone)), 'robot')} now"
         served = partition_of(view) is not None
         parts: Parts = [str(zone) if served else zone_link(zone), *ways, now]
@@ -72,11 +72,14 @@ def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
     return facts
 
 
-def _ways(view: View, zones: Zones, cell: int, zone: int) -> Parts:
+def _ways(view: View, traffic_zones: TrafficZones, cell: int, zone: int) -> Parts:
     """In which directions a zone is driven, where the opposite ones have another."""
-    if zones.of[cell, 0] == zones.of[cell, 1]:
+    if traffic_zones.of[cell, 0] == traffic_zones.of[cell, 1]:
         return []
-    exits, column = int(view.plan.exits.reshape(-1)[cell]), int(zones.of[cell, 1] == zone)
+    exits, column = (
+        int(view.floor_plan.exits.reshape(-1)[cell]),
+        int(traffic_zones.of[cell, 1] == zone),
+    )
     pair = (2 * column, 2 * column + 1)
     ways = [DIRECTIONS[d] for d in pair if exits >> d & 1 or exits >> (d ^ 2) & 1]
     return [" and ".join(ways)]
@@ -110,26 +113,26 @@ def _cost(view: View, zone: int) -> Parts:
 
 def zone_lines(view: View, zone: int, width: int) -> list[Line]:
     """Everything about one zone: of those that robots serve, if they do."""
-    zoning = partition_of(view)
-    if zoning is not None:
-        return served_zone_lines(view, zoning, zone, width)
-    zones = zones_in(view)
-    if zone >= zones.count:  # of the other of two runs
+    service_zones = partition_of(view)
+    if service_zones is not None:
+        return served_zone_lines(view, service_zones, zone, width)
+    traffic_zones = zones_in(view)
+    if zone >= traffic_zones.count:  # of the other of two runs
         return [line(title(f"zone {zone} "), "is none of this floor")]
-    cells = np.flatnonzero((zones.of == zone).any(axis=1))
+    cells = np.flatnonzero((traffic_zones.of == zone).any(axis=1))
     robots = robots_in(view, zone)
-    ends: Parts = [cell_link(view.plan, int(cells[0]))]
-    ends += [" to ", cell_link(view.plan, int(cells[-1]))] if len(cells) > 1 else []
+    ends: Parts = [cell_link(view.floor_plan, int(cells[0]))]
+    ends += [" to ", cell_link(view.floor_plan, int(cells[-1]))] if len(cells) > 1 else []
     named: Parts = []
     for robot in robots[:MOST].tolist():
         named += [", "] * bool(named) + [robot_link(robot)]
     named += [f" and {len(robots) - MOST:,} more"] if len(robots) > MOST else []
-    lines = [line(title(f"zone {zone} "), dim(f"of {zones.count:,}, {zones.mode}"))]
-    crossing = bool(zones.intersection[cells[0]])
+    lines = [line(title(f"zone {zone} "), dim(f"of {traffic_zones.count:,}, {traffic_zones.mode}"))]
+    crossing = bool(traffic_zones.intersection[cells[0]])
     for name, parts in (
         ("is", ["an intersection" if crossing else "a stretch between intersections"]),
         ("cells", [f"{len(cells):,}, ", *ends]),
-        ("driven", _ways(view, zones, int(cells[0]), zone)),
+        ("driven", _ways(view, traffic_zones, int(cells[0]), zone)),
         ("a move", _pace(view, zone)),
         ("so far", _cost(view, zone)),
         ("robots", [f"{len(robots):,}"]),

@@ -8,9 +8,9 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.routes.astar import search
-from automaton.kernels.routes.frontier import COST
+from automaton.kernels.routes.frontier import OPEN_COST
 from automaton.kernels.routes.replay import delay_of
-from automaton.kernels.search import FAR
+from automaton.kernels.search import UNREACHABLE
 from automaton.world.state import NIL
 
 PLAIN = 0  # in place of A: nothing is closed
@@ -22,19 +22,26 @@ MOST_CAUTIOUS = 1  # the one of least A
 
 
 @kernel
-def choose_threshold(grid, kind, duration, space, ties, seed, start, pick, drop, most, rule):
+def choose_threshold(
+    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, rule
+):
     """The A = 1..most of the candidate that is taken, or PLAIN.
 
-    Reads the others in each zone from space.count; `start` is a pose, `pick` and `drop` are cells,
-    `pick` may be NIL. Leaves space.closed for any A: close_zones sets it again.
+    Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
+    cells,
+    `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
     """
     chosen = PLAIN
-    least = foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, PLAIN)
+    least = foreseen_time(
+        grid, robot_type, duration, workspace, ties, seed, start, pick, drop, PLAIN
+    )
     for threshold in range(1, most + 1):
-        if close_zones(grid, space, threshold, start, pick, drop) == 0:
+        if close_zones(grid, workspace, threshold, start, pick, drop) == 0:
             break  # a larger A closes nothing either
-        ticks = foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, threshold)
-        if rule == MOST_CAUTIOUS and ticks < FAR:
+        ticks = foreseen_time(
+            grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold
+        )
+        if rule == MOST_CAUTIOUS and ticks < UNREACHABLE:
             return np.int64(threshold)
         if ticks < least:
             least = ticks
@@ -43,48 +50,52 @@ def choose_threshold(grid, kind, duration, space, ties, seed, start, pick, drop,
 
 
 @kernel
-def foreseen_time(grid, kind, duration, space, ties, seed, start, pick, drop, threshold):
-    """Ticks of both legs with the others of space.count in their zones; FAR if there is no way."""
+def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold):
+    """Ticks of both legs with the others of workspace.count in their zones, or UNREACHABLE."""
     ticks = 0
     pose = np.int64(start)
     for leg in range(2):
         target = drop if leg else pick
         if target == NIL:
             continue
-        pose = search(grid, kind, duration, space, ties, seed, pose, target, threshold != PLAIN)
+        pose = search(
+            grid, robot_type, duration, workspace, ties, seed, pose, target, threshold != PLAIN
+        )
         if pose == NIL:
-            return FAR
-        ticks += space.state[COST] + delay_of(grid, duration, space, pose, space.count)
+            return UNREACHABLE
+        ticks += workspace.state[OPEN_COST] + delay_of(
+            grid, duration, workspace, pose, workspace.count
+        )
     return ticks
 
 
 @kernel
-def close_zones(grid, space, threshold, start, pick, drop):
+def close_zones(grid, workspace, threshold, start, pick, drop):
     """Close the zones with that many others, save the robot's own; how many there are before that."""
     busy = 0
-    for zone in range(space.closed.shape[0]):
-        space.closed[zone] = space.count[zone] >= threshold
-        busy += space.closed[zone]
-    open_zones(grid, space, start >> (grid.headings >> 1))
-    open_zones(grid, space, drop)
+    for zone in range(workspace.closed.shape[0]):
+        workspace.closed[zone] = workspace.count[zone] >= threshold
+        busy += workspace.closed[zone]
+    open_zones(grid, workspace, start >> (grid.headings >> 1))
+    open_zones(grid, workspace, drop)
     if pick != NIL:
-        open_zones(grid, space, pick)
+        open_zones(grid, workspace, pick)
     return busy
 
 
 @kernel
-def open_zones(grid, space, cell):
+def open_zones(grid, workspace, cell):
     """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
 
     So whoever stands on an intersection may leave it, be that a zone of its own or none.
     """
-    open_cell(grid, space, cell)
+    open_cell(grid, workspace, cell)
     for way in range(4):
-        open_cell(grid, space, cell + grid.offset[way])
+        open_cell(grid, workspace, cell + grid.offset[way])
 
 
 @kernel
-def open_cell(grid, space, cell):
+def open_cell(grid, workspace, cell):
     for column in range(2):
-        if grid.zone[cell, column] != NIL:
-            space.closed[grid.zone[cell, column]] = 0
+        if grid.traffic_zone[cell, column] != NIL:
+            workspace.closed[grid.traffic_zone[cell, column]] = 0

@@ -17,7 +17,7 @@ from automaton.kernels.routes.plans import (
     plan_on,
     zone_of,
 )
-from automaton.kernels.routes.presence import (
+from automaton.kernels.routes.zone_forecast import (
     COLUMNS,
     FREE,
     HEADING,
@@ -34,20 +34,20 @@ from automaton.kernels.routes.presence import (
     present,
     words_of_zone,
 )
-from automaton.world.state import DROP, MOVE, NIL, PICK, TURN
+from automaton.world.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, ACTION_TURN, NIL
 
 
 @kernel
-def foresee(view, space, memory):
+def forecast_all(view, workspace, memory):
     """Count all robots with the routes that they have, from now to the horizon."""
-    plan_all(view, space, memory)
+    plan_all(view, workspace, memory)
     horizon, zones = memory.parameters[HORIZON], memory.parameters[ZONES]
     first = zones * words_of_zone(memory)
     crowd = memory.shared[first : first + zones]
     calendar = memory.shared[first + zones : first + zones + horizon]
     robots = view.robots.cell.shape[0]
     for i in range(robots):
-        row = memory.own[i]
+        row = memory.per_robot[i]
         if row[ZONE] != NIL:
             crowd[row[ZONE]] += 1
         if row[FREE] or has_task(view.robots, i):
@@ -63,7 +63,7 @@ def foresee(view, space, memory):
 def schedule(memory, calendar, i, tick):
     """Robot i begins its next step in a tick, unless that is beyond the horizon."""
     if tick < memory.parameters[HORIZON]:
-        memory.own[i, LINK] = calendar[tick]
+        memory.per_robot[i, LINK] = calendar[tick]
         calendar[tick] = i + 1
 
 
@@ -73,11 +73,11 @@ def go_on(view, memory, crowd, calendar, tick):
     i = calendar[tick] - 1
     while i >= 0:
         arrive(view, memory, crowd, i, tick)
-        i = memory.own[i, LINK] - 1
+        i = memory.per_robot[i, LINK] - 1
     i = calendar[tick] - 1
     calendar[tick] = 0
     while i >= 0:
-        following = memory.own[i, LINK] - 1
+        following = memory.per_robot[i, LINK] - 1
         depart(view, memory, crowd, calendar, i, tick)
         i = following
 
@@ -85,7 +85,7 @@ def go_on(view, memory, crowd, calendar, tick):
 @kernel
 def arrive(view, memory, crowd, i, tick):
     """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
-    row = memory.own[i]
+    row = memory.per_robot[i]
     zone = NIL
     if row[STEP] <= row[STEPS] and row[IN_BAY] != 1:
         zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
@@ -100,7 +100,7 @@ def arrive(view, memory, crowd, i, tick):
 @kernel
 def depart(view, memory, crowd, calendar, i, tick):
     """Robot i begins its next step, or goes past its last one."""
-    row = memory.own[i]
+    row = memory.per_robot[i]
     while row[STEP] < row[STEPS]:
         ticks = row[IN_BAY] - 1
         if ticks <= 0:
@@ -135,9 +135,9 @@ def ticks_of_step(view, i, row, others):
     duration = view.rules.duration[view.robots.type[i]]
     step = row[COLUMNS + row[STEP]]
     if step >= PICKS:
-        return np.int64(duration[DROP if step == DROPS else PICK])
+        return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
     if step & (view.grid.headings - 1) != row[HEADING]:
-        return np.int64(duration[TURN])
+        return np.int64(duration[ACTION_TURN])
     return ticks_of_move(view, i, others)
 
 
@@ -160,15 +160,15 @@ def begin_step(view, row):
 @kernel
 def ticks_of_move(view, i, others):
     """What a move of robot i takes beside so many others."""
-    usual = np.int64(view.rules.duration[view.robots.type[i], MOVE])
+    usual = np.int64(view.rules.duration[view.robots.type[i], ACTION_MOVE])
     return usual * (1 + (others if view.rules.slowdown else 0))
 
 
 @kernel
-def foresee_one(view, space, memory, i, steps, length):
+def forecast_one(view, workspace, memory, i, steps, length):
     """Count robot i with a new route, slowed down by all who are counted; they keep their times."""
-    plan_on(view, space, memory, i, steps, 0, length)
-    row, horizon = memory.own[i], memory.parameters[HORIZON]
+    plan_on(view, workspace, memory, i, steps, 0, length)
+    row, horizon = memory.per_robot[i], memory.parameters[HORIZON]
     tick = row[FREE]
     while row[STEP] < row[STEPS] and tick < horizon:
         enter_zone(memory, i, zone_of(view.grid, row[PLACE], row[TRAVEL]), tick + row[IN_BAY])

@@ -12,7 +12,7 @@ ever found below the level, so the order is that of one heap over everything:
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import mix
+from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import NIL
 
 FIFO = 0
@@ -24,81 +24,81 @@ LARGER_G_HEAP = (
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
 # Entries of RouteSpace.state.
-STAMP = 0  # counts down: marks what earlier searches left as worse than anything
-LEVEL = 1  # the f that is expanded
-HEAP = 2  # items in the heap
-HEAD = 3  # the lane's first item: queues only
-TAIL = 4  # one past its last item
-FOUND = 5  # poses found in this search
-EXPANDED = 6  # poses expanded in all searches
-COST = 7  # of the path found last
+OPEN_STAMP = 0  # counts down: marks what earlier searches left as worse than anything
+OPEN_LEVEL = 1  # the f that is expanded
+OPEN_HEAP = 2  # items in the heap
+OPEN_HEAD = 3  # the lane's first item: queues only
+OPEN_TAIL = 4  # one past its last item
+OPEN_FOUND = 5  # poses found in this search
+OPEN_EXPANDED = 6  # poses expanded in all searches
+OPEN_COST = 7  # of the path found last
 
-POSE = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
+POSE_MASK = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
 
 
 @kernel
-def begin(space):
+def begin(workspace):
     """Empty the open list for a new search; returns the label of its poses at cost 0."""
-    state = space.state
-    if state[STAMP] == 0:
-        space.label[:] = np.iinfo(np.int64).max
-        state[STAMP] = (1 << 31) - 1
-    state[STAMP] -= 1
-    state[LEVEL] = NIL
-    state[HEAP] = 0
-    state[HEAD] = 0
-    state[TAIL] = 0
-    state[FOUND] = 0
-    return state[STAMP] << 32
+    state = workspace.state
+    if state[OPEN_STAMP] == 0:
+        workspace.label[:] = np.iinfo(np.int64).max
+        state[OPEN_STAMP] = (1 << 31) - 1
+    state[OPEN_STAMP] -= 1
+    state[OPEN_LEVEL] = NIL
+    state[OPEN_HEAP] = 0
+    state[OPEN_HEAD] = 0
+    state[OPEN_TAIL] = 0
+    state[OPEN_FOUND] = 0
+    return state[OPEN_STAMP] << 32
 
 
 @kernel
-def put(space, ties, salt, pose, row, f, h):
+def put(workspace, ties, salt, pose, row, f, h):
     """Enter a pose of that f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
-    state = space.state
-    if f == state[LEVEL] and ties < RANDOM:
-        space.lane[state[TAIL]] = (row << 32) | pose
-        state[TAIL] += 1
+    state = workspace.state
+    if f == state[OPEN_LEVEL] and ties < RANDOM:
+        workspace.lane[state[OPEN_TAIL]] = (row << 32) | pose
+        state[OPEN_TAIL] += 1
         return
-    number = state[FOUND]
-    state[FOUND] = number + 1
+    number = state[OPEN_FOUND]
+    state[OPEN_FOUND] = number + 1
     tie = number
     if ties == LARGER_G or ties == LARGER_G_HEAP:
         tie = h
     elif ties == RANDOM:
-        tie = np.int64(mix(salt + np.uint64(number)) >> np.uint64(33))
-    sift_up(space, state[HEAP], (f << 32) | tie, (number << 32) | pose)
-    state[HEAP] += 1
+        tie = np.int64(splitmix64(salt + np.uint64(number)) >> np.uint64(33))
+    sift_up(workspace, state[OPEN_HEAP], (f << 32) | tie, (number << 32) | pose)
+    state[OPEN_HEAP] += 1
 
 
 @kernel
-def take(space, ties, width, shift):
+def take(workspace, ties, width, shift):
     """Remove the next item, row << 32 | pose; NIL if there is none. Sets the level."""
-    state = space.state
-    waiting = state[TAIL] > state[HEAD]
+    state = workspace.state
+    waiting = state[OPEN_TAIL] > state[OPEN_HEAD]
     if waiting and ties == LARGER_G:
-        state[TAIL] -= 1
-        return space.lane[state[TAIL]]
-    if waiting and (state[HEAP] == 0 or space.key[0] >> 32 > state[LEVEL]):
-        state[HEAD] += 1
-        return space.lane[state[HEAD] - 1]
-    if state[HEAP] == 0:
+        state[OPEN_TAIL] -= 1
+        return workspace.lane[state[OPEN_TAIL]]
+    if waiting and (state[OPEN_HEAP] == 0 or workspace.key[0] >> 32 > state[OPEN_LEVEL]):
+        state[OPEN_HEAD] += 1
+        return workspace.lane[state[OPEN_HEAD] - 1]
+    if state[OPEN_HEAP] == 0:
         return np.int64(NIL)
-    f = space.key[0] >> 32
-    if f > state[LEVEL]:
-        state[LEVEL] = f
-        state[HEAD] = 0
-        state[TAIL] = 0
-    pose = space.item[0] & POSE
-    state[HEAP] -= 1
-    sift_down(space, state[HEAP])
+    f = workspace.key[0] >> 32
+    if f > state[OPEN_LEVEL]:
+        state[OPEN_LEVEL] = f
+        state[OPEN_HEAD] = 0
+        state[OPEN_TAIL] = 0
+    pose = workspace.item[0] & POSE_MASK
+    state[OPEN_HEAP] -= 1
+    sift_down(workspace, state[OPEN_HEAP])
     return (((pose >> shift) // width) << 32) | pose
 
 
 @kernel
-def sift_up(space, at, key, item):
+def sift_up(workspace, at, key, item):
     """Put (key, item) into the heap of `at` items, ordered by key, then by item."""
-    keys, items = space.key, space.item
+    keys, items = workspace.key, workspace.item
     while at > 0:
         above = (at - 1) >> 1
         if keys[above] < key or (keys[above] == key and items[above] < item):
@@ -111,9 +111,9 @@ def sift_up(space, at, key, item):
 
 
 @kernel
-def sift_down(space, size):
+def sift_down(workspace, size):
     """Fill the heap's first place with what lies behind its last one; `size` items remain."""
-    keys, items = space.key, space.item
+    keys, items = workspace.key, workspace.item
     key, item = keys[size], items[size]
     at = 0
     below = 1

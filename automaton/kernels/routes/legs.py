@@ -3,7 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import LEGS, draw_between
+from automaton.kernels.random_numbers import STREAM_LEGS, random_between
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.replay import add_zones
 from automaton.world.state import NIL
@@ -13,22 +13,22 @@ from automaton.world.state import NIL
 def draw_legs(racks, docks, seed, start, end):
     """Legs from a rack to a dock and back by turns, drawn by (seed, leg); start, end: (n,) cells."""
     for k in range(start.shape[0]):
-        rack = racks[draw_between(0, racks.shape[0] - 1, seed, LEGS, 0, k)]
-        dock = docks[draw_between(0, docks.shape[0] - 1, seed, LEGS, 1, k)]
+        rack = racks[random_between(0, racks.shape[0] - 1, seed, STREAM_LEGS, 0, k)]
+        dock = docks[random_between(0, docks.shape[0] - 1, seed, STREAM_LEGS, 1, k)]
         start[k] = dock if k & 1 else rack
         end[k] = rack if k & 1 else dock
 
 
 @kernel
-def trace_legs(grid, duration, space, ties, start, end, used):
+def trace_legs(grid, duration, workspace, ties, start, end, used):
     """used[k] = the zones of the A* path from pose start[k] to cell end[k]; used: (n, words).
 
     Returns how many legs were traced: it stops at one that cannot be driven.
     """
     for k in range(start.shape[0]):
         used[k] = 0
-        pose = search(grid, 0, duration, space, ties, np.uint64(0), start[k], end[k], False)
+        pose = search(grid, 0, duration, workspace, ties, np.uint64(0), start[k], end[k], False)
         if pose == NIL:
             return np.int64(k)
-        add_zones(grid, space, pose, used[k])
+        add_zones(grid, workspace, pose, used[k])
     return np.int64(start.shape[0])

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import PREDICTIONS, draw, mix
+from automaton.kernels.random_numbers import STREAM_PREDICTIONS, random_bits, splitmix64
 from automaton.kernels.routes.replay import WORD
 
 CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
@@ -17,12 +17,12 @@ USED_SHARE: Final = 27.5 / 522  # of the zones, by a task in warehouse-100 (A*, 
 
 
 @kernel
-def blur(used, zones, keep, add, seed, task, robot):
+def blur(used, traffic_zone_count, keep, add, seed, task, robot):
     """Replace a set of zones by its prediction; keep, add: probabilities in units of 1/CERTAIN."""
-    base = draw(seed, PREDICTIONS, task, robot)
-    for zone in range(zones):
+    base = random_bits(seed, STREAM_PREDICTIONS, task, robot)
+    for zone in range(traffic_zone_count):
         bit = np.int64(1) << (zone & (WORD - 1))
-        chance = np.int64(mix(base + np.uint64(zone)) >> np.uint64(32))
+        chance = np.int64(splitmix64(base + np.uint64(zone)) >> np.uint64(32))
         if used[zone >> 6] & bit:
             if chance >= keep:
                 used[zone >> 6] &= ~bit

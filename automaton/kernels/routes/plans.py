@@ -10,7 +10,7 @@ from automaton.compiled import kernel
 from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import LARGER_G
-from automaton.kernels.routes.presence import (
+from automaton.kernels.routes.zone_forecast import (
     COLUMNS,
     FREE,
     HEADING,
@@ -24,7 +24,7 @@ from automaton.kernels.routes.presence import (
     ZONE,
     most_steps,
 )
-from automaton.kernels.stands import drop_stand
+from automaton.kernels.slot_access import dropoff_cell
 from automaton.world.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
 
 PICKS = 4  # steps besides the four directions
@@ -34,13 +34,13 @@ DROPS = 5
 @kernel
 def zone_of(grid, cell, direction):
     """The zone of a robot in a cell that came or leaves in a direction."""
-    return np.int64(grid.zone[cell, direction >> 1])
+    return np.int64(grid.traffic_zone[cell, direction >> 1])
 
 
 @kernel
 def begin_plan(view, memory, i):
     """Robot i has no plan; until it is free it counts where it stands, or whence it is coming."""
-    robots, row = view.robots, memory.own[i]
+    robots, row = view.robots, memory.per_robot[i]
     cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
     row[PLACE] = first_cell(robots, i)
     row[TRAVEL] = np.int64(robots.travel[i])
@@ -63,73 +63,87 @@ def begin_plan(view, memory, i):
 @kernel
 def append(memory, i, step):
     """Add a step to the plan of robot i; what does not fit lies beyond the horizon."""
-    row = memory.own[i]
+    row = memory.per_robot[i]
     if row[STEPS] < most_steps(memory):
         row[COLUMNS + row[STEPS]] = step
         row[STEPS] += 1
 
 
 @kernel
-def append_rest(view, space, memory, i, heading):
+def append_rest(view, workspace, memory, i, heading):
     """Add what follows when robot i is at its stand with a heading: the rest of its task."""
     robots = view.robots
-    if robots.goal[i] == GOAL_DROP:
+    if robots.goal_type[i] == GOAL_DROP:
         append(memory, i, DROPS)
-    elif robots.goal[i] == GOAL_PICK and robots.order[i] != NIL:
+    elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
         append(memory, i, PICKS)
-        stand = drop_stand(view, robots.type[i], np.int64(view.orders.target[robots.order[i]]))
-        if stand != NIL:
-            pose = np.int64(robots.stand[i]) * view.grid.headings + heading
-            append_path(view, space, memory, i, pose, stand)
+        access_cell = dropoff_cell(
+            view, robots.type[i], np.int64(view.orders.target[robots.order[i]])
+        )
+        if access_cell != NIL:
+            pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
+            append_path(view, workspace, memory, i, pose, access_cell)
             append(memory, i, DROPS)
 
 
 @kernel
-def append_path(view, space, memory, i, pose, target):
+def append_path(view, workspace, memory, i, pose, target):
     """Add the path of plain A* from a pose to a cell."""
-    rules, kind = view.rules, view.robots.type[i]
+    rules, robot_type = view.rules, view.robots.type[i]
     length = astar(
         view.grid,
-        kind,
-        rules.duration[kind],
-        space.routes,
+        robot_type,
+        rules.duration[robot_type],
+        workspace.routes,
         LARGER_G,
         rules.seed,
         pose,
         target,
         False,
-        space.steps,
+        workspace.steps,
     )
     for s in range(length):
-        append(memory, i, np.int64(space.steps[s]))
+        append(memory, i, np.int64(workspace.steps[s]))
 
 
 @kernel
-def plan_on(view, space, memory, i, steps, first, end):
+def plan_on(view, workspace, memory, i, steps, first, end):
     """Give robot i the plan to drive steps[first:end], and then to go on with its task."""
     begin_plan(view, memory, i)
-    cell, heading = memory.own[i, PLACE], memory.own[i, HEADING]
+    cell, heading = memory.per_robot[i, PLACE], memory.per_robot[i, HEADING]
     for s in range(first, end):
         step = np.int64(steps[s])
         append(memory, i, step)
         cell += view.grid.offset[step]
         heading = step & (view.grid.headings - 1)
-    if cell == view.robots.stand[i]:
-        append_rest(view, space, memory, i, heading)
+    if cell == view.robots.goal_cell[i]:
+        append_rest(view, workspace, memory, i, heading)
 
 
 @kernel
 def has_task(robots, i):
     """Whether robot i is on its way to somewhere, with a route or about to get one."""
-    return robots.goal[i] != GOAL_NONE and robots.stand[i] != NIL and robots.withdrawing[i] == 0
+    return (
+        robots.goal_type[i] != GOAL_NONE
+        and robots.goal_cell[i] != NIL
+        and robots.retreat_moves[i] == 0
+    )
 
 
 @kernel
-def plan_all(view, space, memory):
+def plan_all(view, workspace, memory):
     """Give every robot the plan that it has: its route."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if has_task(robots, i):
-            plan_on(view, space, memory, i, robots.route[i], robots.at[i], robots.length[i])
+            plan_on(
+                view,
+                workspace,
+                memory,
+                i,
+                robots.route[i],
+                robots.route_index[i],
+                robots.route_length[i],
+            )
         else:
             begin_plan(view, memory, i)

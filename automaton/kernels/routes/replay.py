@@ -8,7 +8,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.search import STARTED, parent_of
-from automaton.world.state import MOVE, NIL
+from automaton.world.state import ACTION_MOVE, NIL
 
 WORD = 64  # zones in a word of a set
 
@@ -17,15 +17,15 @@ WORD = 64  # zones in a word of a set
 def zone_left(grid, pose, how):
     """The zone of the move in direction `how` that ended in a pose; NIL on an intersection."""
     cell = (pose >> (grid.headings >> 1)) - grid.offset[how]
-    return np.int64(grid.zone[cell, how >> 1])
+    return np.int64(grid.traffic_zone[cell, how >> 1])
 
 
 @kernel
-def add_zones(grid, space, pose, used):
+def add_zones(grid, workspace, pose, used):
     """Add the zones of the path to a pose to a set; used: (words,) int64, a bit for each zone."""
     at = pose
-    while space.came[at] != STARTED:
-        how = np.int64(space.came[at])
+    while workspace.came[at] != STARTED:
+        how = np.int64(workspace.came[at])
         if how < 4:
             zone = zone_left(grid, at, how)
             if zone != NIL:
@@ -34,21 +34,21 @@ def add_zones(grid, space, pose, used):
 
 
 @kernel
-def delay_of(grid, duration, space, pose, count):
+def delay_of(grid, duration, workspace, pose, count):
     """Ticks that the path to a pose loses to others: a move takes 1 + count[zone] times as long.
 
     count: (Z,) int32, other robots in each zone (the static reading of slow zones).
     """
     others = 0
     at = pose
-    while space.came[at] != STARTED:
-        how = np.int64(space.came[at])
+    while workspace.came[at] != STARTED:
+        how = np.int64(workspace.came[at])
         if how < 4:
             zone = zone_left(grid, at, how)
             if zone != NIL:
                 others += np.int64(count[zone])
         at = parent_of(grid, at, how)
-    return others * np.int64(duration[MOVE])
+    return others * np.int64(duration[ACTION_MOVE])
 
 
 @kernel

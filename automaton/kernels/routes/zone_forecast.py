@@ -2,11 +2,11 @@
 
 memory.shared   the counts of the zones, four ticks to a word; then room for a replay, and whether a
                 count has overflowed. All of it is zero between two calls of a strategy.
-memory.own[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
+memory.per_robot[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
                 visits to zones, which are what it adds to the counts.
 
-A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one that
-would go beyond stays there until all are forgotten.
+A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one
+that would go beyond stays there until all are forgotten.
 """
 
 from automaton.compiled import kernel
@@ -17,7 +17,7 @@ ZONES = 1
 SHARES = 2  # 1: what is foreseen of a zone is a share of all ticks, the same for each of them
 OWN_PARAMETERS = 3
 
-# Columns of memory.own; ticks are counted from now.
+# Columns of memory.per_robot; ticks are counted from now.
 PLACE = 0  # the cell in which its next step begins
 TRAVEL = 1  # direction in which it comes there
 HEADING = 2
@@ -39,18 +39,18 @@ LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
-MOST_TICKS = MASK  # of a horizon
+MAX_HORIZON = MASK  # of a horizon
 WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are foreseen
 
 
 def row_size(horizon: int) -> int:
-    """Columns of memory.own for a horizon of so many ticks."""
+    """Columns of memory.per_robot for a horizon of so many ticks."""
     return COLUMNS + 2 * (horizon + 2)
 
 
-def shared_size(zones: int, horizon: int) -> int:
+def shared_size(traffic_zone_count: int, horizon: int) -> int:
     """Length of memory.shared for so many zones and ticks."""
-    return zones * -(-horizon // LANES) + zones + horizon + 1
+    return traffic_zone_count * -(-horizon // LANES) + traffic_zone_count + horizon + 1
 
 
 @kernel
@@ -91,7 +91,7 @@ def first_share(memory):
 def add(memory, zone, begin, end, sign):
     """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
     base = zone * words_of_zone(memory)
-    if memory.own.shape[0] > MASK:
+    if memory.per_robot.shape[0] > MASK:
         add_within_bounds(memory, base, begin, end, sign)
         return
     tick = begin
@@ -120,7 +120,7 @@ def add_within_bounds(memory, base, begin, end, sign):
 @kernel
 def enter_zone(memory, i, zone, tick):
     """Robot i is in `zone` from `tick` on: its visit to the zone before is over, and counted."""
-    row = memory.own[i]
+    row = memory.per_robot[i]
     if zone == row[ZONE]:
         return
     if row[ZONE] != NIL and tick > row[SINCE]:
@@ -135,7 +135,7 @@ def enter_zone(memory, i, zone, tick):
 @kernel
 def forget(memory, i):
     """Take robot i out of the counts."""
-    row = memory.own[i]
+    row = memory.per_robot[i]
     first = COLUMNS + most_steps(memory)
     for visit in row[first : first + row[VISITS]]:
         add(memory, visit >> 32, (visit >> LANE) & MASK, visit & MASK, -1)
@@ -145,7 +145,7 @@ def forget(memory, i):
 @kernel
 def forget_all(memory):
     """Leave the counts as they are found: all zero."""
-    for i in range(memory.own.shape[0]):
+    for i in range(memory.per_robot.shape[0]):
         forget(memory, i)
     if memory.shared[memory.shared.shape[0] - 1]:
         memory.shared[:] = 0

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.routes.forecast import ticks_of_move
 from automaton.kernels.routes.plans import begin_plan, zone_of
-from automaton.kernels.routes.presence import FREE, HEADING, PLACE, occupancy
+from automaton.kernels.routes.zone_forecast import FREE, HEADING, PLACE, occupancy
 from automaton.kernels.search import (
     STARTED,
     TURNED_AHEAD,
@@ -23,10 +23,11 @@ from automaton.kernels.search import (
     push,
     write_path,
 )
-from automaton.world.state import MOVE, NIL, TURN
+from automaton.world.cells import MAY_TURN
+from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
 
 UNIT = 1000  # cost of a tick; beta is given in the same unit
-MOST_COST = (1 << 31) - 1  # what costs more cannot be reached
+MAX_COST = (1 << 31) - 1  # what costs more cannot be reached
 EXPANDED = NIL  # tick of a pose that was expanded
 
 # Keys of the heap: cost 31 bits, Manhattan distance 32 - b bits, pose b bits.
@@ -34,51 +35,51 @@ BOTH = 32
 
 
 @kernel
-def find_in_time(view, space, memory, beta, i, around, steps):
+def time_dependent_path(view, workspace, memory, beta, i, around, steps):
     """Write the route of least cost of robot i to its stand, or as much as fits; its length, or NIL.
 
     `beta`: cost of another robot in thousandths of a move. `around`: cells without room now, the
     stand excepted, are removed from the floor.
     """
-    kind, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.stand[i])
-    duration, ways = view.rules.duration[kind], grid.ways[kind]
+    robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
+    duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]
     begin_plan(view, memory, i)
-    row = memory.own[i]
-    headings, bits = grid.headings, bits_for(space.cost.shape[0])
-    move, turn = np.int64(duration[MOVE]), np.int64(duration[TURN]) * UNIT
-    search = begin_search(space)
+    row = memory.per_robot[i]
+    headings, bits = grid.headings, bits_for(workspace.cost.shape[0])
+    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
+    search = begin_search(workspace)
     start = row[PLACE] * headings + row[HEADING]
-    size = label(view, move, space, search, bits, 0, start, 0, row[FREE], target, STARTED)
-    while size > 0 and space.stop[0] == 0:
-        pose = pop(space.heap, size) & ((1 << bits) - 1)
+    size = label(view, move, workspace, search, bits, 0, start, 0, row[FREE], target, STARTED)
+    while size > 0 and workspace.stop[0] == 0:
+        pose = pop(workspace.heap, size) & ((1 << bits) - 1)
         size -= 1
-        now = np.int64(space.routes.tick[pose])
+        now = np.int64(workspace.routes.tick[pose])
         if now == EXPANDED:
             continue
-        space.routes.tick[pose] = EXPANDED
-        space.generation[1] += 1
-        cell, heading, cost = pose // headings, pose % headings, np.int64(space.cost[pose])
+        workspace.routes.tick[pose] = EXPANDED
+        workspace.generation[1] += 1
+        cell, heading, cost = pose // headings, pose % headings, np.int64(workspace.cost[pose])
         if cell == target:
-            return write_path(grid, space, pose, steps)
-        rule = np.int64(ways[cell])
+            return write_path(grid, workspace, pose, steps)
+        flags = np.int64(type_cell_flags[cell])
         for way in range(heading, 4, headings):
             after = cell + grid.offset[way]
-            if (rule >> way) & 1 == 0 or is_closed(view, after, way, target, around):
+            if (flags >> way) & 1 == 0 or is_closed(view, after, way, target, around):
                 continue
             others = occupancy(memory, zone_of(grid, cell, way), now)  # in thousandths
             dearer = cost + move * (UNIT + beta * others // 1000)
             later = now + ticks_of_move(view, i, others // 1000)
             to = after * headings + heading
-            size = label(view, move, space, search, bits, size, to, dearer, later, target, way)
-        if headings > 1 and rule & 16:
-            dearer, later = cost + turn, now + np.int64(duration[TURN])
+            size = label(view, move, workspace, search, bits, size, to, dearer, later, target, way)
+        if headings > 1 and flags & MAY_TURN:
+            dearer, later = cost + turn, now + np.int64(duration[ACTION_TURN])
             to = cell * headings + ((heading + 1) & (headings - 1))
             size = label(
-                view, move, space, search, bits, size, to, dearer, later, target, TURNED_AHEAD
+                view, move, workspace, search, bits, size, to, dearer, later, target, TURNED_AHEAD
             )
             to = cell * headings + ((heading - 1) & (headings - 1))
             size = label(
-                view, move, space, search, bits, size, to, dearer, later, target, TURNED_BEHIND
+                view, move, workspace, search, bits, size, to, dearer, later, target, TURNED_BEHIND
             )
     return np.int64(NIL)
 
@@ -93,26 +94,26 @@ def bits_for(count):
 
 
 @kernel
-def label(view, move, space, search, bits, size, pose, cost, tick, target, how):
+def label(view, move, workspace, search, bits, size, pose, cost, tick, target, how):
     """Label a pose with a cost and a tick of arrival if that is its best label; the queue's size.
 
     `move`: ticks of a move of the robot.
     """
-    arrival = space.routes.tick
-    if space.stamp[pose] == search:
-        if arrival[pose] == EXPANDED or cost > space.cost[pose]:
+    arrival = workspace.routes.tick
+    if workspace.stamp[pose] == search:
+        if arrival[pose] == EXPANDED or cost > workspace.cost[pose]:
             return size
-        if cost == space.cost[pose] and tick >= arrival[pose]:
+        if cost == workspace.cost[pose] and tick >= arrival[pose]:
             return size
     width, cell = view.grid.width, pose // view.grid.headings
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
     total = cost + left * move * UNIT
-    if total > MOST_COST:
+    if total > MAX_COST:
         return size
-    space.stamp[pose] = search
-    space.cost[pose] = cost
+    workspace.stamp[pose] = search
+    workspace.cost[pose] = cost
     arrival[pose] = tick
-    space.parent[pose] = how
+    workspace.parent[pose] = how
     nearer = min(left, (1 << (BOTH - bits)) - 1)
-    push(space.heap, size, (total << BOTH) | (nearer << bits) | pose)
+    push(workspace.heap, size, (total << BOTH) | (nearer << bits) | pose)
     return size + 1

@@ -12,8 +12,8 @@ import numpy as np
 
 from automaton.picture.zone_work import unevenness, work_of_each
 from automaton.units import count
-from automaton.world.plan import FloorPlan
-from automaton.world.state import NIL, TICK, World
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.state import CLOCK_TICK, NIL, World
 from automaton.zoning.picture import KEY, ZONES, design_picture
 
 if TYPE_CHECKING:  # reports alone need it
@@ -24,13 +24,15 @@ NAMED: Final = 8  # parts of a line
 COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
 
 
-def partition_picture(world: World, plan: FloorPlan) -> str:
+def partition_picture(world: World, floor_plan: FloorPlan) -> str:
     """The zones over their floor and a line on each, a line on each station; "" without either."""
     lines: list[str] = []
-    if len(world.zoning.roads.cell):
-        drawn = design_picture(plan, world.zoning.roads, world.zoning.design).splitlines()
-        lines += [*drawn[: plan.height], "", *zones_told(world, drawn[plan.height :])]
-    if len(world.stations.entering):
+    if len(world.service_zones.roads.cell):
+        drawn = design_picture(
+            floor_plan, world.service_zones.roads, world.service_zones.design
+        ).splitlines()
+        lines += [*drawn[: floor_plan.height], "", *zones_told(world, drawn[floor_plan.height :])]
+    if len(world.stations.part_arrivals):
         lines += [""] if lines else []
         lines += [station_line(world, station) for station in range(len(world.stations.slot))]
     return "\n".join(lines)
@@ -43,7 +45,7 @@ def zones_told(world: World, lines: list[str]) -> list[str]:
     for line in lines:
         if line.startswith("zone "):
             zone = int(line.split()[1]) - 1
-            server = int(world.zoning.server[zone])
+            server = int(world.service_zones.server[zone])
             who = "nobody" if server == NIL else f"robot {server}"
             line += f"; {who}, {work[zone]:.1f} minutes of work"
         told.append(line)
@@ -55,25 +57,25 @@ def station_line(world: World, station: int) -> str:
     """What a station works on, who waits there, and how much it has done."""
     stations = world.stations
     name = ", ".join([f"station {station + 1}", *_zones(world, station)])
-    works, work = [], int(stations.first[station])
+    works, work = [], int(stations.in_service[station])
     while work != NIL:
         works.append(work)
-        work = int(stations.behind[work])
+        work = int(stations.next_in_queue[work])
     said = ["no work"]
     if works:
-        left = count(int(stations.until[station] - world.clock[TICK]), "tick")
+        left = count(int(stations.job_done_tick[station] - world.clock[CLOCK_TICK]), "tick")
         said = [f"part {stations.part[works[0]]}, {left} left"]
     if works[1:]:
         named = [str(stations.part[work]) for work in works[1 : 1 + NAMED]]
         more = f" and {len(works) - 1 - NAMED} more" if len(works) - 1 > NAMED else ""
         said.append(f"in line {', '.join(named)}{more}")
-    done = (stations.station == station) & (stations.done != NIL)
+    done = (stations.station == station) & (stations.completion_tick != NIL)
     return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
 
 
 def _zones(world: World, station: int) -> list[str]:
     """Its zone, and those with which it changes parts."""
-    design = world.zoning.design
+    design = world.service_zones.design
     if not len(design.zone) or design.zone[station] == NIL:
         return []
     zone = int(design.zone[station])

@@ -11,23 +11,23 @@ Two readings of a slow zone with others in it:
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.draws import TRIALS, draw_between
+from automaton.kernels.random_numbers import STREAM_TRIALS, random_between
 from automaton.kernels.routes.astar import search, write_steps
 from automaton.kernels.routes.avoidance import PLAIN, choose_threshold, close_zones
-from automaton.kernels.routes.frontier import COST
+from automaton.kernels.routes.frontier import OPEN_COST
 from automaton.kernels.routes.noise import blur
 from automaton.kernels.routes.replay import add_zones, count_common, count_zones, delay_of
-from automaton.world.state import MOVE, NIL
+from automaton.world.state import ACTION_MOVE, NIL
 
 START, PICK, DROP = 0, 1, 2  # columns of a task
 
 # Columns of the results: of plain A*, then of the path that was chosen.
-TIME = 0  # ticks
-DISTANCE = 1  # moves
-ENCOUNTERS = 2  # others met in a zone: pairs of a zone and a robot
-CHOSEN = 3  # the three again for the chosen path start here
-TAKEN = 6  # 1 = the chosen path is not that of plain A*
-COLUMNS = 7
+TRIAL_TIME = 0  # ticks
+TRIAL_DISTANCE = 1  # moves
+TRIAL_ENCOUNTERS = 2  # others met in a zone: pairs of a zone and a robot
+TRIAL_CHOSEN = 3  # the three again for the chosen path start here
+TRIAL_ALTERNATIVE = 6  # 1 = the chosen path is not that of plain A*
+TRIAL_COLUMNS = 7
 
 
 @kernel
@@ -41,32 +41,34 @@ def draw_tasks(seed, racks, docks, tasks):
             for k in range(3):
                 cells = docks if k == PICK else racks
                 last = cells.shape[0] - 1
-                tasks[number, r, k] = cells[draw_between(0, last, seed, TRIALS, number, 3 * r + k)]
+                tasks[number, r, k] = cells[
+                    random_between(0, last, seed, STREAM_TRIALS, number, 3 * r + k)
+                ]
 
 
 @kernel
-def count_foreseen(grid, duration, space, trial, ties, seed, tasks, keep, add, foreseen):
+def count_foreseen(grid, duration, workspace, trial, ties, seed, tasks, keep, add, foreseen):
     """foreseen: (trials, Z) int32, others whose plain A* uses a zone, seen as `blur` sees them."""
     for number in range(tasks.shape[0]):
         foreseen[number] = 0
         for r in range(1, tasks.shape[1]):
-            use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
-            blur(trial.used, grid.zones, keep, add, seed, number, r)
+            use_zones(grid, duration, workspace, trial, ties, seed, tasks[number, r])
+            blur(trial.used, grid.traffic_zone_count, keep, add, seed, number, r)
             count_zones(trial.used, foreseen[number])
 
 
 @kernel
-def use_zones(grid, duration, space, trial, ties, seed, task):
+def use_zones(grid, duration, workspace, trial, ties, seed, task):
     """trial.used = the zones of both legs of a task by plain A*."""
     trial.used[:] = 0
     pose = np.int64(task[START])
     for k in (PICK, DROP):
-        pose = search(grid, 0, duration, space, ties, seed, pose, np.int64(task[k]), False)
-        add_zones(grid, space, pose, trial.used)
+        pose = search(grid, 0, duration, workspace, ties, seed, pose, np.int64(task[k]), False)
+        add_zones(grid, workspace, pose, trial.used)
 
 
 @kernel
-def plan_routes(grid, duration, space, trial, ties, seed, r, closing):
+def plan_routes(grid, duration, workspace, trial, ties, seed, r, avoid_zones):
     """trial.route[r] = the directions of both legs of robot r; returns its static ticks.
 
     Leaves the zones that it uses in trial.used.
@@ -76,17 +78,19 @@ def plan_routes(grid, duration, space, trial, ties, seed, r, closing):
     ticks = 0
     pose = np.int64(trial.task[r, START])
     for k in (PICK, DROP):
-        pose = search(grid, 0, duration, space, ties, seed, pose, trial.task[r, k], closing)
-        ticks += space.state[COST] + delay_of(grid, duration, space, pose, trial.actual)
-        add_zones(grid, space, pose, trial.used)
+        pose = search(grid, 0, duration, workspace, ties, seed, pose, trial.task[r, k], avoid_zones)
+        ticks += workspace.state[OPEN_COST] + delay_of(
+            grid, duration, workspace, pose, trial.actual
+        )
+        add_zones(grid, workspace, pose, trial.used)
         begun = trial.length[r]
-        trial.length[r] += write_steps(grid, space, pose, trial.route[r, begun:])
+        trial.length[r] += write_steps(grid, workspace, pose, trial.route[r, begun:])
     return ticks
 
 
 @kernel
 def meet(grid, duration, trial, row):
-    """Drive all routes from tick 0 until robot 0 arrives; row[TIME], row[ENCOUNTERS] are its own.
+    """Drive all routes from tick 0 until robot 0 arrives; row[TIME], row[TRIAL_ENCOUNTERS] are its own.
 
     The robots in a zone are counted at the start of a tick, by the cells that they stand in or are
     leaving; one that has arrived leaves the floor. Robots meet when both come to be in a zone.
@@ -103,7 +107,7 @@ def meet(grid, duration, trial, row):
             trial.zone[r] = NIL
             if trial.at[r] < trial.length[r]:
                 way = np.int64(trial.route[r, trial.at[r]])
-                trial.zone[r] = grid.zone[trial.cell[r], way >> 1]
+                trial.zone[r] = grid.traffic_zone[trial.cell[r], way >> 1]
         here = trial.zone[0]
         for r in range(1, trial.task.shape[0]):
             together = here != NIL and trial.zone[r] == here
@@ -111,8 +115,8 @@ def meet(grid, duration, trial, row):
             trial.met[r] = here if together else NIL
         go_on(grid, duration, trial)
         ticks += 1
-    row[TIME] = ticks
-    row[ENCOUNTERS] = encounters
+    row[TRIAL_TIME] = ticks
+    row[TRIAL_ENCOUNTERS] = encounters
 
 
 @kernel
@@ -125,7 +129,7 @@ def go_on(grid, duration, trial):
             m = 0
             for other in range(trial.task.shape[0]):
                 m += trial.zone[r] != NIL and trial.zone[other] == trial.zone[r]
-            trial.busy[r] = max(m, 1) * duration[MOVE]
+            trial.busy[r] = max(m, 1) * duration[ACTION_MOVE]
         trial.busy[r] -= 1
         if trial.busy[r] == 0:
             trial.cell[r] += grid.offset[trial.route[r, trial.at[r]]]
@@ -133,28 +137,31 @@ def go_on(grid, duration, trial):
 
 
 @kernel
-def drive_static(grid, duration, space, trial, ties, seed, closing, row):
-    """row[TIME, DISTANCE, ENCOUNTERS] of robot 0 by the static reading."""
-    row[TIME] = plan_routes(grid, duration, space, trial, ties, seed, 0, closing)
-    row[DISTANCE] = trial.length[0]
-    row[ENCOUNTERS] = count_common(trial.used, trial.actual)
+def drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
+    """row[TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the static reading."""
+    row[TRIAL_TIME] = plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
+    row[TRIAL_DISTANCE] = trial.length[0]
+    row[TRIAL_ENCOUNTERS] = count_common(trial.used, trial.actual)
 
 
 @kernel
-def drive_dynamic(grid, duration, space, trial, ties, seed, closing, row):
-    """row[TIME, DISTANCE, ENCOUNTERS] of robot 0 by the dynamic reading."""
+def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
+    """row[TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the dynamic reading."""
     for r in range(1, trial.task.shape[0]):
-        plan_routes(grid, duration, space, trial, ties, seed, r, False)
-    plan_routes(grid, duration, space, trial, ties, seed, 0, closing)
+        plan_routes(grid, duration, workspace, trial, ties, seed, r, False)
+    plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
     meet(grid, duration, trial, row)
-    row[DISTANCE] = trial.length[0]
+    row[TRIAL_DISTANCE] = trial.length[0]
 
 
 @kernel
-def run_trials(grid, duration, space, trial, ties, seed, tasks, foreseen, most, rule, dynamic, out):
-    """out: (trials, COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
+def run_trials(
+    grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, rule, dynamic, out
+):
+    """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
 
-    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most, rule: of
+    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most, rule:
+    of
     `choose_threshold`; dynamic: 1 for that reading.
     """
     for number in range(tasks.shape[0]):
@@ -163,32 +170,32 @@ def run_trials(grid, duration, space, trial, ties, seed, tasks, foreseen, most, 
             for k in range(3):
                 trial.task[r, k] = tasks[number, r, k]
             if r > 0:
-                use_zones(grid, duration, space, trial, ties, seed, tasks[number, r])
+                use_zones(grid, duration, workspace, trial, ties, seed, tasks[number, r])
                 count_zones(trial.used, trial.actual)
-        for zone in range(space.count.shape[0]):
-            space.count[zone] = foreseen[number, zone]
-        run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, out[number])
+        for zone in range(workspace.count.shape[0]):
+            workspace.count[zone] = foreseen[number, zone]
+        run_trial(grid, duration, workspace, trial, ties, seed, most, rule, dynamic, out[number])
 
 
 @kernel
-def run_trial(grid, duration, space, trial, ties, seed, most, rule, dynamic, row):
-    """row: (COLUMNS,) of the trial with trial.task, trial.actual and space.count."""
+def run_trial(grid, duration, workspace, trial, ties, seed, most, rule, dynamic, row):
+    """row: (TRIAL_COLUMNS,) of the trial with trial.task, trial.actual and workspace.count."""
     start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
     threshold = choose_threshold(
-        grid, 0, duration, space, ties, seed, start, pick, drop, most, rule
+        grid, 0, duration, workspace, ties, seed, start, pick, drop, most, rule
     )
-    close_zones(grid, space, threshold, start, pick, drop)
-    for column in (0, CHOSEN):
-        closing = column == CHOSEN and threshold != PLAIN
-        part = row[column : column + CHOSEN]
+    close_zones(grid, workspace, threshold, start, pick, drop)
+    for column in (0, TRIAL_CHOSEN):
+        avoid_zones = column == TRIAL_CHOSEN and threshold != PLAIN
+        part = row[column : column + TRIAL_CHOSEN]
         if dynamic:
-            drive_dynamic(grid, duration, space, trial, ties, seed, closing, part)
+            drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
         else:
-            drive_static(grid, duration, space, trial, ties, seed, closing, part)
+            drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
         if column == 0:
             for k in range(trial.length[0]):
                 trial.plain[k] = trial.route[0, k]
-    row[TAKEN] = differs(trial, row[DISTANCE])
+    row[TRIAL_ALTERNATIVE] = differs(trial, row[TRIAL_DISTANCE])
 
 
 @kernel

@@ -18,8 +18,8 @@ from automaton.errors import InputError
 from automaton.world.cells import (
     ALL_EXITS,
     BAY,
+    CELL_KINDS,
     EAST,
-    KINDS,
     NORTH,
     SOUTH,
     STATION,
@@ -30,11 +30,11 @@ from automaton.world.cells import (
 CellBytes = npt.NDArray[np.uint8]  # (height + 2, width + 2)
 Cells = npt.NDArray[np.int32]  # flat indices
 
-DRIVABLE = np.array([kind.drivable for kind in KINDS])  # (kinds,) bool
-TURNS = np.array([kind.turns for kind in KINDS])  # (kinds,) bool
-SLOT = np.array([kind.slot for kind in KINDS])  # (kinds,) bool
+DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
+CAN_TURN = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
+SLOT = np.array([kind.slot for kind in CELL_KINDS])  # (kinds,) bool
 ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell with these exits
-    [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in KINDS], np.uint8
+    [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in CELL_KINDS], np.uint8
 )
 
 
@@ -44,7 +44,7 @@ class FloorPlan:
 
     width: int  # cells, without the border
     height: int
-    kind: CellBytes  # (height + 2, width + 2) code of KINDS
+    kind: CellBytes  # (height + 2, width + 2) code of CELL_KINDS
     exits: CellBytes  # (height + 2, width + 2) bit d: may be left in direction d; 0 if not drivable
     capacity: CellBytes  # (height + 2, width + 2) robots at a time; 0 = unlimited
     bays: Cells  # (bays, 2) flat cells (bay, home cell), in reading order
@@ -116,7 +116,7 @@ def bordered(height: int, width: int, fill: int = 0) -> CellBytes:
     return np.full((height + 2, width + 2), fill, np.uint8)
 
 
-def floor_plan(
+def make_floor_plan(
     kind: CellBytes,
     leave: CellBytes,
     capacity: CellBytes | None = None,

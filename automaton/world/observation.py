@@ -1,8 +1,8 @@
 """Why a robot does not get on: the causes of lost time, and the events of a run.
 
 A robot waits when it neither works nor drives in a tick. Its cause says what keeps it, its blocker
-which robot does, and `wanted` names the cell that it wants to enter. DRIVING_SLOWLY is no wait: it
-is the cause of the ticks that a move takes beyond its duration.
+which robot does, and `wanted` names the cell that it wants to enter. CAUSE_REDUCED_SPEED is no
+wait: it is the cause of the ticks that a move takes beyond its duration.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ class Cause(NamedTuple):
         return self.text.format(robot="the robot", blocker="another robot", cell="the next cell")
 
 
-NOT_WAITING: Final = 0
-QUEUE: Final = 1
-HEAD_ON: Final = 2
-AT_WORK: Final = 3
-PASSING: Final = 4
-IN_THE_WAY: Final = 5
-LOST_CONTEST: Final = 6
-LANE: Final = 7
-BAY_HELD: Final = 8
-WAIT_DRAWN: Final = 9
-JUST_FREED: Final = 10
-WITHDRAWAL: Final = 11
-NO_ORDER: Final = 12
-NO_PLACE: Final = 13
-NO_ROUTE: Final = 14
-ILLEGAL_ANSWER: Final = 15
-CHARGER_HELD: Final = 16
-NO_ENERGY: Final = 17
-FAULT: Final = 18
-DRIVING_SLOWLY: Final = 19  # in observation.lost alone: who does is not waiting
-REDESIGN: Final = 20
-UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
+CAUSE_NOT_WAITING: Final = 0
+CAUSE_QUEUE: Final = 1
+CAUSE_HEAD_ON: Final = 2
+CAUSE_WORKING_AHEAD: Final = 3
+CAUSE_DRIVING_AHEAD: Final = 4
+CAUSE_IDLE_AHEAD: Final = 5
+CAUSE_VERTEX_CONFLICT: Final = 6
+CAUSE_LANE: Final = 7
+CAUSE_BAY_HELD: Final = 8
+CAUSE_RANDOM_WAIT: Final = 9
+CAUSE_FOLLOWING_CONFLICT: Final = 10
+CAUSE_RETREAT: Final = 11
+CAUSE_NO_ORDER: Final = 12
+CAUSE_NO_DROP_OFF_SLOT: Final = 13
+CAUSE_NO_ROUTE: Final = 14
+CAUSE_ILLEGAL_DECISION: Final = 15
+CAUSE_CHARGER_QUEUE: Final = 16
+CAUSE_NO_ENERGY: Final = 17
+CAUSE_FAULT: Final = 18
+CAUSE_REDUCED_SPEED: Final = 19  # in observation.lost alone: who does is not waiting
+CAUSE_REDESIGN: Final = 20
+CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
 CAUSES: Final = (
@@ -146,25 +146,25 @@ CAUSES: Final = (
 CAUSE_COUNT: Final = len(CAUSES)
 
 # Events: rows (tick, code, robot, subject, value); parts and stations are counted from 0.
-TOOK: Final = 1  # robot, order
-PICKED_UP: Final = 2  # robot, order, the robot's cell
-SET_DOWN: Final = 3  # robot, order, the robot's cell: on the way, for another leg
-DELIVERED_AT: Final = 4  # robot, order, the robot's cell
-OUT_OF_BAY: Final = 5  # robot
-PARKED: Final = 6  # robot
-WITHDREW: Final = 7  # robot, none, moves
-GAVE_BACK: Final = 8  # robot, order
-CHARGED: Final = 9  # robot, none, its charge: a stay at a charger begins
-REFUSED_ANSWER: Final = 10  # robot
-CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
-DEADLOCK: Final = 12  # the same, when the cycle has lasted DEADLOCK_TICKS
-RAN_EMPTY: Final = 13  # robot, none, its cell
-BROKE_DOWN: Final = 14  # robot, none, its cell
-WAS_TOWED: Final = 15  # robot
-CAME_BACK: Final = 16  # robot
-WORK_DONE: Final = 17  # none, part, station: the part goes on to its next station
-PART_FINISHED: Final = 18  # none, part, its last station
-REDESIGNED: Final = 19  # none, none, stations that are in another zone now
+EVENT_ORDER_TAKEN: Final = 1  # robot, order
+EVENT_PICKED: Final = 2  # robot, order, the robot's cell
+EVENT_DROPPED: Final = 3  # robot, order, the robot's cell: on the way, for another leg
+EVENT_DELIVERED: Final = 4  # robot, order, the robot's cell
+EVENT_LEFT_BAY: Final = 5  # robot
+EVENT_PARKED: Final = 6  # robot
+EVENT_RETREATED: Final = 7  # robot, none, moves
+EVENT_ORDER_RETURNED: Final = 8  # robot, order
+EVENT_CHARGING: Final = 9  # robot, none, its charge: a stay at a charger begins
+EVENT_ILLEGAL_DECISION: Final = 10  # robot
+EVENT_WAIT_CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
+EVENT_DEADLOCK: Final = 12  # the same, when the cycle has lasted DEADLOCK_TICKS
+EVENT_DEPLETED: Final = 13  # robot, none, its cell
+EVENT_FAILED: Final = 14  # robot, none, its cell
+EVENT_TOWED: Final = 15  # robot
+EVENT_BACK: Final = 16  # robot
+EVENT_JOB_DONE: Final = 17  # none, part, station: the part goes on to its next station
+EVENT_PART_FINISHED: Final = 18  # none, part, its last station
+EVENT_ZONES_REDESIGNED: Final = 19  # none, none, stations that are in another zone now
 EVENT_NAMES: Final = (
     *("", "took", "picked up", "set down", "delivered", "left bay", "parked", "withdrew"),
     *("gave back", "charges", "illegal answer", "circular wait", "deadlock"),
@@ -174,8 +174,8 @@ EVENT_NAMES: Final = (
 DEADLOCK_TICKS: Final = 64  # most cycles are two robots head-on that soon withdraw
 
 # Entries of observation.count.
-EVENTS: Final = 0  # rows of observation.events in use
-ROWS: Final = 1  # rows of observation.curve in use
+COUNT_EVENTS: Final = 0  # rows of observation.events in use
+COUNT_CURVE_ROWS: Final = 1  # rows of observation.curve in use
 COUNTS: Final = 2
 
 # Entries of scratch.count.
@@ -192,7 +192,7 @@ WORKING_ROBOTS: Final = 1
 DELIVERED_ORDERS: Final = 2
 CURVE_COLUMNS: Final = 3
 
-# Columns of observation.delay: together, since a robot that waits needs them all.
+# Columns of observation.lost_ticks_by_cell: together, since a robot that waits needs them all.
 LOST_EVER: Final = 0  # robot ticks
 LOST_LATELY: Final = 1  # the same, halved every MEMORY_TICKS
 COUNTED_AT: Final = 2  # tick of the last entry in LOST_LATELY
@@ -231,23 +231,25 @@ class Observation(Struct):
     wanted: Array  # (n,) int32: the cell that it wants, or NIL
     since: Array  # (n,) int64: tick in which its wait began; meaningful while cause is not 0
     slow_zone: Array  # (n,) int32: zone that slows the move that it is in, or NIL
-    crowd: (
+    slow_zone_occupancy: (
         Array  # (n,) int32: robots in that zone when the move began; meaningful beside a slow_zone
     )
-    ring: Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
+    wait_cycle_ticks: (
+        Array  # (n,) int32: ticks that its cycle of robots that wait for each other has lasted
+    )
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
-    lost_in_zone: Array  # (Z,) int64: of DRIVING_SLOWLY, those of moves that a zone slows
+    lost_in_zone: Array  # (Z,) int64: of CAUSE_REDUCED_SPEED, those of moves that a zone slows
     busy_before: Array  # (n,) uint16: robots.busy after the tick before
-    set_down: Array  # (n,) int32: the load that it set down in this tick, or NIL
+    dropped: Array  # (n,) int32: the load that it set down in this tick, or NIL
     load_before: Array  # (n,) int32
     order_before: Array  # (n,) int32
     stays: Array  # (n,) int64: stays at chargers that events have told of
     status_before: Array  # (n,) uint8
-    working: Array  # (k,) int32: stations.first after the tick before
-    zone_before: Array  # (S,) int32: zoning.design.zone after the tick before
+    working: Array  # (k,) int32: stations.in_service after the tick before
+    zone_before: Array  # (S,) int32: service_zones.design.zone after the tick before
     reshaped: Array  # (P,) int64: the last tick in which stations came to or left a zone, or NIL
     redesigns: Array  # (1,) int64: ticks in which stations changed their zones
-    delay: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
+    lost_ticks_by_cell: Array  # (C, DELAY_COLUMNS) int32: robot ticks lost in a cell
     flow: Array  # (C, 4) int32: moves out of a cell, E S W N
     count: Array  # (COUNTS,) int64
     events: Array  # (E, 5) int64
@@ -258,9 +260,9 @@ class Observation(Struct):
 BUFFERS: Final = ("count", "events", "curve")  # emptied between two ticks, at any time
 
 
-def waits(cause: Array) -> Array:
+def is_waiting(cause: Array) -> Array:
     """(n,) bool: who is kept from getting on; to have no order is no such wait."""
-    kept: Array = (cause != NOT_WAITING) & (cause != NO_ORDER)
+    kept: Array = (cause != CAUSE_NOT_WAITING) & (cause != CAUSE_NO_ORDER)
     return kept
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.world.cells import EAST, NORTH, SOUTH, WEST
-from automaton.world.plan import FloorPlan
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL
 
 Mask = npt.NDArray[np.bool_]
@@ -25,7 +25,7 @@ MODES = ("undirected", "directed", "with-intersections")
 
 
 @dataclass(frozen=True, eq=False)
-class Zones:
+class TrafficZones:
     """The zones of a floor; arrays are read-only, C counts the border too."""
 
     mode: str  # of MODES
@@ -35,7 +35,7 @@ class Zones:
 
 
 @lru_cache(maxsize=16)
-def zones_of(plan: FloorPlan, mode: str = "undirected") -> Zones:
+def traffic_zones_of(floor_plan: FloorPlan, mode: str = "undirected") -> TrafficZones:
     """The zones of a floor, NIL in cells that are part of none.
 
     undirected: one zone for each segment, intersections are none. directed: two for each segment,
@@ -44,11 +44,11 @@ def zones_of(plan: FloorPlan, mode: str = "undirected") -> Zones:
     """
     if mode not in MODES:
         raise ValueError(f"no mode of zones is called {mode!r}; there are {', '.join(MODES)}")
-    beside, below = links(plan)
+    beside, below = links(floor_plan)
     horizontal = beside | np.roll(beside, 1, 1)
     vertical = below | np.roll(below, 1, 0)
     intersection = horizontal & vertical
-    segment, count = segments(plan.drivable(), beside, below, intersection)
+    segment, count = segments(floor_plan.drivable(), beside, below, intersection)
     of = np.repeat(segment.reshape(-1, 1), 2, axis=1)
     if mode == "directed":
         of = np.where(of == NIL, NIL, 2 * of + np.arange(2, dtype=np.int32)).astype(np.int32)
@@ -60,14 +60,14 @@ def zones_of(plan: FloorPlan, mode: str = "undirected") -> Zones:
     flat = intersection.reshape(-1)
     of.setflags(write=False)
     flat.setflags(write=False)
-    return Zones(mode, of, count, flat)
+    return TrafficZones(mode, of, count, flat)
 
 
-def links(plan: FloorPlan) -> tuple[Mask, Mask]:
+def links(floor_plan: FloorPlan) -> tuple[Mask, Mask]:
     """(height + 2, width + 2) each: a way leads between a cell and its east, its south neighbour."""
 
     def leads(direction: int) -> Mask:
-        mask: Mask = plan.exits >> np.uint8(direction) & np.uint8(1) != 0
+        mask: Mask = floor_plan.exits >> np.uint8(direction) & np.uint8(1) != 0
         return mask
 
     # np.roll wraps round, but only through the border, which has no exits.

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from automaton.kernels import draws
+from automaton.kernels import random_numbers
 from automaton.world.arrivals import PARTS, gaps
+from automaton.world.facilities import Stations
 from automaton.world.geometric import geometric
-from automaton.world.places import Stations
 from automaton.world.state import NEVER, NIL, Array
 
 if TYPE_CHECKING:
@@ -42,13 +42,15 @@ def work_ticks(orders: Orders, station: Array, part: Array, place: Array, seed: 
         if isinstance(work, int):
             ticks[here] = work
         else:
-            ticks[here] = geometric(work.mean, seed, draws.WORKS, part[here], place[here])
+            ticks[here] = geometric(
+                work.mean, seed, random_numbers.STREAM_PROCESSING_TIMES, part[here], place[here]
+            )
     return ticks
 
 
 def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
     """(m,) each: slots where the orders of all parts begin and end, and when they become known."""
-    slots = slot_of[resolved.plan.stations()]
+    slots = slot_of[resolved.floor_plan.stations()]
     ways = [
         (slots[here - 1], slots[then - 1])
         for route in routes(resolved.scenario.orders)
@@ -63,7 +65,7 @@ def build_stations(
 ) -> Stations:
     """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
     scenario = resolved.scenario.orders
-    cells = resolved.plan.stations()
+    cells = resolved.floor_plan.stations()
     at = np.full(slots, NIL, np.int32)
     at[slot_of[cells]] = np.arange(len(cells), dtype=np.int32)
     works: list[tuple[int, int, int, int, int]] = []  # station, place, part, frees, came
@@ -86,16 +88,16 @@ def build_stations(
     return Stations(
         at=at,
         slot=slot_of[cells].astype(np.int32),
-        first=np.full(k, NIL, np.int32),
-        last=np.full(k, NIL, np.int32),
-        until=np.zeros(k, np.int64),
-        entering=entering,
+        in_service=np.full(k, NIL, np.int32),
+        queue_tail=np.full(k, NIL, np.int32),
+        job_done_tick=np.zeros(k, np.int64),
+        part_arrivals=entering,
         station=station,
-        ticks=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
+        processing_time=work_ticks(scenario, station, part_of, place_of, seed).astype(np.int32),
         part=part_of,
-        frees=frees,
-        behind=np.full(len(works), NIL, np.int32),
-        came=comes,
-        done=np.full(len(works), NIL, np.int32),
-        arrives=arrives,
+        releases_order=frees,
+        next_in_queue=np.full(len(works), NIL, np.int32),
+        arrival_tick=comes,
+        completion_tick=np.full(len(works), NIL, np.int32),
+        job_of_order=arrives,
     )

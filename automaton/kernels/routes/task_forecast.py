@@ -10,7 +10,7 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.routes.forecast import begin_step, ticks_of_step
 from automaton.kernels.routes.plans import DROPS, PICKS, append, append_path, zone_of
-from automaton.kernels.routes.presence import (
+from automaton.kernels.routes.zone_forecast import (
     COLUMNS,
     HEADING,
     HORIZON,
@@ -29,25 +29,25 @@ from automaton.kernels.routes.presence import (
     first_share,
     forget,
 )
-from automaton.kernels.stands import drop_stand, pick_stand
-from automaton.world.state import NIL, TICK
+from automaton.kernels.slot_access import dropoff_cell, pickup_cell
+from automaton.world.state import CLOCK_TICK, NIL
 
 
 @kernel
-def expect(view, space, memory):
+def add_task_forecasts(view, workspace, memory):
     """Count all robots with the tasks that they have."""
     for i in range(view.robots.cell.shape[0]):
-        memory.own[i, VISITS] = 0
-        expect_one(view, space, memory, i)
+        memory.per_robot[i, VISITS] = 0
+        add_task_forecast(view, workspace, memory, i)
 
 
 @kernel
-def expect_one(view, space, memory, i):
+def add_task_forecast(view, workspace, memory, i):
     """Count robot i."""
     if view.robots.order[i] == NIL:
-        memory.own[i, TASK] = 0
+        memory.per_robot[i, TASK] = 0
         return
-    plan_task(view, space, memory, i)
+    plan_task(view, workspace, memory, i)
     if memory.parameters[SHARES]:
         share_zones(view, memory, i, 1)
     else:
@@ -55,42 +55,42 @@ def expect_one(view, space, memory, i):
 
 
 @kernel
-def expect_no_more(view, memory, i):
+def remove_task_forecast(view, memory, i):
     """Take robot i out of what is expected."""
     if memory.parameters[SHARES] == 0:
         forget(memory, i)
-    elif memory.own[i, TASK] != 0:
+    elif memory.per_robot[i, TASK] != 0:
         share_zones(view, memory, i, -1)
 
 
 @kernel
-def plan_task(view, space, memory, i):
+def plan_task(view, workspace, memory, i):
     """Have robot i's row hold the way of its whole task; it stays there until the task is over."""
     orders, headings = view.orders, view.grid.headings
-    order, row = np.int64(view.robots.order[i]), memory.own[i]
+    order, row = np.int64(view.robots.order[i]), memory.per_robot[i]
     task = (np.int64(orders.dispatched[order]) << 32) | (order + 1)
     if row[TASK] == task:
         return
     row[TASK] = task
     row[STEPS] = 0
-    stand = pick_stand(view, view.robots.type[i], np.int64(orders.source[order]))
-    end = drop_stand(view, view.robots.type[i], np.int64(orders.target[order]))
-    if stand == NIL or end == NIL:
+    access_cell = pickup_cell(view, view.robots.type[i], np.int64(orders.source[order]))
+    end = dropoff_cell(view, view.robots.type[i], np.int64(orders.target[order]))
+    if access_cell == NIL or end == NIL:
         return  # another type does a part of the way
     heading = np.int64(orders.dispatched_heading[order])
     pose = np.int64(orders.dispatched_from[order]) * headings + heading
-    append_path(view, space, memory, i, pose, stand)
+    append_path(view, workspace, memory, i, pose, access_cell)
     if row[STEPS] > 0:
         heading = row[COLUMNS + row[STEPS] - 1] & (headings - 1)
     append(memory, i, PICKS)
-    append_path(view, space, memory, i, stand * headings + heading, end)
+    append_path(view, workspace, memory, i, access_cell * headings + heading, end)
     append(memory, i, DROPS)
 
 
 @kernel
 def begin_task(view, memory, i):
     """Put robot i back to where its task began."""
-    order, row = np.int64(view.robots.order[i]), memory.own[i]
+    order, row = np.int64(view.robots.order[i]), memory.per_robot[i]
     row[PLACE] = view.orders.dispatched_from[order]
     row[HEADING] = view.orders.dispatched_heading[order]
     row[TRAVEL] = row[HEADING]
@@ -102,10 +102,10 @@ def begin_task(view, memory, i):
 def replay_task(view, memory, i):
     """Enter robot i's visits from now on, as if nobody had delayed it or will."""
     begin_task(view, memory, i)
-    row, horizon = memory.own[i], memory.parameters[HORIZON]
+    row, horizon = memory.per_robot[i], memory.parameters[HORIZON]
     row[ZONE] = NIL
     row[SINCE] = 0
-    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock[TICK]
+    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock[CLOCK_TICK]
     while row[STEP] < row[STEPS] and tick < horizon:
         zone = zone_of(view.grid, row[PLACE], row[TRAVEL])
         enter_zone(memory, i, zone, max(tick, 0))
@@ -117,7 +117,7 @@ def replay_task(view, memory, i):
 @kernel
 def share_zones(view, memory, i, sign):
     """Add robot i's shares of its zones to those of all, or take them away (sign -1)."""
-    row, first = memory.own[i], first_share(memory)
+    row, first = memory.per_robot[i], first_share(memory)
     begin_task(view, memory, i)
     ticks = 0
     while row[STEP] < row[STEPS]:

@@ -17,7 +17,7 @@ from automaton.struct import Struct
 
 Array = NDArray[Any]
 
-SAID: Final = 8  # numbers that a robot tells whoever is in range
+MESSAGE_WORDS: Final = 8  # numbers in the message that a robot sends to those in range
 
 
 class Roads(Struct):
@@ -45,20 +45,20 @@ class Design(Struct):
     transfer: Array  # (Z, Z, S) uint8: 1 = a transfer station between two zones; symmetric
 
 
-class Partition(Struct):
-    """What a world knows of zones."""
+class ServiceZones(Struct):
+    """The service zones of a world."""
 
     roads: Roads
     design: Design
     station_of: Array  # (s,) int32: the station of a slot, or NIL
-    serves: Array  # (Z, S) uint8: 1 = the robot with the number of the zone gets to the station
-    first: Array  # (Z, S) uint8: 1 = its type has priority there
+    accessible: Array  # (Z, S) uint8: 1 = the robot with the number of the zone gets to the station
+    has_priority: Array  # (Z, S) uint8: 1 = its type has priority there
     server: Array  # (Z,) int32: identity of the robot that serves a zone
     queue: Array  # (m,) int32: the zone in whose queue an order is; NIL: none yet; -2 - zone: none
     #   any more, since a robot of that zone set it down on its way
-    stop: Array  # (m,) int32: the slot where the robot sets it down next, or NIL
-    direct: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
-    leg: Array  # (m,) int32: the slot from which it was picked up last, or NIL
+    next_slot: Array  # (m,) int32: the slot where it is dropped next, or NIL
+    skips_transfer: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
+    picked_from: Array  # (m,) int32: the slot from which it was picked up last, or NIL
     halt: Array  # (n,) int64: a robot stands still up to this tick
     wake: Array  # (n,) int64: zoning is asked about a robot from this tick on, or NIL
-    said: Array  # (n, SAID) int64: what each robot tells those in range
+    messages: Array  # (n, MESSAGE_WORDS) int64: what each robot tells those in range

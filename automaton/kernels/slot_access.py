@@ -15,40 +15,43 @@ FROM_LEFT_FIRST = (2, 0, 3, 1)
 
 
 @kernel
-def pick_stand(view, kind, slot):
+def pickup_cell(view, robot_type, slot):
     """The cell from which robots of a type pick a load up, NIL if there is none."""
-    one = view.slots.within.shape[0] == 1  # then access holds only what it gets to
+    one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
     for direction in FROM_RIGHT_FIRST:
         cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and (one or view.slots.within[kind, cell]):
+        if cell != NIL and (one or view.slots.reachable[robot_type, cell]):
             return cell
     return np.int64(NIL)
 
 
 @kernel
-def drop_stand(view, kind, slot):
+def dropoff_cell(view, robot_type, slot):
     """The cell from which robots of a type set a load down, NIL if there is none."""
-    one = view.slots.within.shape[0] == 1
+    one = view.slots.reachable.shape[0] == 1
     for direction in FROM_LEFT_FIRST:
         cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and (one or view.slots.within[kind, cell]):
+        if cell != NIL and (one or view.slots.reachable[robot_type, cell]):
             return cell
     return np.int64(NIL)
 
 
 @kernel
-def can_bring(view, kind, order, slot):
+def can_bring(view, robot_type, order, slot):
     """Whether robots of a type carry an order, and get to where it lies and to a slot with it."""
-    if view.orders.weight[order] > view.rules.payload[kind]:
+    if view.orders.weight[order] > view.rules.payload[robot_type]:
         return False
-    serves = view.slots.serves
-    if serves.shape[0] == 1:
+    accessible = view.slots.accessible
+    if accessible.shape[0] == 1:
         return True  # there are no orders but for slots that somebody serves
-    return serves[kind, view.orders.place[order]] != 0 and serves[kind, slot] != 0
+    return (
+        accessible[robot_type, view.orders.current_slot[order]] != 0
+        and accessible[robot_type, slot] != 0
+    )
 
 
 @kernel
 def can_do(view, i, order):
     """Whether robot i carries an order, and gets to where it lies and to its target."""
-    kind = np.int64(view.robots.type[i])
-    return can_bring(view, kind, order, np.int64(view.orders.target[order]))
+    robot_type = np.int64(view.robots.type[i])
+    return can_bring(view, robot_type, order, np.int64(view.orders.target[order]))

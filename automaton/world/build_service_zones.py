@@ -10,10 +10,10 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.scenario.floors import point_names
 from automaton.units import count
-from automaton.world.partition import SAID, Partition, Roads
-from automaton.world.places import Slots, Stations
-from automaton.world.plan import FloorPlan
-from automaton.world.reach import slot_access, steps_from
+from automaton.world.facilities import Slots, Stations
+from automaton.world.floor_plan import FloorPlan
+from automaton.world.reachability import slot_access, steps_from
+from automaton.world.service_zones import MESSAGE_WORDS, Roads, ServiceZones
 from automaton.world.state import NIL, Array, Workspace, World
 from automaton.world.types import type_of_each, types_of
 from automaton.zoning.designs import read_design
@@ -26,37 +26,39 @@ if TYPE_CHECKING:
     from automaton.world.floor import Floor
 
 NO_STRATEGY = "none"
-GROUPS = 18  # stations that the slots of a floor without stations are grouped into
+DEFAULT_STATION_GROUPS = 18  # stations that the slots of a floor without stations are grouped into
 
 
-def build_partition(
+def build_service_zones(
     resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
-) -> Partition:
+) -> ServiceZones:
     """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
-    pick = resolved.picks.get("zoning")  # a story has no strategies
+    choice = resolved.strategies.get("zoning")  # a story has no strategies
     robots = resolved.scenario.fleet.robots
-    if pick is None or pick.name == NO_STRATEGY:
-        return partition_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
+    if choice is None or choice.name == NO_STRATEGY:
+        return service_zones_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
 
     station_of = np.full(len(slots.cell), NIL, np.int32)
     if len(stations.slot):
         cells = floor.slot_cell[stations.slot]
-        station_of[: slots.spare] = stations.at[: slots.spare]
+        station_of[: slots.first_spare] = stations.at[: slots.first_spare]
     else:
-        cells, groups = grouped(resolved.plan, int(getattr(pick.parameters, "groups", GROUPS)))
-        station_of[: slots.spare] = groups
-    roads = roads_of(resolved.plan, cells)
+        cells, groups = grouped(
+            resolved.floor_plan, int(getattr(choice.parameters, "groups", DEFAULT_STATION_GROUPS))
+        )
+        station_of[: slots.first_spare] = groups
+    roads = roads_of(resolved.floor_plan, cells)
     serves = served_stations(resolved, slots, station_of, len(cells))
-    priority = getattr(pick.parameters, "priority", {})
+    priority = getattr(choice.parameters, "priority", {})
     # Room for one order at least: without any, there are zones all the same.
-    partition = partition_of(roads, robots, station_of, max(orders, 1), robots).replaced(
-        serves=serves, first=priorities(resolved, priority, len(cells))
+    service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
+        accessible=serves, has_priority=priorities(resolved, priority, len(cells))
     )
-    data = getattr(pick.parameters, "design", None)
+    data = getattr(choice.parameters, "design", None)
     if data is None:
-        return partition
+        return service_zones
     names = point_names(resolved.scenario.layout)
-    design = read_design(resolved.plan, roads, data, names)
+    design = read_design(resolved.floor_plan, roads, data, names)
     if len(design.transfer) != robots:
         zones = count(len(design.transfer), "zone")
         raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
@@ -67,14 +69,14 @@ def build_partition(
                 f"station {station + 1} is in zone {zone + 1} of the zone design, "
                 f"but robot {zone} ({name}) does not get there"
             )
-    return partition.replaced(design=design)
+    return service_zones.replaced(design=design)
 
 
 def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
     """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
-    by_type = np.ones((len(slots.serves), count), np.uint8)
-    anybody = np.logical_or.reduce(slots.serves)
-    for kind, serves in enumerate(slots.serves):
+    by_type = np.ones((len(slots.accessible), count), np.uint8)
+    anybody = np.logical_or.reduce(slots.accessible)
+    for kind, serves in enumerate(slots.accessible):
         out = station_of[anybody & (serves == 0)]
         by_type[kind, out[out != NIL]] = 0
     found: Array = by_type[type_of_each(resolved.scenario.fleet)]
@@ -85,47 +87,47 @@ def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: 
     """(n, S) uint8: 1 = the type of a robot has priority at a station."""
     kinds = types_of(resolved.scenario)
     by_type = np.zeros((len(kinds), count), np.uint8)
-    for number, kind in enumerate(kinds):
-        by_type[number, [station - 1 for station in priority.get(kind.name, ())]] = 1
+    for number, robot_type in enumerate(kinds):
+        by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
     found: Array = by_type[type_of_each(resolved.scenario.fleet)]
     return found
 
 
-def with_zones(space: Workspace, world: World) -> Workspace:
+def with_zones(workspace: Workspace, world: World) -> Workspace:
     """A workspace with scratch for the zones of a world."""
-    zoning = world.zoning
-    if not len(zoning.queue):
-        return space
-    return space.replaced(
-        zoning=space_for(zoning.roads, len(zoning.server)).replaced(
-            serves=zoning.serves, first=zoning.first
+    service_zones = world.service_zones
+    if not len(service_zones.queue):
+        return workspace
+    return workspace.replaced(
+        zoning=space_for(service_zones.roads, len(service_zones.server)).replaced(
+            serves=service_zones.accessible, first=service_zones.has_priority
         ),
-        parts=parts_for(len(zoning.queue)),
+        parts=parts_for(len(service_zones.queue)),
     )
 
 
-def partition_of(
+def service_zones_of(
     roads: Roads, zones: int, station_of: Array, orders: int, robots: int
-) -> Partition:
+) -> ServiceZones:
     """A partition over some roads in which no station has a zone."""
 
     def nil(count: int) -> Array:
         return np.full(count, NIL, np.int32)
 
-    return Partition(
+    return ServiceZones(
         roads=roads,
         design=design_for(roads, zones),
         station_of=station_of,
-        serves=np.ones((zones, len(roads.point)), np.uint8),
-        first=np.zeros((zones, len(roads.point)), np.uint8),
+        accessible=np.ones((zones, len(roads.point)), np.uint8),
+        has_priority=np.zeros((zones, len(roads.point)), np.uint8),
         server=np.arange(zones, dtype=np.int32),
         queue=nil(orders),
-        stop=nil(orders),
-        direct=np.zeros(orders, np.uint8),
-        leg=nil(orders),
+        next_slot=nil(orders),
+        skips_transfer=np.zeros(orders, np.uint8),
+        picked_from=nil(orders),
         halt=np.full(robots, NIL, np.int64),
         wake=np.full(robots, NIL, np.int64),
-        said=np.zeros((robots, SAID), np.int64),
+        messages=np.zeros((robots, MESSAGE_WORDS), np.int64),
     )
 
 
@@ -144,13 +146,13 @@ def no_roads() -> Roads:
 
 
 @lru_cache(maxsize=8)
-def grouped(plan: FloorPlan, most: int) -> tuple[Array, Array]:
+def grouped(floor_plan: FloorPlan, most: int) -> tuple[Array, Array]:
     """Slots grouped as stations: cells of the stations, and the station of each slot or NIL.
 
     The stations stand where slots are served from, far from each other: the first slot's cell, then
     again and again the cell that is farthest from all so far. A slot counts to the nearest station.
     """
-    access = slot_access(plan)
+    access = slot_access(floor_plan)
     stand = access.max(axis=1)
     served = np.flatnonzero(stand != NIL)
     chosen: list[int] = []
@@ -158,7 +160,7 @@ def grouped(plan: FloorPlan, most: int) -> tuple[Array, Array]:
     group = np.full(len(access), NIL, np.int32)
     while len(chosen) < most and len(served) and best.max() > 0:
         cell = int(stand[served[0 if not chosen else int(np.argmax(best))]])
-        steps = steps_from(plan, [cell])[stand[served]].astype(np.int64)
+        steps = steps_from(floor_plan, [cell])[stand[served]].astype(np.int64)
         steps[steps == NIL] = np.iinfo(np.int32).max
         nearer = steps < best
         best[nearer] = steps[nearer]

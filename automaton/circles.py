@@ -1,4 +1,4 @@
-"""Circles of robots that wait for each other, found in a state: the blocked robots of a deadlock."""
+"""Find wait cycles in a state: robots that wait for each other, and so the robots of a deadlock."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from automaton.world.state import NIL, Array, World
 
 
 def circles(world: World, still: Array) -> list[tuple[int, ...]]:
-    """Identities of the robots on each circle, each waiting for the next, the least one first.
+    """Identities of the robots of each wait cycle, each waiting for the next, the least one first.
 
     `still`: storage indices of robots that have got nowhere for long. One that is to enter a cell
     for one robot waits for who stands there or enters it. No robot waits for two, so every walk
-    along those who keep each other ends, or comes to one circle.
+    along those who keep each other ends, or comes to one wait cycle.
     """
     keeper = keepers(world, still)
     found: list[tuple[int, ...]] = []

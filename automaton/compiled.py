@@ -178,7 +178,7 @@ def kernel(function: F | None = None, *, signature: Any = None, inline: bool = F
 def _with_one_signature(dispatcher: Any) -> Any:
     """Have compiled callers pass every integer as int64 (uint64 stays), never as a constant.
 
-    Numba would compile a kernel anew for each width and each literal (187 compilations for 129
+    Numba would compile a kernel again for each width and each literal (187 compilations for 129
     kernels): 23 s of CPU at the first start instead of 19.
     """
     resolve = dispatcher.get_call_template

@@ -65,10 +65,10 @@ class Outcome(NamedTuple):
     robots: list[dict[str, Any]]
     trouble: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
-    circles: list[tuple[int, ...]]  # robots that wait for each other at the end, circle by circle
+    circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
     ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
     picture: str  # the grid at the end, if it was asked for,
-    types: Sequence[dict[str, Any]] = ()  # figures by type of robot, where there are several
+    types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
     zones: str = ""  # and the zones that robots serve and the work at stations, if there are any
 
 
@@ -83,7 +83,7 @@ def run_to_end(
     `on_window` is called before the first and after every WINDOW ticks. `still`: (n,) int64 output,
     the last window's end at which each stored robot had worked since the one before.
     """
-    limit = simulation.resolved.scenario.stop.at_most
+    limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
     begun = time.perf_counter() - seconds_compiled()
     worked = operations(simulation)
@@ -101,7 +101,7 @@ def run_to_end(
 def note_work(simulation: Simulation, before: Array, still: Array) -> Array:
     """Enter this tick for the robots that have not just waited since `before`; returns operations.
 
-    One that is off the floor, in its bay or in repair, does not wait either.
+    One that is off the floor, in its parking bay or in repair, does not wait either.
     """
     now = operations(simulation)
     still[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
@@ -111,7 +111,7 @@ def note_work(simulation: Simulation, before: Array, still: Array) -> Array:
 def operations(simulation: Simulation) -> Array:
     """(n,) int64: operations that each stored robot has begun, and ticks in which it was no use.
 
-    Who charges, stands in line before a charger or is out of order does not just wait.
+    Who charges, queues before a charger or is down does not just wait.
     """
     tally = simulation.world.tally
     total: Array = tally.operations[:, WORKING].sum((1, 2)) + tally.ticks[:, AWAY].sum((1, 2))
@@ -174,7 +174,7 @@ def run_once(
 def is_finished(simulation: Simulation) -> bool:
     """Whether a run came to its end: its stop condition, or its last tick if it has no other."""
     stop = simulation.resolved.scenario.stop
-    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.at_most)
+    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.max_duration)
 
 
 def ran_out(simulation: Simulation) -> RanOut | None:

@@ -20,14 +20,14 @@ from automaton.tasks import summed, tasks_after
 class Marks(NamedTuple):
     """What a run had counted when its warm-up ended, and at the end of each stretch but the last."""
 
-    warm_up: Counted | None  # None: figures are of the whole run
+    warm_up: Counted | None  # None: metrics are of the whole run
     stretches: list[Counted]
 
 
 def run_marked(simulation: Simulation, every: int = 0) -> Marks:
     """Run to the end; `every`: ticks of a stretch, 0 for none."""
     scenario = simulation.resolved.scenario
-    warm_up, limit = warm_up_of(scenario), scenario.stop.at_most
+    warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
     borders = range(every, limit, every) if every else range(0)
     at = {}
     for tick in sorted({*borders, *((warm_up,) if warm_up else ())}):

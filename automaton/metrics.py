@@ -1,8 +1,8 @@
-"""The figures of a run, read off its counters: the paper's, and general ones.
+"""The metrics of a run, read off its counters: the paper's, and general ones.
 
 Operations are what Grzejszczak & Nocon count: moves, turns, picks, drops, tries and waits (one for a
 wait of any length). E_U, the share of empty runs, has three readings: by moves, by operations, and
-by cycles (MOVE, TURN and WAIT without load over all active cycles).
+by ticks (MOVE, TURN and WAIT without load over all active ticks).
 """
 
 from __future__ import annotations
@@ -60,8 +60,14 @@ LOST_IN = dict(
         strict=True,
     )
 )  # figure: action
-SHARES = ("E_U_moves", "E_U_operations", "E_U_cycles", "ticks_per_operation", "blocked")
-BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as in_balance
+SHARES = (
+    "empty_moves_share",
+    "empty_operations_share",
+    "empty_ticks_share",
+    "ticks_per_operation",
+    "blocked_share",
+)
+BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as balanced_share
 
 
 class Counted(NamedTuple):
@@ -103,34 +109,39 @@ def counted(run: Measured) -> Counted:
     times, ticks = tally.operations.sum(0), fleet_ticks(world)
     sums = _of_actions(times, ticks)
     if not rules.battery:
-        del sums["lost_in_line"]
+        del sums["lost_queueing"]
     sums |= {
-        "withdrawals": int(times[ACTION_RETREAT].sum()),
+        "retreats": int(times[ACTION_RETREAT].sum()),
         "illegal_answers": int(tally.illegal.sum()),
     }
     if may_slow(world):
-        sums["slowed"] = int(tally.slowed.sum())
+        sums["slowdown_ticks"] = int(tally.slowdown_ticks.sum())
     if run.resolved.scenario.units.cell is not None:
-        sums["travel"] = sums["moves"]
+        sums["distance"] = sums["moves"]
     if rules.battery:
         sums |= {
             "charge": int(tally.energy_used.sum()),
             "charging": int(ticks[ACTION_CHARGE].sum()),
         }
-        sums |= {"ran_empty": int(out[FAILURE_DEPLETED]), "repaired": int(tally.repaired.sum())}
+        sums |= {
+            "battery_depletions": int(out[FAILURE_DEPLETED]),
+            "repaired": int(tally.repaired.sum()),
+        }
     if rules.may_fail:
         sums |= {"breakdowns": int(out[FAILURE_FAULT]), "towed": int(out[FAILURE_TOWED])}
-        sums["out_of_order"] = int(ticks[ACTION_DOWN].sum())
+        sums["downtime"] = int(ticks[ACTION_DOWN].sum())
     found = {**dict(run.counted), **sums}
     return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world))
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
-    """All metrics of the fleet, by the names of GLOSSARY, but for T_total only of what came `since`.
+    """All metrics of the fleet, by the names of GLOSSARY, but for makespan only of what came
+    `since`.
 
-    Those of tasks are there if the scenario measures tasks, `slowed` if moves may take longer; times
-    of tasks, orders and parts are there once one has ended: what was not measured is not 0. What
-    strategies count themselves comes under the names that they give it, those unknown here last.
+    Those of tasks are there if the scenario measures tasks, `slowdown_ticks` if moves may take
+    longer; times of tasks, orders and parts are there once one has ended: what was not measured is
+    not 0. What strategies count themselves comes under the names that they give it, those unknown
+    here last.
     """
     world, now = run.world, counted(run)
     begin = 0 if since is None else since.tick
@@ -141,7 +152,7 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
     borders = np.array([begin, now.tick])
     for found in (sums_of_orders(world, borders), sums_of_parts(world, borders)):
         sums |= {name: int(value[0]) for name, value in found.items()}
-    figures: dict[str, float | int] = {"T_total": now.tick}
+    figures: dict[str, float | int] = {"makespan": now.tick}
     measure = run.resolved.scenario.measure
     if measure is not None:
         tasks = tasks_after(run, measure.warm_up)
@@ -153,11 +164,11 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         timed = (orders.state == ORDER_DELIVERED) & (orders.delivered > begin)
         figures["lead_time_p95"] = quantile_95((orders.delivered - orders.release_tick)[timed])
     if world.rules.battery:
-        figures["least_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
+        figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):
         busy = now.busy if since is None else now.busy - since.busy
         figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
-        figures["busiest"] = float(busy[most]) / max(1, now.tick - begin)
+        figures["busiest_station_utilization"] = float(busy[most]) / max(1, now.tick - begin)
     others = [name for name in now.sums if name in run.counted and name not in GLOSSARY]
     if set(BALANCE) <= set(others):
         others = [name for name in others if name not in BALANCE]
@@ -186,7 +197,7 @@ def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str
 def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
     """Of the orders that were delivered in each stretch between ascending borders, in ticks.
 
-    How many, their legs, and where orders come in over time how long they took: (borders - 1,) each.
+    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each.
     """
     orders = world.orders
     done = np.flatnonzero(orders.state == ORDER_DELIVERED)
@@ -204,13 +215,13 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
 def may_slow(world: World) -> bool:
     """Whether moves may take longer than their duration, or did so before the rules were changed."""
     rules = world.rules
-    return bool(rules.slowdown or rules.extra_tick or world.tally.slowed.any())
+    return bool(rules.slowdown or rules.extra_tick or world.tally.slowdown_ticks.any())
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """For each robot, in the order of identities: operations, lost ticks, utilization.
 
-    `slowed` is there if moves may take longer, `lost_in_line` if robots run on batteries.
+    `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries.
     """
     world = run.world
     elapsed = int(world.clock[CLOCK_TICK])
@@ -221,16 +232,16 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         figures = _shares(world.tally.operations[i], ticks[i])
         active = figures.pop("active")
         if not world.rules.battery:
-            del figures["lost_in_line"]
+            del figures["lost_queueing"]
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum()) for a in OPERATIONS
         }
         row: dict[str, Any] = {"robot": identity}
         if names:
             row["type"] = names[world.robots.type[i]]
-        row |= {"operations": figures.pop("T_Rtotal")}
+        row |= {"operations": figures.pop("operations")}
         row |= actions | {"utilization": _ratio(active, elapsed)} | figures
-        rows.append(row | ({"slowed": int(world.tally.slowed[i])} if slows else {}))
+        rows.append(row | ({"slowdown_ticks": int(world.tally.slowdown_ticks[i])} if slows else {}))
     return rows
 
 
@@ -254,7 +265,11 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
             for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)
         }
         active = int(ticks[mine, 1:ACTION_DOWN].sum())
-        row = {"type": kind.name, "robots": int(mine.sum()), "pace": kind.pace}
+        row = {
+            "type": kind.name,
+            "robots": int(mine.sum()),
+            "move_time_factor": kind.move_time_factor,
+        }
         row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
         row |= {f"{name}_ticks": total for name, total in spent.items()}
         share = _ratio(active, mine.sum() * int(world.clock[CLOCK_TICK]))
@@ -268,9 +283,9 @@ def illegal_by_layer(run: Measured) -> dict[str, int]:
 
 
 def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
-    """Figures from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
+    """Metrics from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
     sums = _of_actions(times, ticks)
-    figures: dict[str, float | int] = {"T_Rtotal": sums["operations"]}
+    figures: dict[str, float | int] = {"operations": sums["operations"]}
     figures |= {name: float(metric(name, sums) or 0.0) for name in SHARES}
     return figures | {name: sums[name] for name in ("active", *LOST)}
 

@@ -40,7 +40,7 @@ class Result(NamedTuple):
 
 
 Job = tuple[Resolved, int]  # a scenario and a seed
-Conduct = Callable[[Simulation], dict[str, float | int]]  # runs to the end; returns the figures
+Conduct = Callable[[Simulation], dict[str, float | int]]  # runs to the end; returns the metrics
 
 
 class Chunk(NamedTuple):

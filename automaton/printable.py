@@ -16,7 +16,7 @@ LONGEST_SENTENCE: Final = 2000
 _OBEYED: Final = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"
 _CONTROLS: Final = re.compile(f"[{_OBEYED}]")
 _ALL_CONTROLS: Final = re.compile(f"[\t\n{_OBEYED}]")
-# What this program and its libraries write to terminals: colours, and parts of lines anew.
+# What this program and its libraries write to terminals: colours, and parts of lines again.
 _OURS: Final = re.compile(
     f"(\x1b\\[(?:[0-9;]*m|[0-2]?K|[0-9]*A|\\?25[lh])|\r(?=\x1b\\[[0-2]?K))|[{_OBEYED}]"
 )

@@ -40,7 +40,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         default=False,
         dest="update_grids",
-        help="write the golden pictures of grid_snapshot anew, remove stale ones",
+        help="write the golden pictures of grid_snapshot again, remove stale ones",
     )
 
 

@@ -18,7 +18,7 @@ from automaton.translation import units_of
 from automaton.units import Unit, count, duration, number, percent
 
 LOST = "lost_"
-ROBOT_COLUMNS = {  # head: what of the robot's figures
+ROBOT_COLUMNS = {  # head: what of the robot's metrics
     "robot": "robot",
     "type": "type",
     "ops": "operations",
@@ -29,11 +29,11 @@ ROBOT_COLUMNS = {  # head: what of the robot's figures
     "tries": "try_drops",
     "waits": "waits",
     "used": "utilization",
-    "E_U cycles": "E_U_cycles",
+    "empty": "empty_ticks_share",
     "lost": "lost",
-    "slowed": "slowed",
+    "slowdown": "slowdown_ticks",
 }
-SLOWED = "slowed"  # shown with the lost time, though it is none of its causes
+SLOWDOWN = "slowdown_ticks"  # shown with the lost time, though it is none of its causes
 ROBOTS_SHOWN = 50
 NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
@@ -129,7 +129,7 @@ def out_of_orders(outcome: Outcome) -> list[str]:
     end = "not all are delivered" if delivered is None else f"the last delivered at {delivered:,}"
     return [
         f"orders ran out: the last of {outcome.orders:,} was taken at tick {taken:,}, {end}; "
-        "figures after it count idle robots"
+        "metrics after it count idle robots"
     ]
 
 
@@ -142,7 +142,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
     for name in outcome.metrics:
-        if name.startswith(LOST) or name == SLOWED:
+        if name.startswith(LOST) or name == SLOWDOWN:
             continue
         kind, meaning = GLOSSARY.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
@@ -166,7 +166,7 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[st
 
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:
-    """Robot time lost to others, by cause; and what driving slowly cost, which is no wait."""
+    """Robot time lost to others, by cause; and what driving slowly cost, which is not a wait."""
     table = plain_table("lost time", tick.plural, "share")
     table.columns[0].justify = "left"
     table.add_column("cause", overflow="fold")
@@ -176,22 +176,22 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
             value = outcome.metrics[name]
             share = percent(value / total) if total else "-"
             table.add_row(name, number(tick.of(value)), share, meaning)
-    if SLOWED in outcome.metrics:
-        cost = number(tick.of(outcome.metrics[SLOWED]))
-        table.add_row(SLOWED, cost, "-", GLOSSARY[SLOWED][1])
+    if SLOWDOWN in outcome.metrics:
+        cost = number(tick.of(outcome.metrics[SLOWDOWN]))
+        table.add_row(SLOWDOWN, cost, "-", GLOSSARY[SLOWDOWN][1])
     return table
 
 
 def types_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each type of robots: what they delivered, and how their time went by."""
-    heads = ("robots", "pace", "payload", "delivered", "driving", "handling", "used")
+    heads = ("robots", "move time", "payload", "delivered", "driving", "handling", "used")
     table = plain_table("type", *heads, gap=1)
     table.columns[0].justify = "left"
     for row in outcome.types:
         payload = "any" if row["payload"] is None else number(row["payload"])
         driving = number(tick.of(row["move_ticks"] + row["turn_ticks"]))
         handling = number(tick.of(row["pick_ticks"] + row["drop_ticks"]))
-        counted = (number(row[name]) for name in ("robots", "pace"))
+        counted = (number(row[name]) for name in ("robots", "move_time_factor"))
         done = number(row["delivered"])
         used = percent(row["utilization"], 0)
         table.add_row(row["type"], *counted, payload, done, driving, handling, used)
@@ -200,21 +200,21 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
-    slows = SLOWED in outcome.metrics
-    absent = {name for name, there in ((SLOWED, slows), ("type", outcome.types)) if not there}
+    slows = SLOWDOWN in outcome.metrics
+    absent = {name for name, there in ((SLOWDOWN, slows), ("type", outcome.types)) if not there}
     columns = {head: name for head, name in ROBOT_COLUMNS.items() if name not in absent}
     if cell is not None:
         columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
-        columns[cell.name] = "travel"
+        columns[cell.name] = "distance"
     table = plain_table(*columns, gap=1)  # long runs fit 80 columns
     for row in outcome.robots[:ROBOTS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST))
-        shares = {name: percent(row[name], 0) for name in ("utilization", "E_U_cycles")}
+        shares = {name: percent(row[name], 0) for name in ("utilization", "empty_ticks_share")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}
         if cell is not None:
-            cells["travel"] = number(cell.of(row["moves"]))
+            cells["distance"] = number(cell.of(row["moves"]))
         if slows:
-            cells[SLOWED] = number(tick.of(row[SLOWED]))
+            cells[SLOWDOWN] = number(tick.of(row[SLOWDOWN]))
         texts = [cells[name] for name in columns.values()]
         table.add_row(*(text if isinstance(text, str) else number(text) for text in texts))
     return table

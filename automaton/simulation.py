@@ -258,12 +258,12 @@ class Simulation:
         return bool(self.world.clock[CLOCK_FINISHED])
 
     def run(self, until: int | None = None) -> None:
-        """Run to the stop condition, or to tick `until`, or to the scenario's `at_most`.
+        """Run to the stop condition, or to tick `until`, or to the scenario's `stop.max_duration`.
 
         Ctrl-C, SIGTERM and `interrupt` end it within a moment, in mid-tick if need be: KeyboardInterrupt.
         Then it cannot be run any more; what was recorded up to the tick before is whole.
         """
-        limit = self.resolved.scenario.stop.at_most
+        limit = self.resolved.scenario.stop.max_duration
         limit = limit if until is None else min(until, limit)
         # With the JIT off, NumPy warns where hashes wrap.
         with interruptible(self.workspace.stop), np.errstate(over="ignore"), self._constants_kept():

@@ -1,4 +1,4 @@
-"""Why a run is not finished: what is undelivered, who is out of order, who waits and for whom."""
+"""Why a run is not finished: what is undelivered, who is down, who waits and for whom."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAMED = 3  # robots that keep others
 def stuck(simulation: Simulation, still: Array) -> Array:
     """Storage indices of the robots on the floor that have not worked for long.
 
-    still: (n,) the tick up to which each stored robot has worked. Who is out of order is none of them.
+    still: (n,) the tick up to which each stored robot has worked. Who is down is none of them.
     """
     robots = simulation.world.robots
     abroad = np.flatnonzero((robots.parked == 0) & (robots.status < STATUS_DEPLETED))
@@ -27,11 +27,11 @@ def stuck(simulation: Simulation, still: Array) -> Array:
 
 
 def deadlocks(found: list[tuple[int, ...]]) -> list[str]:
-    """A phrase about circles of robots, or none."""
+    """Return a phrase about wait cycles, or none."""
     if not found:
         return []
-    others = f", and so do those of {count(len(found) - 1, 'more circle')}" if found[1:] else ""
-    return [f"deadlock: robots {listed(list(found[0]))} wait for each other in a circle{others}"]
+    others = f", and there are {count(len(found) - 1, 'more wait cycle')}" if found[1:] else ""
+    return [f"deadlock: robots {listed(list(found[0]))} form a wait cycle{others}"]
 
 
 def trouble(simulation: Simulation, still: Array) -> str:
@@ -78,7 +78,7 @@ def out_of_order(simulation: Simulation) -> list[str]:
 
 
 def in_the_way(simulation: Simulation, waiting: Array) -> list[str]:
-    """Who holds a cell that some of these robots wait for, and waits for nobody itself."""
+    """Who holds a cell that some of these robots wait for, and waits for no robot itself."""
     robots, floor_plan = simulation.world.robots, simulation.resolved.floor_plan
     keeper = keepers(simulation.world, waiting)
     phrases = []
@@ -86,7 +86,7 @@ def in_the_way(simulation: Simulation, waiting: Array) -> list[str]:
         kept = sorted(int(robots.identity[i]) for i, other in keeper.items() if other == j)
         who = f"robot {kept[0]} waits" if len(kept) == 1 else f"robots {listed(kept)} wait"
         if robots.status[j] >= STATUS_DEPLETED:
-            why = "is out of order"
+            why = "is down"
         elif robots.goal_type[j] == GOAL_NONE and robots.load[j] == NIL:
             why = "has nothing to do"
         else:

@@ -1,4 +1,4 @@
-"""What stations did, by the works of automaton.world.parts: parts finished, and ticks of work."""
+"""What stations did, from the jobs of automaton.world.parts: parts finished, and ticks of work."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
     at = stations.completion_tick[ended]
     took = at - begun[stations.part[ended]]
     return {
-        "parts": summed(at, np.ones(len(at)), borders),
-        "part_times": summed(at, took, borders),
+        "parts_finished": summed(at, np.ones(len(at)), borders),
+        "part_flow_times": summed(at, took, borders),
     }
 
 

@@ -1,6 +1,6 @@
 """Metrics as quotients of what a run adds up, so that any stretch of it can be measured alone.
 
-    throughput = 1000 deliveries / ticks        blocked = lost ticks / active ticks
+    throughput = 1000 deliveries / ticks        blocked_share = lost ticks / active ticks
 
 Sums of stretches that follow each other add up to those of the whole. What is no such quotient
 cannot be taken out of a run that is over: quantiles of its orders, the station that works most.
@@ -17,24 +17,31 @@ from automaton.world.robot_status import BATTERY_FULL
 LOST: Final = (
     "lost_waiting",
     "lost_refused",
-    "lost_withdrawing",
-    "lost_bay",
-    "lost_in_line",
+    "lost_retreating",
+    "lost_leaving_bay",
+    "lost_queueing",
     "lost_illegal",
 )
 COUNTED_BY_STRATEGIES: Final = (
-    *("redesigns", "load_shares", "messages", "alternatives", "ticks_in_balance", "ticks_watched"),
+    *(
+        "redesigns",
+        "shared_orders",
+        "messages",
+        "alternative_routes",
+        "ticks_in_balance",
+        "ticks_watched",
+    ),
 )
 # What rows of a steady state keep of each stretch; "charge" in units of it, "taken": tasks.
 SUMS: Final = (
     *("ticks", "robot_ticks"),
     *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
     *LOST,
-    *("withdrawals", "illegal_answers", "slowed", "travel"),
-    *("charge", "charging", "ran_empty", "repaired", "breakdowns", "towed", "out_of_order"),
+    *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
+    *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
     *("delivered", "legs", "timed", "lead_times"),
     *("taken", "task_times", "delays"),
-    *("parts", "part_times"),
+    *("parts_finished", "part_flow_times"),
     *COUNTED_BY_STRATEGIES,
 )
 TAKEN: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
@@ -50,26 +57,26 @@ class Quotient(NamedTuple):
 
 
 QUOTIENTS: Final = {
-    "T_R": Quotient("operations", "robots"),
-    "T_Rtotal": Quotient("operations"),
-    "E_U_moves": Quotient("empty_moves", "moves"),
-    "E_U_operations": Quotient("empty_driving", "operations"),
-    "E_U_cycles": Quotient("empty_driving_ticks", "active"),
+    "operations_per_robot": Quotient("operations", "robots"),
+    "operations": Quotient("operations"),
+    "empty_moves_share": Quotient("empty_moves", "moves"),
+    "empty_operations_share": Quotient("empty_driving", "operations"),
+    "empty_ticks_share": Quotient("empty_driving_ticks", "active"),
     "delivered": Quotient("delivered"),
     "throughput": Quotient("delivered", "ticks", 1000),
     "ticks_per_operation": Quotient("active", "operations"),
     "legs_per_order": Quotient("legs", "delivered", measured=False),
     "utilization": Quotient("active", "robot_ticks"),
-    "blocked": Quotient(LOST, "active"),
+    "blocked_share": Quotient(LOST, "active"),
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
-    "completions": Quotient("completed", "watched_robot_ticks", 1000),
+    "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),
     "lead_time": Quotient("lead_times", "timed", measured=False),
     "energy": Quotient("charge", BATTERY_FULL),
     "repair_energy": Quotient("repaired", BATTERY_FULL),
-    "charging": Quotient("charging", "robot_ticks"),
-    "part_time": Quotient("part_times", "parts", measured=False),
-    "in_balance": Quotient("ticks_in_balance", "ticks_watched", measured=False),
+    "charging_share": Quotient("charging", "robot_ticks"),
+    "part_flow_time": Quotient("part_flow_times", "parts_finished", measured=False),
+    "balanced_share": Quotient("ticks_in_balance", "ticks_watched", measured=False),
 }
 
 

@@ -1,9 +1,9 @@
-"""The figures of tasks after a warm-up: how long they take, and by how much too long.
+"""The metrics of tasks after a warm-up: how long they take, and by how much too long.
 
 A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
 the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
 least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
-heading in which it begins, the pick, and the tick in which the load is set down.
+heading in which it begins, the pick, and the tick in which the load is dropped.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from automaton.world.state import (
 
 
 class Measured(Protocol):
-    """What the figures of tasks need of a simulation."""
+    """What the metrics of tasks need of a simulation."""
 
     @property
     def world(self) -> World: ...

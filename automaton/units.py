@@ -27,7 +27,7 @@ class Unit(NamedTuple):
 
     @property
     def seconds(self) -> float | None:
-        """How many it is in seconds; None: it is no unit of time."""
+        """How many it is in seconds; None: it is not an unit of time."""
         symbol = symbol_of(self.name)
         return None if symbol is None else self.size * SECONDS[symbol]
 

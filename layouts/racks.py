@@ -94,7 +94,7 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         for x, y in shape.closed:
             inside = FIRST_RACK <= x < shape.columns - 1 and 1 <= y < shape.rows - 1
             if not inside or y % AISLE_EVERY != 1 or _crosses(np.array(x), shape.block):
-                raise ValueError(f"closed names [{x}, {y}], which is no cell of an aisle")
+                raise ValueError(f"closed names [{x}, {y}], which is not a cell of an aisle")
 
     @property
     def shape(self) -> Shape:

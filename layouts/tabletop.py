@@ -1,7 +1,7 @@
 """The table-top warehouse of Grzejszczak and Nocoń: tables of shelves between alleys of track.
 
 b+-+-+d      two tables of three positions: alleys at even x, tables at odd x, corridors above
-b|s|s|d      and below; turntables where they meet; a bay left of every row (column x = -1);
+b|s|s|d      and below; turntables where they meet; a parking bay left of every row (column x = -1);
 b|s|s|d      destinations right of the last alley.
 b|s|s|d
 b+-+-+d
@@ -28,7 +28,7 @@ from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
 
 class Tabletop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Tables of shelves between alleys of track, destinations on the right, bays on the left."""
+    """Tables of shelves between alleys of track, destinations on the right, parking bays on the left."""
 
     tables: Annotated[int, Meta(ge=1, le=2000, description="Tables side by side.")]
     positions: Annotated[int, Meta(ge=1, le=2000, description="Shelves of a table.")]

@@ -48,19 +48,19 @@ class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
                 raise ValueError(f"{name} must go from the smaller to the larger number")
 
 
-class Withdrawal(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Waits, and when and how far a robot withdraws."""
+class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How long a blocked robot waits, and when and how far it retreats."""
 
     retries: Annotated[
-        int, Meta(ge=1, le=254, description="failed retries before it may withdraw")
+        int, Meta(ge=1, le=254, description="failed retries before it may retreat")
     ] = 1
-    limit: Annotated[
-        int, Meta(ge=1, le=254, description="failed retries after which it withdraws in any case")
+    max_retries: Annotated[
+        int, Meta(ge=1, le=254, description="failed retries after which it retreats in any case")
     ] = 2
-    withdraw: Span = (1, 12)  # moves
+    retreat_moves: Span = (1, 12)
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
-    give_way: Annotated[
-        bool, Meta(description="robots without work make room for those that want their cell")
+    idle_give_way: Annotated[
+        bool, Meta(description="idle robots make room for robots that want their cell")
     ] = False
 
 
@@ -68,7 +68,7 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """No parameters; but loads are looked for on shelves alone."""
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Loads at docks and stations belong to no alley: nobody would ever fetch them."""
+        """Loads at docks and stations belong to no alley: no robot would ever fetch them."""
         begun = sources(scenario, floor_plan)
         names = [
             f"{robot_type.name}s"
@@ -83,14 +83,15 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         )
 
 
-class Ties(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Which of several paths of equal cost A* finds."""
+class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """Which of several paths of equal cost A* returns."""
 
-    ties: Annotated[
+    tie_break: Annotated[
         Literal["fifo", "larger_g", "random"],
         Meta(
-            description="Of cells with the same estimate it looks first at the one found first "
-            "(fifo), farthest from the start (larger_g), or drawn by seed and leg (random)."
+            description="Of cells with the same estimate it expands first the one found first "
+            "(fifo), the one "
+            "farthest from the start (larger_g), or a random one, by seed and leg (random)."
         ),
     ] = "larger_g"
 
@@ -110,8 +111,8 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     ]
 
 
-class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What is foreseen of the others, and how many of them are too many."""
+class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """What is predicted of other robots, and how many of them in a zone are too many."""
 
     predictor: Annotated[
         Literal["exact", "noisy", "network"] | NetworkFile,
@@ -122,28 +123,28 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = "exact"
     precision: Annotated[
-        Share | None, Meta(description="noisy: how many of the zones foreseen are right.")
+        Share | None, Meta(description="noisy: the share of the predicted zones that are right.")
     ] = None
     recall: Annotated[
-        Share | None, Meta(description="noisy: how many of the zones used are foreseen.")
+        Share | None, Meta(description="noisy: the share of the used zones that are predicted.")
     ] = None
-    used: Annotated[
+    prevalence: Annotated[
         Annotated[float, Meta(gt=0, lt=1)] | None,
         Meta(
             description="noisy: the share of all zones that a task uses on average; on it depends "
-            "how many others are foreseen. As in warehouse-100 unless given: 27.5 of 522."
+            "how many others are predicted. Left out: as in warehouse-100, 27.5 of 522."
         ),
     ] = None
-    most_threshold: Annotated[
+    max_threshold: Annotated[
         int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
     ] = 6
 
     def __post_init__(self) -> None:
         given = [value is not None for value in (self.precision, self.recall)]
         if self.predictor == "noisy" and not all(given):
-            raise ValueError("predictor noisy needs precision and recall")
-        if self.predictor != "noisy" and (any(given) or self.used is not None):
-            raise ValueError("precision, recall and used are for predictor noisy alone")
+            raise ValueError("predictor: noisy needs precision and recall")
+        if self.predictor != "noisy" and (any(given) or self.prevalence is not None):
+            raise ValueError("precision, recall and prevalence are for predictor: noisy only")
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -168,7 +169,7 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
             return
         scenario = resolved.scenario
         kinematics, durations = scenario.fleet.kinematics, scenario.durations
-        driving = (kinematics, durations.move, durations.turn, scenario.world.zones)
+        driving = (kinematics, durations.move, durations.turn, scenario.world.traffic_zones)
         grid = floor_for(resolved.floor_plan, *driving, types_of(scenario)).grid
         duration = rules_for(scenario, scenario.seed).duration[0]
         whole_layers(network_for(grid, duration, self.network))
@@ -182,24 +183,30 @@ class Avoidance(Ties, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How far routes go round the robots that the plans of all foretell."""
+    """How far routes go around the traffic that is predicted from the plans of all robots."""
 
     beta: Annotated[
         float,
-        Meta(ge=0, le=100, description="moves that it is worth to meet one robot less in a zone"),
+        Meta(
+            ge=0,
+            le=100,
+            description="moves of detour that are worth meeting one robot less in a zone",
+        ),
     ] = 2.0
-    every: Annotated[
-        int, Meta(ge=0, le=1_000_000, description="ticks after which all plan anew; 0 never")
+    replan_period: Annotated[
+        int,
+        Meta(ge=0, le=1_000_000, description="ticks after which all robots plan again; 0 never"),
     ] = 20
     horizon: Annotated[
-        int, Meta(ge=1, le=10_000, description="ticks for which traffic is foreseen")
+        int, Meta(ge=1, le=10_000, description="ticks for which traffic is predicted")
     ] = 500
 
-    foresees: Annotated[
-        Literal["plans", "tasks", "shares"],
+    forecast: Annotated[
+        Literal["plans", "tasks", "task-averages"],
         Meta(
             description="plans: where the plans of all lead, and when, slow zones included; tasks: "
-            "where A* would lead all on their tasks, undelayed; shares: as tasks, averaged over time."
+            "where A* would lead all on their tasks, undelayed; task-averages: as tasks, "
+            "averaged over time."
         ),
     ] = "plans"
 
@@ -227,13 +234,13 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         "annealing": Entry(
             "strategies.zoning.repairing:AnnealedZones",
             Annealing,
-            "zones designed anew by simulated annealing (Ho & Liao; Keith & La)",
+            "zones redesigned by simulated annealing (Ho & Liao; Keith & La)",
             (DYNAMIC, MANUFACTURING),
         ),
         "genetic": Entry(
             "strategies.zoning.repairing:BredZones",
             Genetic,
-            "zones designed anew by a genetic algorithm (Keith & La)",
+            "zones redesigned by a genetic algorithm (Keith & La)",
             (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
         ),
         "decentralized": Entry(
@@ -310,25 +317,25 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
         ),
         "astar": Entry(
             "strategies.routing.astar:AStar",
-            Ties,
-            "A*: a path of least ticks, one of several by a tie rule",
+            TieBreaking,
+            "A*: a path of fewest ticks, one of several by a tie-breaking rule",
         ),
         "traffic-avoidance": Entry(
             "strategies.routing.traffic_avoidance:TrafficAvoidance",
             Avoidance,
-            "A* around zones where many others are foreseen (Shaji Bhattathiri, Li & Kuhl)",
+            "A* around zones where many robots are predicted (Shaji Bhattathiri, Li & Kuhl)",
         ),
         "congestion": Entry(
             "strategies.routing.congestion:Congestion",
             SharedPlans,
-            "around the traffic that all robots' plans foretell, zone by zone and tick by tick",
+            "around the traffic predicted from all robots' plans, zone by zone and tick by tick",
         ),
     },
     "right_of_way": {
-        "withdraw": Entry(
+        "retreat": Entry(
             "strategies.right_of_way.withdraw:Withdraw",
-            Withdrawal,
-            "wait, retry, then withdraw by a random number of moves (Grzejszczak & Nocon)",
+            RetreatParameters,
+            "wait, retry, then retreat by a random number of moves (Grzejszczak & Nocon)",
         ),
         "wait": Entry(
             "strategies.right_of_way.wait:Wait",

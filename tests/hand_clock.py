@@ -94,7 +94,7 @@ def hand(clock: Clock, *runs: Run) -> Hand:
 
 def recorded(folder: Path, ticks: int, *settings: str) -> RecordedRun:
     path = folder / f"{ticks}.rec"
-    run = live(*FLEET, f"stop.at_most={ticks}", *settings, path=path)
+    run = live(*FLEET, f"stop.max_duration={ticks}", *settings, path=path)
     run.show(ticks, 99)
     run.close()
     return RecordedRun(read_recording(path))

@@ -14,7 +14,7 @@ from automaton.reporting.results import Results
 def made_up(
     study: Study, value: Callable[[int, int], float | None], **columns: Callable[[int, int], Any]
 ) -> Results:
-    """Runs of which T_total is value(point, replication)."""
+    """Runs of which makespan is value(point, replication)."""
     runs = [(p.number, r) for p in study.points for r in range(study.replications)]
     usual: dict[str, Callable[[int, int], Any]] = {
         "key": lambda p, r: f"{p}-{r}",
@@ -24,14 +24,14 @@ def made_up(
         "finished": lambda p, r: True,
         "failed": lambda p, r: None,
         "digest": lambda p, r: f"{p}-{r}",
-        "T_total": value,
+        "makespan": value,
     }
     made = {name: [of(*run) for run in runs] for name, of in {**usual, **columns}.items()}
     return Results(study=study, columns=made, version="0" * 16)
 
 
 def study_of(factors: dict[str, Any], replications: int = 60, **more: Any) -> Study:
-    analysis = Analysis(metrics=("T_total",), **more)
+    analysis = Analysis(metrics=("makespan",), **more)
     return Study(
         name="made up",
         scenario="tabletop-mini",

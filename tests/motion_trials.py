@@ -2,11 +2,11 @@
 
     nice python tests/motion_trials.py [TICKS] [SEED]
 
-Capacities, paces, slow zones, extra ticks, `following`, bays, faults and batteries are drawn; all
-five layers answer at random. Positions, loads and charges are checked after every tick by
-`physical_checks`, and each recording is verified. Exits with 1 if anything is found; the tests run
-a sample. A failing floor is named by its seed: `motion_trials.py 1 SEED` runs the floors of that
-seed alone.
+Capacities, move times, slow zones, extra ticks, `following`, parking bays, faults and batteries are
+drawn; all five layers answer at random. Positions, loads and charges are checked after every tick
+by `physical_checks`, and each recording is verified. Exits with 1 if anything is found; the tests
+run a sample. A failing floor is named by its seed: `motion_trials.py 1 SEED` runs the floors of
+that seed alone.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TICKS = 1_000_000
 RUN_TICKS = 250
 FLOORS = 50  # of a seed
 KINDS = (
-    *("collision", "swap", "overlap on an edge", "jump", "load", "battery", "out of order"),
+    *("collision", "swap", "overlap on an edge", "jump", "load", "battery", "down"),
     "not verified",
 )
 
@@ -39,7 +39,7 @@ def trial(case: Case) -> PhysicalChecks:
     recorder = MemoryRecorder(case.resolved)
     run = Simulation(case.resolved, on_record=recorder)
     checks = PhysicalChecks(run.world)
-    while not run.finished and run.tick < case.resolved.scenario.stop.at_most:
+    while not run.finished and run.tick < case.resolved.scenario.stop.max_duration:
         run.run(until=run.tick + 1)
         checks.tick()
     verified = verify_recording(recorder.recording())

@@ -165,7 +165,7 @@ class MovingMap(App[None]):
         self.dump.with_suffix(".svg").write_text(svg)
 
     def write_dump(self) -> None:
-        """Every figure and the intended cells, at once on the disk under their final name."""
+        """Every metric and the intended cells, at once on the disk under their final name."""
         self.dumps += 1
         figures = {
             "number": self.dumps,

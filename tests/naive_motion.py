@@ -45,7 +45,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Intent:
-    """A robot wants to move; `entered`: it came out of its bay in this tick."""
+    """A robot wants to move; `entered`: it came out of its parking bay in this tick."""
 
     robot: Robot
     start: int

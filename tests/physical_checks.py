@@ -155,11 +155,11 @@ class PhysicalChecks:
             self._wrong("jump", f"robot {r} leaves its way to cell {claim} for {now}")
 
     def _check_condition(self, before: Picture, r: int) -> None:
-        """Who is out of order stands still."""
+        """Who is down stands still."""
         if before.status[r] in OUT_OF_ORDER and self.now.status[r] in OUT_OF_ORDER:
             for name in ("cell", "claim", "heading", "load", "charge"):
                 if getattr(before, name)[r] != getattr(self.now, name)[r]:
-                    self._wrong("out of order", f"robot {r} changes its {name}")
+                    self._wrong("down", f"robot {r} changes its {name}")
 
     # Charges
 
@@ -216,7 +216,7 @@ class PhysicalChecks:
                 self._wrong("load", f"robot {r} has load {load} in place of {was}")
             elif was != load:
                 where = whereabouts(before, load) if was == NIL else whereabouts(now, was)
-                # What a robot out of order leaves may be picked up in the same tick.
+                # What a robot that is down leaves may be picked up in the same tick.
                 taken = was != NIL and was in now.load and now.status[r] in OUT_OF_ORDER
                 if not taken and not self._reaches(before, r, where):
                     self._wrong("load", f"robot {r} handles a load in cell {where}")

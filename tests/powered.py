@@ -16,7 +16,7 @@ from automaton.strategy.layer import Strategy
 from automaton.world.robot_status import BATTERY_PERCENT
 from automaton.world.state import GOAL_CHARGE
 
-MOVES = Battery(drain=Drain(move=1.0), charge=10.0)
+MOVES = Battery(drain=Drain(move=1.0), charge_rate=10.0)
 
 
 class Powered(Staged):
@@ -49,7 +49,7 @@ def scene(
     """A scenario on a drawn floor; omni robots that start in these cells."""
     fleet = {"robots": len(start), "kinematics": "omni", "start": list(start)}
     body = {"name": "scene", "layout": {"picture": picture.strip("\n")}, "fleet": fleet, **parts}
-    body.setdefault("stop", {"when": "delivered", "at_most": 3000})
+    body.setdefault("stop", {"when": "delivered", "max_duration": 3000})
     return resolve(msgspec.convert(body, Scenario), settings)
 
 

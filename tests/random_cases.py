@@ -127,13 +127,13 @@ def rules(draw: Any) -> WorldRules:
     slow = draw(st.integers(0, 2)) == 2
     return WorldRules(
         following=draw(st.sampled_from([True, True, False])),
-        zones=draw(st.sampled_from(MODES)) if slow else "undirected",
+        traffic_zones=draw(st.sampled_from(MODES)) if slow else "undirected",
         slowdown="zones" if slow else "none",
-        extra_tick=draw(st.sampled_from([0.0, 0.5] if slow else [0.0, 0.0, 0.0, 0.5])),
+        extra_tick_probability=draw(st.sampled_from([0.0, 0.5] if slow else [0.0, 0.0, 0.0, 0.5])),
     )
 
 
-ENDLESS = Battery(drain=Drain(move=0.0), charge=100.0)  # robots go to chargers for nothing
+ENDLESS = Battery(drain=Drain(move=0.0), charge_rate=100.0)  # robots go to chargers for nothing
 
 
 @st.composite
@@ -142,10 +142,12 @@ def batteries(draw: Any) -> Battery | None:
         return None
     rates = st.sampled_from([0.0, 0.5, 3.0, 10.0, 40.0])
     names = ("move", "turn", "pick", "drop", "try_drop", "wait")
-    drain = Drain(loaded=draw(st.sampled_from([1.0, 1.5])), **{n: draw(rates) for n in names})
+    drain = Drain(
+        loaded_factor=draw(st.sampled_from([1.0, 1.5])), **{n: draw(rates) for n in names}
+    )
     curve = draw(st.sampled_from([20.0, 100.0, ((0.0, 30.0), (60.0, 5.0))]))
     start = draw(st.sampled_from([100.0, 30.0, ChargeRange(least=0.0, most=60.0)]))
-    return Battery(drain=drain, charge=curve, start=start)
+    return Battery(drain=drain, charge_rate=curve, initial_charge=start)
 
 
 @st.composite
@@ -155,9 +157,9 @@ def faults(draw: Any, robots: int, ticks: int) -> Faults:
     found = st.builds(Fault, robot=st.integers(0, robots - 1), at=st.integers(1, ticks))
     return Faults(  # type: ignore[arg-type]
         listed=tuple(draw(st.lists(found, max_size=3))),
-        rate=draw(st.sampled_from([0.0, 0.0, 0.05])),
+        failure_probability=draw(st.sampled_from([0.0, 0.0, 0.05])),
         tow_after=draw(st.sampled_from([1, 4, None])),
-        repair=draw(st.sampled_from([1, 5, None])),
+        repair_time=draw(st.sampled_from([1, 5, None])),
     )
 
 
@@ -169,7 +171,7 @@ def demands(draw: Any, stations: int) -> Orders:
     return Orders(
         generator=generator,
         count=draw(st.integers(1, 12)),
-        interval=draw(st.sampled_from([0.0, 1.0, 3.0])),
+        mean_interarrival_time=draw(st.sampled_from([0.0, 1.0, 3.0])),
     )
 
 
@@ -184,7 +186,7 @@ def scenarios(
         name="case",
         layout={},
         fleet=Fleet(  # type: ignore[arg-type]
-            robots=robots, kinematics=kinematics, when_done="leave" if leaves else "park"
+            robots=robots, kinematics=kinematics, when_idle="leave" if leaves else "park"
         ),
         durations=Durations(
             move=draw(ticks),
@@ -192,13 +194,13 @@ def scenarios(
             pick=(pick := draw(st.integers(0, 3))),
             drop=(drop := draw(st.integers(0, 3))),
             try_drop=draw(ticks),
-            delay=draw(st.sampled_from([0, 0, 0, 2])) if pick and drop else 0,
+            handling_jitter=draw(st.sampled_from([0, 0, 0, 2])) if pick and drop else 0,
         ),
         world=WorldRules() if busy else draw(rules()),
         orders=draw(demands(stations)),
         battery=ENDLESS if busy else draw(batteries()),
         faults=Faults() if busy else draw(faults(robots, until)),
-        stop=Stop(when="never", at_most=until),
+        stop=Stop(when="never", max_duration=until),
         seed=draw(st.integers(0, 2**32)),
     )
 
@@ -221,7 +223,7 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
     for layer, name in STRATEGIES.items():
         picks[layer] = StrategyChoice(f"random_strategies:{name}", draw(moods(layer, busy)))
     stations = reachable_stations(floor_plan, start)
-    scenario = draw(scenarios(n, busy, start == "bays", stations, ticks))
+    scenario = draw(scenarios(n, busy, start == "parking-bays", stations, ticks))
     if types:
         scenario = draw(typed(scenario, floor_plan, start))
     resolved = Resolved(scenario, floor_plan, picks, start=start, source="")  # type: ignore[arg-type]
@@ -238,8 +240,8 @@ def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> S
     """The same with two types of robots, and perhaps an area that is closed to one of them."""
     fleet = scenario.fleet
     few = draw(st.integers(1, max(1, fleet.robots - 1)))
-    pace, payload = draw(st.integers(1, 3)), draw(st.sampled_from([1, 2, None]))
-    kinds = [FleetType(name="slow", robots=few, pace=pace, payload=payload)]
+    factor, payload = draw(st.integers(1, 3)), draw(st.sampled_from([1, 2, None]))
+    kinds = [FleetType(name="slow", robots=few, move_time_factor=factor, payload=payload)]
     kinds += [FleetType(name="other", payload=2)] if few < fleet.robots else []
     fleet = msgspec.structs.replace(fleet, types=tuple(kinds))
     orders = scenario.orders
@@ -252,14 +254,14 @@ def typed(draw: Any, scenario: Scenario, floor_plan: FloorPlan, start: Any) -> S
     area = Area(first=(columns[0], rows[0]), last=(columns[1], rows[1]), closed_to=("slow",))
     closed = msgspec.structs.replace(scenario, areas={"area": area})
     shut = closed_cells(floor_plan, types_of(closed)[0])
-    homes = floor_plan.bays[:, 1].tolist() if start == "bays" else start
+    homes = floor_plan.bays[:, 1].tolist() if start == "parking-bays" else start
     allowed = orders.generator == "full-shelves" and not shut[list(homes[: fleet.robots])].any()
     return closed if allowed else scenario
 
 
 def reachable_stations(floor_plan: FloorPlan, start: Any) -> int:
     """How many stations every robot gets to and home from, whatever its kinematics."""
-    home = int(floor_plan.bays[0, 1]) if start == "bays" else start[0]
+    home = int(floor_plan.bays[0, 1]) if start == "parking-bays" else start[0]
     return int(
         np.count_nonzero(
             around_home(floor_plan, home, True) & (floor_plan.kind.reshape(-1) == STATION)

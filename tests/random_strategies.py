@@ -207,7 +207,7 @@ class RandomRouting(RandomStrategy):
 
 
 class RandomRightOfWay(RandomStrategy):
-    """Steps, pauses, withdrawals and priorities, asked for at any time."""
+    """Steps, pauses, retreats and priorities, asked for at any time."""
 
     layer = "right_of_way"
 

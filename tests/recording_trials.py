@@ -5,7 +5,7 @@
 Recordings of shipped scenarios are taken apart, altered in values, types, shapes, lengths, depths
 and sequence, and put together again with right seals; others have a bit flipped. Each is verified and
 played to its end by a worker with 1 GB of memory and 10 s. It must end in one sentence that names the
-file, or be what was recorded: verified with the same figures, or found to differ. Prints what was
+file, or be what was recorded: verified with the same metrics, or found to differ. Prints what was
 counted and exits with 1 if a worker crashes, hangs or raises anything else. The tests run it in small.
 """
 
@@ -38,13 +38,13 @@ MEMORY = 1 << 30  # bytes that may be in use
 SPACE = 8 << 30  # and of addresses: code that is compiled asks for far more than it uses
 MUTANTS, FLIPS = 10_000, 2_000
 CASES: dict[str, tuple[str, ...]] = {
-    "tabletop-mini": ("stop.at_most=120",),
+    "tabletop-mini": ("stop.max_duration=120",),
     "crossing": (),
-    "depots": ("stop.at_most=100",),
-    "factory": ("stop.at_most=120",),
+    "depots": ("stop.max_duration=100",),
+    "factory": ("stop.max_duration=120",),
     "factory-single": (
-        "stop.at_most=120",
-        "faults={rate: 0.01, tow_after: 20, repair: 20}",
+        "stop.max_duration=120",
+        "faults={failure_probability: 0.01, tow_after: 20, repair_time: 20}",
     ),
 }
 NUMBERS = (
@@ -260,7 +260,7 @@ def outcome_of(path: Path, figures: Any) -> str:
                 found = verify_recording(recording)
                 said.append("verified" if found.passed else "differs")
                 if found.passed and recording.complete and figures_of(recording) != figures:
-                    return "verified with other figures"
+                    return "verified with other metrics"
             else:
                 run = RecordedRun(recording)
                 before = -1
@@ -301,7 +301,7 @@ def work(pipe: Connection, path: str) -> None:
 
 
 class Worker:
-    """A process that tries files; begun anew when it dies."""
+    """A process that tries files; restarted when it dies."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "trial.rec"

@@ -39,12 +39,12 @@ WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),
     *("priority decides", "move of several ticks", "turn on two lanes", "two in an aisle"),
     *("three without limit", "drove on capacity 0", "drove on capacity 1", "drove on capacity 2"),
-    *("move in a slow zone", "picked up on arrival", "set down on arrival"),
+    *("move in a slow zone", "picked up on arrival", "dropped on arrival"),
     *("left a bay", "went into a bay", "bay blocked"),
     *("left the floor", "came back to the floor", "kept off the floor"),
     *("battery empty", "broken down", "towed", "came back", "gone for good", "load left behind"),
-    *("charging", "in line before a charger", "order came later", "visited", "on a station"),
-    *("halted by zoning", "halted while out of order", "designed anew"),
+    *("charging", "in the queue before a charger", "order came later", "visited", "on a station"),
+    *("halted by zoning", "halted while down", "redesigned"),
     *(f"illegal {layer}" for layer in LAYER_NAMES),
 )
 
@@ -143,9 +143,9 @@ def places(world: World, capacity: list[int], reached: Counter[str]) -> None:
         reached["three without limit"] += capacity[cell] == 0 and number >= 3
     turning = (robots.claim != NIL) & (robots.claim == robots.cell)
     reached["turn on two lanes"] += int(turning.sum())
-    reached["move in a slow zone"] += int(world.tally.slowed.any())
+    reached["move in a slow zone"] += int(world.tally.slowdown_ticks.any())
     reached["picked up on arrival"] += int((robots.executed & PICKED_ON_ARRIVAL != 0).sum())
-    reached["set down on arrival"] += int((robots.executed & DROPPED_ON_ARRIVAL != 0).sum())
+    reached["dropped on arrival"] += int((robots.executed & DROPPED_ON_ARRIVAL != 0).sum())
     executed = robots.executed[robots.bay != NIL]
     reached["left a bay"] += int((executed & LEFT_PARKING_BAY != 0).sum())
     reached["went into a bay"] += int((executed & ENTERED_PARKING_BAY != 0).sum())
@@ -178,7 +178,7 @@ def conditions(world: World, reached: Counter[str]) -> None:
     )
     reached["load left behind"] += int((slots.cell[slots.first_spare :] != NIL).any())
     reached["charging"] += int((robots.action == ACTION_CHARGE).any())
-    reached["in line before a charger"] += int((robots.action == ACTION_QUEUE).any())
+    reached["in the queue before a charger"] += int((robots.action == ACTION_QUEUE).any())
     reached["order came later"] += int((orders.release_tick == world.clock[CLOCK_TICK]).any())
     visits = (orders.source == orders.target) & (orders.state == ORDER_DELIVERED)
     reached["visited"] += int(visits.any())
@@ -186,9 +186,7 @@ def conditions(world: World, reached: Counter[str]) -> None:
         halted = (world.service_zones.halt >= world.clock[CLOCK_TICK]) & (robots.cell != NIL)
         reached["halted by zoning"] += int(halted.any())
         out = (robots.status == STATUS_DEPLETED) | (robots.status == STATUS_FAILED)
-        reached["halted while out of order"] += int((halted & out).any())
-        reached["designed anew"] += int(
-            world.clock[CLOCK_ZONES_REDESIGNED] == world.clock[CLOCK_TICK]
-        )
+        reached["halted while down"] += int((halted & out).any())
+        reached["redesigned"] += int(world.clock[CLOCK_ZONES_REDESIGNED] == world.clock[CLOCK_TICK])
     standing = robots.cell[robots.cell != NIL]
     reached["on a station"] += int((world.grid.kind[standing] == STATION).any())

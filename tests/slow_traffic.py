@@ -34,7 +34,8 @@ ONE_WAY = {  # symbols of cells for any number of robots, left in one direction
 class Traffic:
     """Robots A, B, ... stand in cells ~ (any number fits) and have nothing to do; e s w n are one-way.
 
-    `robots` instead of letters: flat cells of robots 0, 1, ...; or `bays`: so many robots in bays.
+    `robots` instead of letters: flat cells of robots 0, 1, ...; or `bays`: so many robots in
+    parking bays.
     """
 
     def __init__(
@@ -66,13 +67,15 @@ class Traffic:
             layout={},
             fleet=Fleet(robots=bays or len(start), kinematics=kinematics),  # type: ignore[arg-type]
             durations=Durations(move=move, turn=turn),
-            orders=Orders(generator="drawn-loads"),
-            world=WorldRules(zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
-            stop=Stop(when="never", at_most=10_000),
+            orders=Orders(generator="picture-loads"),
+            world=WorldRules(traffic_zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
+            stop=Stop(when="never", max_duration=10_000),
         )
         picks = {layer: StrategyChoice("none", NoParameters()) for layer in LAYER_NAMES}
         self.run = Simulation(
-            Resolved(scenario, self.floor_plan, picks, start="bays" if bays else start, source=""),
+            Resolved(
+                scenario, self.floor_plan, picks, start="parking-bays" if bays else start, source=""
+            ),
             strategies=[routing if layer == "routing" else None for layer in LAYER_NAMES],
         )
         self.world = self.run.world

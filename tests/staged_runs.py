@@ -53,18 +53,18 @@ class Staged:
         faults: Faults | None = None,
     ) -> None:
         self.floor_plan = draw_floor(picture.strip("\n"))
-        start = start or self.floor_plan.starts or "bays"
-        robots = len(self.floor_plan.bays) if start == "bays" else len(start)
+        start = start or self.floor_plan.starts or "parking-bays"
+        robots = len(self.floor_plan.bays) if start == "parking-bays" else len(start)
         scenario = Scenario(
             name="staged",
             layout={},
             fleet=Fleet(robots=robots, kinematics=kinematics),  # type: ignore[arg-type]
             durations=durations or Durations(),
-            orders=Orders(generator="drawn-loads"),
+            orders=Orders(generator="picture-loads"),
             world=rules or WorldRules(following=following),
             battery=battery,
             faults=faults or Faults(),
-            stop=Stop(when="never", at_most=10_000),
+            stop=Stop(when="never", max_duration=10_000),
         )
         self.answers: Any = (strategies or {}).get("right_of_way")
         picks = {layer: StrategyChoice("none", NoParameters()) for layer in LAYER_NAMES}
@@ -76,7 +76,7 @@ class Staged:
             strategies=[(strategies or {}).get(layer) for layer in LAYER_NAMES],
         )
         self.world = self.run.world
-        if start != "bays":
+        if start != "parking-bays":
             self.world.robots.parked[:] = 0
         if not strategies or "right_of_way" not in strategies:
             self.world.rules.wait[:] = waits

@@ -114,7 +114,7 @@ def open_floor(width: int, height: int) -> FloorPlan:
 
 
 def crossing() -> Scene:
-    """Three robots: one parked in its bay, one with a load, one that faces west."""
+    """Three robots: one parked in its parking bay, one with a load, one that faces west."""
     floor_plan = shipped("crossing")
     return stage(
         floor_plan,

@@ -37,10 +37,10 @@ Values = Any
 STUDIES = 2000
 SIZES = (10, 20, ENOUGH)
 SHIPPED = (  # a scenario of each kind, a setting of it, the metric of a run, runs in its pool
-    ("tabletop-1", ("fleet.robots=5",), "T_total", 2000),
-    ("tabletop-2", (), "T_total", 2000),
+    ("tabletop-1", ("fleet.robots=5",), "makespan", 2000),
+    ("tabletop-2", (), "makespan", 2000),
     ("depots", (), "lead_time", 1000),
-    ("factory", (), "T_total", 300),
+    ("factory", (), "makespan", 300),
     ("warehouse-100", (), "delay", 300),
 )
 LOAD = 0.8
@@ -71,8 +71,8 @@ def shipped_runs(
 
 
 def tabletop_runs(number: int, *settings: str) -> Values:
-    """(number,) T_total of tabletop-1."""
-    return shipped_runs("tabletop-1", settings, "T_total", number)
+    """(number,) makespan of tabletop-1."""
+    return shipped_runs("tabletop-1", settings, "makespan", number)
 
 
 def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: bool = True) -> Values:
@@ -234,13 +234,13 @@ def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., li
 
     def run(place: Place, first: int, number: int) -> list[Run]:
         missed = rng.random(number) >= shares[place.robots - 1]
-        return [Run(True, {"T_total": float(bad)}) for bad in missed]
+        return [Run(True, {"makespan": float(bad)}) for bad in missed]
 
     return run
 
 
 def asked_of(shares: list[float]) -> Question:
-    return question(Target("T_total", True, 0.0), (1, len(shares)), budget=1_000_000)
+    return question(Target("makespan", True, 0.0), (1, len(shares)), budget=1_000_000)
 
 
 def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[float, float]:
@@ -251,7 +251,7 @@ def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[flo
         search = Search(asked, "", synthetic(shares, rng), asked.budget)
         search.go()
         wrong += any(
-            (one.verdict == "meets") != (shares[one.place.robots - 1] > asked.share)
+            (one.verdict == "meets") != (shares[one.place.robots - 1] > asked.success_share)
             for one in search.candidates
         )
         spent += search.spent
@@ -323,7 +323,8 @@ def pairing(number: int = STUDIES) -> bool:
         relative = found.relative
         assert relative is not None and relative.low is not None and relative.high is not None
         print(
-            f"N = {robots}: T_total {a.mean():.1f} against {b.mean():.1f}: {100 * relative.value:.2f} % "
+            f"N = {robots}: makespan {a.mean():.1f} against {b.mean():.1f}: "
+            f"{100 * relative.value:.2f} % "
             f"({100 * relative.low:.2f} to {100 * relative.high:.2f}), {number:,} seeds; "
             f"correlation {found.correlation:+.2f}, variance ratio {found.variance_ratio:.2f}"
         )

@@ -8,7 +8,7 @@ if nothing is delivered by then to the first delivery, or to the scenario's last
 
     delivered   something reached its target
     jammed      nothing did, and robots have long waited for cells that others hold: `run` says whose
-    empty       nothing did, and all robots are out of order: their batteries ran empty
+    empty       nothing did, and all robots are down: their batteries ran empty
     SILENT      nothing did, and nothing says why
     ILLEGAL     an answer of a strategy broke a rule, whatever was delivered
     RAISED      Python raised something
@@ -182,7 +182,7 @@ def is_over(simulation: Simulation) -> bool:
     """Whether something was delivered, or never will be."""
     if (simulation.world.orders.state == ORDER_DELIVERED).any() or simulation.finished:
         return True
-    return simulation.tick >= simulation.resolved.scenario.stop.at_most
+    return simulation.tick >= simulation.resolved.scenario.stop.max_duration
 
 
 def judged(simulation: Simulation, still: np.ndarray) -> Verdict:

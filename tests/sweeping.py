@@ -37,7 +37,7 @@ scenario: tabletop-mini
 factors:
   fleet.robots: [1, 2]
   strategy.allocation: ["sweeping:{strategy}"]
-  stop.at_most: [50]
+  stop.max_duration: [50]
 replications: 3
 """
 
@@ -229,7 +229,7 @@ class IsInterrupted(Raises):
 
 
 class SaysSomethingOdd(Raises):
-    """Allocation: raises with a name of a file that is no UTF-8, whenever two robots run."""
+    """Allocation: raises with a name of a file that is not a UTF-8, whenever two robots run."""
 
     def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:

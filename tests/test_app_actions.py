@@ -22,7 +22,7 @@ def test_a_branch_brings_its_zones(folder: Path) -> None:
         async with viewing(mini()) as user:
             await user.at(20)
             before = user.app.pictures.floors[0].traffic_zones.count
-            user.app._take_branch(("world.zones=directed",))
+            user.app._take_branch(("world.traffic_zones=directed",))
             await user.until(lambda: user.app.pictures.floors[0].traffic_zones.count == 2 * before)
 
     asyncio.run(story())

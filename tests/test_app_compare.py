@@ -118,14 +118,14 @@ def test_a_breakpoint_shows_the_run_that_met_it(tmp_path: Path) -> None:
         async with viewing(compared(tmp_path)) as user:
             await user.press("b")
             await user.until(lambda: len(user.app.screen_stack) == 2)
-            await user.press(*"stuck > 20", "enter", "escape")
+            await user.press(*"stalled > 20", "enter", "escape")
             await user.until(lambda: user.app.stops)
             await user.press("9", "space")
             await user.until(lambda: user.app.shot.stops)
             side, robot = user.app.shot.side, user.app.shot.culprits[0]
             await user.until(lambda: user.app.choice.side == side)
             assert user.app.choice.robot == robot
-            told = f"stopped: stuck > 20: run {'AB'[side]}, robot {robot}"
+            told = f"stopped: stalled > 20: run {'AB'[side]}, robot {robot}"
             await user.until(lambda: told in said(user.app.info))
             assert side == 1  # the one in which robots only wait
 

@@ -73,13 +73,13 @@ def test_a_branch_changes_the_title_and_forgets_the_marks_of_the_future_left(fol
             await user.until(lambda stops=stops: user.app.shot.stops > stops)
         early, late = (mark.tick for mark in user.app.marks)
         await user.at(late - 1)
-        await branched(user, "strategy.right_of_way=withdraw")
+        await branched(user, "strategy.right_of_way=retreat")
         assert [(mark.tick, mark.kind) for mark in user.app.marks] == [
             (early, "stop"),
             (late - 1, "branch"),
         ]
         await user.shown()
-        wanted = f"right_of_way=wait, from tick {late - 1} right_of_way=withdraw"
+        wanted = f"right_of_way=wait, from tick {late - 1} right_of_way=retreat"
         assert wanted in said(user.app.title_line)
         notice = next(text for text in user.toasts() if "recorded" in text)
         command = "automaton replay run.rec run-branch.rec"
@@ -101,7 +101,7 @@ def test_a_branch_of_a_recording_is_live_and_recorded_beside_it(folder: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("settings", "word"), [((), "finished"), (("stop.at_most=200",), "limit reached")]
+    ("settings", "word"), [((), "finished"), (("stop.max_duration=200",), "limit reached")]
 )
 def test_a_run_that_has_ended_says_how(settings: tuple[str, ...], word: str) -> None:
     async def tell(user: Watched) -> None:
@@ -120,7 +120,7 @@ def test_a_tick_after_the_end_that_was_asked_for_at_the_start() -> None:
     async def tell(user: Watched) -> None:
         await user.until(lambda: "the run ends at tick 200;" in said(user.app.info))
 
-    story(tell, mini("stop.at_most=200"), options=Options(at=999_999, color="true"))
+    story(tell, mini("stop.max_duration=200"), options=Options(at=999_999, color="true"))
 
 
 def test_a_recording_says_whether_it_ended_or_was_cut_short(folder: Path) -> None:
@@ -212,13 +212,13 @@ def test_heads_of_compared_runs_never_touch(folder: Path) -> None:
     async def tell(user: Watched) -> None:
         await user.shown()
         heads = [said(head) for head in user.app.heads]
-        assert heads[0].startswith("A a.rec: right_of_way=withdraw  tabletop")
+        assert heads[0].startswith("A a.rec: right_of_way=retreat  tabletop")
         assert heads[1].startswith("B b.rec: right_of_way=wait")
         await user.pilot.resize_terminal(170, 40)
         await user.shown()
         left, right = user.app.heads
         assert left.region.right == right.region.x
-        assert said(left).rstrip() == "A a.rec: right_of_way=withdraw"
+        assert said(left).rstrip() == "A a.rec: right_of_way=retreat"
         assert head_words("A a.rec: right_of_way=wait", "", 20)[0].text == "A a.rec: right_of..."
 
     story(tell, compared(folder), (200, 60))

@@ -1,4 +1,4 @@
-"""The main screens as text, at fixed ticks in three sizes; `pytest --update-grids` writes them anew."""
+"""The main screens as text, at fixed ticks in three sizes; `pytest --update-grids` writes them again."""
 
 from __future__ import annotations
 

@@ -336,7 +336,7 @@ def test_nothing_on_the_screen_has_more_colours_than_were_asked_for(
 
 
 def weights() -> Iterator[tuple[bytes, ...]]:
-    """Bold, dim, italic, underlined, reversed and what else is no colour, in any selection."""
+    """Bold, dim, italic, underlined, reversed and what else is not a colour, in any selection."""
     for count in range(1, 5):
         yield from combinations((b"0", b"1", b"2", b"3", b"4", b"7"), count)
 

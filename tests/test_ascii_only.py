@@ -84,7 +84,7 @@ def test_no_byte_beyond_ascii_leaves_the_viewer(short_path: Path) -> None:
             ("?", "Play backwards"),
             ("\x1b", "tick 40"),
             ("b", "the run stops where"),
-            ("stuck > 50\r", "+ stuck > 50"),
+            ("stalled > 50\r", "+ stalled > 50"),
             ("\x1b", "tick 40"),
             ("/", "Go there"),
             ("\x1b", "tick 40"),

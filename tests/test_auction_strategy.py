@@ -21,7 +21,7 @@ from automaton.world.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIV
 from strategies.allocation.auction import ROLE, ROUND
 
 EIGHT = "orders={generator: stations, count: 8}"
-FIFTY = "orders={generator: stations, count: 50, interval: 30}"
+FIFTY = "orders={generator: stations, count: 50, mean_interarrival_time: 30}"
 NO_BATTERY = ("battery=null", "strategy.charging=none")
 
 
@@ -57,7 +57,7 @@ def value(run: Simulation) -> int:
 
 
 def test_bids_and_messages_of_the_kinds_are_counted() -> None:
-    counted = {kind: sold_at_once(f"auction: {kind}").counted for kind in COUNTS}
+    counted = {kind: sold_at_once(f"mechanism: {kind}").counted for kind in COUNTS}
     assert {kind: (c["bids"], c["messages"]) for kind, c in counted.items()} == COUNTS
     assert all(c["auctions"] == 1 for c in counted.values())
 
@@ -72,49 +72,51 @@ COUNTS = {  # 4 robots hear of 8 orders; a message for each, for each bid, and f
 
 
 def test_one_shot_assignment_gives_each_robot_one_order_at_a_time() -> None:
-    assert [len(one) for one in lists(sold_at_once("auction: assignment"))] == [1, 1, 1, 1]
+    assert [len(one) for one in lists(sold_at_once("mechanism: assignment"))] == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_nothing_beats_the_exact_allotment_and_search_never_worsens_one(seed: int) -> None:
     kinds = ("sequential", "arrival", "parallel", "combinatorial", "genetic", "exact")
     found = {
-        kind: value(sold_at_once(f"auction: {kind}", *NO_BATTERY, seed=seed)) for kind in kinds
+        kind: value(sold_at_once(f"mechanism: {kind}", *NO_BATTERY, seed=seed)) for kind in kinds
     }
     assert found["exact"] == min(found.values())
     for kind in kinds:
-        searched = value(sold_at_once(f"auction: {kind}, improve: true", *NO_BATTERY, seed=seed))
+        searched = value(
+            sold_at_once(f"mechanism: {kind}, local_search: true", *NO_BATTERY, seed=seed)
+        )
         assert found["exact"] <= searched <= found[kind]
 
 
 def test_search_after_the_auction_makes_shorter_lists() -> None:
     plain = [value(sold_at_once("", seed=seed)) for seed in range(1, 11)]
-    searched = [value(sold_at_once("improve: true", seed=seed)) for seed in range(1, 11)]
+    searched = [value(sold_at_once("local_search: true", seed=seed)) for seed in range(1, 11)]
     assert all(after <= before for after, before in zip(searched, plain, strict=True))
     assert sum(searched) < 0.97 * sum(plain)
 
 
 KINDS = (
-    "bid: average",
-    "bid: average-paper",
+    "bid_rule: average",
+    "bid_rule: average-paper",
     "epsilon: 0",
     "epsilon: 1",
     "epsilon: load",
     "epsilon: {from: 1, to: 0, until: 1000}",
-    "winner: difference",
-    "winner: regret",
-    "improve: true",
-    "limit: 1",
-    "horizon: 1",
-    "auction: arrival",
-    "auction: parallel",
-    "auction: combinatorial",
-    "auction: genetic",
-    "auction: assignment",
+    "winner_rule: difference",
+    "winner_rule: regret",
+    "local_search: true",
+    "max_orders_per_robot: 1",
+    "max_items: 1",
+    "mechanism: arrival",
+    "mechanism: parallel",
+    "mechanism: combinatorial",
+    "mechanism: genetic",
+    "mechanism: assignment",
     "auctioneer: fixed",
-    "auctioneer: token, radius: 3",
-    "auctioneer: time, radius: 3",
-    "region: order, radius: 3",
+    "auctioneer: token, announcement_radius: 3",
+    "auctioneer: time, announcement_radius: 3",
+    "region: order, announcement_radius: 3",
     "reauction_after: 0",
     "while_charging: keep",
 )
@@ -128,9 +130,10 @@ def test_every_option_makes_another_run_and_all_deliver_everything() -> None:
         run = Simulation(resolved, on_record=recorder)
         run.run()
         figures = metrics_of(run)
-        assert run.finished and (figures["ran_empty"], figures["illegal_answers"]) == (0, 0), (
-            options
-        )
+        assert run.finished and (figures["battery_depletions"], figures["illegal_answers"]) == (
+            0,
+            0,
+        ), options
         assert validate_stored(recorder.recording()).valid
         digests.setdefault(run.digest, []).append(options)
     assert [same for same in digests.values() if len(same) > 1] == []
@@ -138,8 +141,8 @@ def test_every_option_makes_another_run_and_all_deliver_everything() -> None:
 
 def test_fewest_bidders_first_makes_a_difference_where_not_all_bid() -> None:
     many = "orders={generator: stations, count: 40}"
-    for heard, same in (("", True), (", region: order, radius: 4", False)):
-        runs = [auction(f"winner: {winner}{heard}", many) for winner in ("lowest", "fewest")]
+    for heard, same in (("", True), (", region: order, announcement_radius: 4", False)):
+        runs = [auction(f"winner_rule: {winner}{heard}", many) for winner in ("lowest", "fewest")]
         for run in runs:
             run.run(until=1)
         assert (lists(runs[0]) == lists(runs[1])) == same
@@ -150,7 +153,7 @@ def test_fewest_bidders_first_makes_a_difference_where_not_all_bid() -> None:
 
 @pytest.mark.parametrize("limit", [1, 3])
 def test_no_list_is_longer_than_the_limit(limit: int) -> None:
-    run = auction(f"limit: {limit}", name="depots-full")
+    run = auction(f"max_orders_per_robot: {limit}", name="depots-full")
     longest = 0
     while run.tick < 1500:
         run.run(until=run.tick + 1)
@@ -160,7 +163,7 @@ def test_no_list_is_longer_than_the_limit(limit: int) -> None:
 
 @pytest.mark.parametrize("horizon", [1, 5])
 def test_an_auction_sells_no_more_orders_than_its_horizon(horizon: int) -> None:
-    sold = sorted(chain.from_iterable(lists(sold_at_once(f"horizon: {horizon}"))))
+    sold = sorted(chain.from_iterable(lists(sold_at_once(f"max_items: {horizon}"))))
     assert sold == list(range(horizon))
 
 
@@ -189,7 +192,7 @@ def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
 
 
 def test_load_makes_epsilon_grow_with_the_orders_for_each_robot() -> None:
-    lines = (f"{{from: [0, 2], to: [8, 8], at: {at}}}" for at in range(0, 3000, 300))
+    lines = (f"{{from: [0, 2], to: [8, 8], release: {at}}}" for at in range(0, 3000, 300))
     one_by_one = f"orders={{list: [{', '.join(lines)}]}}"
     assert same_run("epsilon: load", "epsilon: 0.083", one_by_one), "1 of 3 x 4"
     at_once = "orders={generator: stations, count: 12}"
@@ -214,7 +217,7 @@ def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() ->
         assert shared[ROLE] == shared[ROUND] % 4
         held.add(int(shared[ROLE]))
     assert held == {0, 1, 2, 3}
-    run = auction("auctioneer: time, term: 250", FIFTY)
+    run = auction("auctioneer: time, auctioneer_term: 250", FIFTY)
     shared = run.memories[LAYER_ALLOCATION].shared
     for tick in range(1, 1200):
         rounds = int(shared[ROUND])
@@ -272,7 +275,7 @@ def test_around_an_auctioneer_those_hear_it_who_are_near_to_it() -> None:
 
 
 def test_a_late_robot_gives_its_list_back() -> None:
-    late = ("world.extra_tick=1.0", "durations.move=2", EIGHT, *NO_BATTERY)
+    late = ("world.extra_tick_probability=1.0", "durations.move=2", EIGHT, *NO_BATTERY)
     runs = [auction(f"reauction_after: {after}", *late) for after in ("null", "100000", "0")]
     for run in runs:
         run.run()
@@ -307,13 +310,13 @@ IMPOSSIBLE = (  # 16 to 14 and to a charger takes more than a battery holds abov
     "orders={list: [{from: [8, 8], to: [0, 8]}, {from: [0, 2], to: [4, 5]}, "
     "{from: [8, 2], to: [4, 5]}, {from: [4, 5], to: [0, 5]}]}",
     "battery.reserve=25",
-    "stop.at_most=3000",
+    "stop.max_duration=3000",
 )
 
 
 @pytest.mark.parametrize("kind", ["sequential", "combinatorial", "genetic", "assignment"])
 def test_an_order_that_nobody_can_do_does_not_keep_the_others_from_being_done(kind: str) -> None:
-    run = auction(f"auction: {kind}", *IMPOSSIBLE)
+    run = auction(f"mechanism: {kind}", *IMPOSSIBLE)
     run.run()
     state = run.world.orders.state
     assert (state[1:] == ORDER_DELIVERED).all() and state[0] != ORDER_DELIVERED
@@ -331,7 +334,7 @@ def first_genes(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, .
         return INF  # so that the orders are sold in sequence
 
     monkeypatch.setattr("strategies.allocation.auction.genetic", first_generation)
-    auction("auction: genetic", FIFTY, seed=seed).run(until=1000)
+    auction("mechanism: genetic", FIFTY, seed=seed).run(until=1000)
     return [genes for genes in found if len(genes) == len(found[0])]
 
 
@@ -344,15 +347,15 @@ def test_genetic_auctions_of_other_seeds_and_of_one_run_draw_apart(
 
 def test_kinds_that_cannot_do_a_scenario_say_so() -> None:
     with pytest.raises(InputError, match="auction exact knows no charging"):
-        auction("auction: exact")
+        auction("mechanism: exact")
     for kind in ("exact", "combinatorial"):
         with pytest.raises(InputError, match=r"at most 16 robots, and fleet\.robots is 17"):
-            auction(f"auction: {kind}", *NO_BATTERY, "fleet.robots=17", "fleet.start=random")
+            auction(f"mechanism: {kind}", *NO_BATTERY, "fleet.robots=17", "fleet.start=random")
 
 
 def test_all_of_a_large_fleet_s_orders_are_sold() -> None:
     """Beyond the depots: the same auction in a warehouse of racks."""
-    settings = ["strategy.allocation=auction", "fleet.robots=20", "stop.at_most=400"]
+    settings = ["strategy.allocation=auction", "fleet.robots=20", "stop.max_duration=400"]
     run = Simulation(resolve("warehouse-100", settings))
     run.run()
     assert metrics_of(run)["delivered"] > 15

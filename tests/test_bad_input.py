@@ -22,7 +22,7 @@ durations: {turn: 22, pick: 9}
 orders: {generator: full-shelves}
 strategy:
   allocation: cooperative
-  right_of_way: {name: withdraw, limit: 3}
+  right_of_way: {name: retreat, max_retries: 3}
 seed: 1
 """
 
@@ -57,7 +57,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("robots: 2", "robots: 2.5", 3, ["whole number", "found 2.5"]),
     ("robots: 2", "robots: 1:30", 3, ["1:30", "plain decimal"]),
     ("robots: 2", "robots: 010", 3, ["010", "plain decimal"]),
-    ("robots: 2", "robots: 9", 3, ["fleet.robots is 9 but the floor has 5 bays"]),
+    ("robots: 2", "robots: 9", 3, ["fleet.robots is 9 but the floor has 5 parking bays"]),
     ("rail", "rails", 3, ["differential, omni or rail", "did you mean 'rail'?"]),
     ("name: good", "name: no", 1, ["true or false", "quote it"]),
     ("name: good", "name: 5", 1, ["name must be text", "found 5"]),
@@ -85,16 +85,16 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("generator: full-shelves", "list: []", 5, ["orders.list", "at least one"]),
     ("cooperative", "cooperativ", 7, ["'cooperativ'", "did you mean 'cooperative'?"]),
     ("allocation", "alocation", 7, ["unknown key 'alocation'", "did you mean 'allocation'?"]),
-    ("cooperative", "json:loads", 7, ["'json:loads': loads is no strategy"]),
+    ("cooperative", "json:loads", 7, ["'json:loads': loads is not a strategy"]),
     (
         "cooperative",
         "strategies.right_of_way.wait:Wait",
         7,
         ["a strategy for layer 'right_of_way'"],
     ),
-    ("limit: 3", "limit: 0", 8, ["strategy.right_of_way.limit", "found 0"]),
-    ("limit: 3", "limits: 3", 8, ["did you mean 'limit'?"]),
-    ("name: withdraw, ", "", 8, ["'name' is missing in strategy.right_of_way"]),
+    ("max_retries: 3", "max_retries: 0", 8, ["strategy.right_of_way.max_retries", "found 0"]),
+    ("max_retries: 3", "max_retrys: 3", 8, ["did you mean 'max_retries'?"]),
+    ("name: retreat, ", "", 8, ["'name' is missing in strategy.right_of_way"]),
 ]
 
 
@@ -114,7 +114,7 @@ STARTS = [
     ("[[0, 0], [0, 99]]", ["robot 1", "outside the floor (x 0..5, y 0..4)"]),
     ("[[0, 0]]", ["fleet.robots is 2 but fleet.start lists 1 cell"]),
     ("[[0, 0, 0], [1, 1]]", ["fleet.start[0] must be a cell [x, y]"]),
-    ("bay", ["did you mean 'bays'?"]),
+    ("parking-bay", ["did you mean 'parking-bays'?"]),
 ]
 
 
@@ -160,7 +160,7 @@ PICTURES = [
     (["A...d", ".sss.", ".sss.", ".sss.", "....."], 6, "the shelf at (2, 2) has no cell beside it"),
     (["A.s", "A.d"], 5, "robot A is drawn twice"),
     (["A.s", "B.d"], 5 + 1, "fleet.robots is 1 but the picture draws 2"),
-    (["b#", "b.sd"], 4, "a bay in this row opens on no cell"),
+    (["b#", "b.sd"], 4, "a parking bay in this row opens on no cell"),
     (["###"], 4, "no cell that robots drive on"),
     (["A.d"], 2, "need a shelf"),
     (["A.\ts", "..d"], 4, "tab"),
@@ -258,14 +258,14 @@ SETTINGS = [
     ("fleet.robts=5", "did you mean 'robots'?"),
     ("flet.robots=5", "did you mean 'fleet'?"),
     ("fleet.robots=five", "found 'five'"),
-    ("fleet.robots=99", "the floor has 12 bays"),
+    ("fleet.robots=99", "the floor has 12 parking bays"),
     ("fleet.robots", "expected KEY=VALUE"),
     ("=5", "expected KEY=VALUE"),
     ("fleet.robots.x=3", "fleet.robots has no parts"),
     ("layout.tabels=3", "did you mean 'tables'?"),
     ("fleet.robots=[1", "not valid YAML"),
     ("fleet.robots=1:30", "plain decimal"),
-    ("strategy.right_of_way.limit=0", "found 0"),
+    ("strategy.right_of_way.max_retries=0", "found 0"),
     ("strategy.routing=shortst", "did you mean 'shortest'?"),
 ]
 

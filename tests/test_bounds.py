@@ -23,12 +23,13 @@ def test_no_run_beats_the_bounds(scenario: str) -> None:
         found = bounds(resolved)
         many = resolved.scenario.fleet.robots
         for run in runs:
-            assert run.metrics["T_total"] >= least_ticks(found, many)[0] > 0
+            assert run.metrics["makespan"] >= least_ticks(found, many)[0] > 0
             assert run.metrics["throughput"] <= most_throughput(found, many)[0]
 
 
 def test_bounds_by_hand() -> None:
-    # Three loads, each beside the lane; ways of 4, 3 and 2 moves to the stand at the destination.
+    # Three loads, each beside the lane; ways of 4, 3 and 2 moves to the goal cell at the
+    # destination.
     picture = "b.....d\n#sss###"
     layout = "layout={picture: " + json.dumps(picture) + "}"
     resolved = resolve("tabletop-mini", [layout, "fleet.kinematics=omni", "fleet.robots=1"])
@@ -44,7 +45,7 @@ def drawn(picture: str, kinematics: str, handling: int) -> Resolved:
     layout = "layout={picture: " + json.dumps(picture) + "}"
     durations = f"durations={{move: 1, turn: 5, pick: {handling}, drop: {handling}}}"
     fleet = [f"fleet.kinematics={kinematics}", "fleet.robots=1"]
-    return resolve("tabletop-mini", [layout, durations, *fleet, "orders.generator=drawn-loads"])
+    return resolve("tabletop-mini", [layout, durations, *fleet, "orders.generator=picture-loads"])
 
 
 def test_turns_that_no_way_avoids_count() -> None:
@@ -80,11 +81,11 @@ fleet: {robots: 1, kinematics: omni, start: random}
 durations: {pick: 2, drop: 3}
 orders:
   parts:
-    - {route: [1, 2, 3], count: 3, at: 7, every: 10}
-    - {route: [2, 3], every: {mean: 5}, count: 2}
-  work: [20, 4, {mean: 9}]
-strategy: {allocation: shortest-job, right_of_way: {name: withdraw, give_way: true}}
-stop: {when: delivered, at_most: 5000}
+    - {route: [1, 2, 3], count: 3, first_release: 7, interarrival_time: 10}
+    - {route: [2, 3], interarrival_time: {mean: 5}, count: 2}
+  processing_time: [20, 4, {mean: 9}]
+strategy: {allocation: shortest-job, right_of_way: {name: retreat, idle_give_way: true}}
+stop: {when: delivered, max_duration: 5000}
 """
 
 
@@ -99,4 +100,4 @@ def test_parts_take_the_work_of_stations_and_their_ways(tmp_path: Path) -> None:
     assert least_ticks(found, 1) == (66.0, "one part on its whole route")
     with Rounds(1) as rounds:
         runs = rounds.run([(resolved, seed) for seed in range(5)])
-    assert all(run.finished and run.metrics["T_total"] >= 66 for run in runs)
+    assert all(run.finished and run.metrics["makespan"] >= 66 for run in runs)

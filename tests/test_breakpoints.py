@@ -25,7 +25,7 @@ from automaton.world.observation import (
 )
 from automaton.world.state import ACTION_NAMES, NIL
 
-ENERGY = ("battery", "charging", "in_line", "empty", "broken", "towed", "ahead")
+ENERGY = ("battery", "charging", "queueing", "empty", "broken", "towed", "ahead")
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,8 @@ def holding(run: LiveRun, text: str) -> list[int]:
 @pytest.fixture(scope="module")
 def living() -> LiveRun:
     """Robots on batteries that fail, with orders ahead of them; robot 3 has hardly any energy."""
-    faults = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
-    battery = ["battery.start=[40, 40, 40, 5]", "battery.drain.wait=0.02"]
+    faults = "faults={failure_probability: 0.0003, tow_after: 60, repair_time: 100}"
+    battery = ["battery.initial_charge=[40, 40, 40, 5]", "battery.drain.wait=0.02"]
     run = LiveRun(resolve("depots", [*battery, faults]), 1)
     run.show(700, 99)
     return run
@@ -63,7 +63,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "charging": int(
             ACTION_NAMES[fleet.action[robot]] == "charge" and fleet.charge_target[robot] > 0
         ),
-        "in_line": int(
+        "queueing": int(
             fleet.ticket[robot] != 0
             and fleet.goal_cell[robot] not in (fleet.cell[robot], fleet.claim[robot])
         ),
@@ -77,7 +77,7 @@ def expected(field: str, snapshot: Snapshot, run: LiveRun, robot: int) -> int:
         "y": run.floor_plan.xy(int(cell))[1],
         "loaded": int(fleet.load[robot] != NIL),
         "waiting": snapshot.tick - int(fleet.since[robot]) if waits else 0,
-        "slowed": int(fleet.lost[robot, CAUSE_REDUCED_SPEED]),
+        "slowdown_ticks": int(fleet.lost[robot, CAUSE_REDUCED_SPEED]),
         "steps": int(fleet.route_length[robot]),
     }
     return values[field] if field in values else int(getattr(fleet, field)[robot])
@@ -95,7 +95,7 @@ def test_each_field_is_what_it_says(field: str, run: LiveRun) -> None:
             same = [r for r in range(5) if expected(field, snapshot, run, r) == value]
             assert holding(run, f"{field} == {value}") == same
             assert robots_where(f"{field} == {value}", snapshot, run.floor_plan).tolist() == same
-    never = ("zone", "parked", "priority", "slowed", *ENERGY)
+    never = ("zone", "parked", "priority", "slowdown_ticks", *ENERGY)
     assert len(seen) > 1 or field in never
 
 
@@ -114,16 +114,16 @@ def test_batteries_and_faults_are_asked_for(field: str, living: LiveRun) -> None
     assert len(seen) > 1
 
 
-def test_in_line_is_written_as_one_says_it(living: LiveRun) -> None:
+def test_queueing_is_a_condition(living: LiveRun) -> None:
     living.show(100, 99)
     snapshot = take_snapshot(living.shown)
     waiting = np.flatnonzero(snapshot.robots.ticket).tolist()
     assert waiting
-    for text in ("in line", "  in  line and battery < 50", "not (not in line or charging)"):
+    for text in ("queueing", "  queueing  and battery < 50", "not (not queueing or charging)"):
         assert holding(living, text) == waiting
         assert robots_where(text, snapshot, living.floor_plan).tolist() == waiting
-    assert holding(living, "in line and loaded and battery < 1") == []
-    with pytest.raises(InputError, match="'in line' is no cause"):
+    assert holding(living, "queueing and loaded and battery < 1") == []
+    with pytest.raises(InputError, match="'in line' is not a known cause"):
         breakpoint_of("cause == 'in line'")
 
 
@@ -141,8 +141,8 @@ def test_in_line_is_written_as_one_says_it(living: LiveRun) -> None:
         ("-loaded < 0", lambda f, r: f("loaded", r) == 1),
         ("action == 'move'", lambda f, r: ACTION_NAMES[f("action", r)] == "move"),
         ("'no order' != cause", lambda f, r: CAUSES[f("cause", r)].name != "no order"),
-        ("  stuck   >   0 ", lambda f, r: f("waiting", r) > 0),
-        ("stuck>0", lambda f, r: f("waiting", r) > 0),
+        ("  stalled   >   0 ", lambda f, r: f("waiting", r) > 0),
+        ("stalled>0", lambda f, r: f("waiting", r) > 0),
         ("busy < 1.5", lambda f, r: f("busy", r) < 1.5),
     ],
 )
@@ -157,26 +157,29 @@ def test_conditions_are_read_as_in_python(text: str, plain, run: LiveRun) -> Non
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "is no condition; write one such as deadlock, delivered 7, stuck > 50"),
-        ("x >", "'x >' is no condition"),
-        ("delivered seven", "'delivered seven' is no condition"),
+        ("", "is not a condition; expected one such as deadlock, delivered 7, stalled > 50"),
+        ("x >", "'x >' is not a condition"),
+        ("delivered seven", "'delivered seven' is not a condition"),
         ("(" * 5000, "a condition has 200 characters at most, this one 5,000"),
-        ("(" * 150, "is no condition"),
-        ("\0", "is no condition"),
+        ("(" * 150, "is not a condition"),
+        ("\0", "is not a condition"),
         ("laoded", "a robot has no 'laoded' (did you mean 'loaded'?); there are robot, x, y"),
         ("waitng > 3", "a robot has no 'waitng' (did you mean 'waiting'?)"),
         ("deadlok", "(did you mean 'deadlock'?)"),
-        ("cause == 'quue'", "'quue' is no cause (did you mean 'queue'?); there are none, queue"),
-        ("action != 'moove'", "'moove' is no action (did you mean 'move'?)"),
+        (
+            "cause == 'quue'",
+            "'quue' is not a known cause (did you mean 'queue'?); there are none, queue",
+        ),
+        ("action != 'moove'", "'moove' is not a known action (did you mean 'move'?)"),
         ("x == 'move'", "'move' can be compared with cause and action only"),
-        ("x > 3 > y", "is no condition on a robot; allowed are comparisons of robot"),
-        ("x + 1", "is no condition on a robot"),
+        ("x > 3 > y", "is not a condition on a robot; allowed are comparisons of robot"),
+        ("x + 1", "is not a condition on a robot"),
         ("x > y + 1", "'y + 1' is neither a number nor one of robot"),
-        ("x in y", "is no condition on a robot"),
-        ("__import__('os')", "is no condition on a robot"),
+        ("x in y", "is not a condition on a robot"),
+        ("__import__('os')", "is not a condition on a robot"),
         ("x.real > 3", "'x.real' is neither a number"),
         ("x > 3j", "'3j' is neither a number"),
-        ("7", "'7' is no condition on a robot"),
+        ("7", "'7' is not a condition on a robot"),
     ],
 )
 def test_mistakes_are_told_in_a_sentence(text: str, told: str) -> None:
@@ -188,7 +191,7 @@ def test_mistakes_are_told_in_a_sentence(text: str, told: str) -> None:
 
 def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
     floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}, waits=(999, 999, 999, 999, 255))
-    held = {text: [] for text in ("circular wait", "deadlock")}
+    held = {text: [] for text in ("wait cycle", "deadlock")}
     for _ in range(DEADLOCK_TICKS + 5):
         floor.tick()
         for text, ticks in held.items():
@@ -197,9 +200,9 @@ def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
                 assert breakpoint_of(text).test(floor.run, floor.floor_plan).tolist() == [0, 1]
     mine = {
         name: [e.tick for e in floor.events() if e.code == code]
-        for name, code in (("circular wait", EVENT_WAIT_CYCLE), ("deadlock", EVENT_DEADLOCK))
+        for name, code in (("wait cycle", EVENT_WAIT_CYCLE), ("deadlock", EVENT_DEADLOCK))
     }
-    assert held == mine == {"circular wait": [1], "deadlock": [DEADLOCK_TICKS]}
+    assert held == mine == {"wait cycle": [1], "deadlock": [DEADLOCK_TICKS]}
     assert robots_where("deadlock", floor.snapshot(), floor.floor_plan).tolist() == [0, 1]
 
 

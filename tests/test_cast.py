@@ -65,7 +65,7 @@ def film_of(path: Path) -> tuple[dict[str, Any], list[tuple[float, str]]]:
 
 
 def snapshots_at(*ticks: int, robot: int = NIL, layer: str = "") -> list[Snapshot]:
-    """States of the run computed anew by its strategies, without the recording."""
+    """States of the run computed again by its strategies, without the recording."""
     found = []
     simulation = Simulation(resolve("crossing"), 1, on_observe=Simulation.empty_observation)
     for tick in ticks:

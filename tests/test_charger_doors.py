@@ -1,4 +1,4 @@
-"""Chargers on narrow floors: who is done gets out past those who stand in line."""
+"""Chargers on narrow floors: who is done gets out past those who queue."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ layout:
     #########
 fleet: {robots: 4, kinematics: omni}
 orders: {generator: stations, count: 40}
-battery: {drain: {move: 0.2}, charge: 1, start: 19}
-strategy: {allocation: first-come, charging: threshold, routing: shortest, right_of_way: withdraw}
-stop: {when: parked, at_most: 20000}
+battery: {drain: {move: 0.2}, charge_rate: 1, initial_charge: 19}
+strategy: {allocation: first-come, charging: threshold, routing: shortest, right_of_way: retreat}
+stop: {when: parked, max_duration: 20000}
 """
 CORRIDOR = """
 name: corridor
@@ -36,9 +36,9 @@ layout:
     ......#......
 fleet: {robots: 2, kinematics: omni}
 orders: {generator: stations, count: 12}
-battery: {drain: {move: 0.2}, charge: 1, start: 19}
-strategy: {allocation: first-come, charging: threshold, routing: shortest, right_of_way: withdraw}
-stop: {when: delivered, at_most: 20000}
+battery: {drain: {move: 0.2}, charge_rate: 1, initial_charge: 19}
+strategy: {allocation: first-come, charging: threshold, routing: shortest, right_of_way: retreat}
+stop: {when: delivered, max_duration: 20000}
 """
 
 
@@ -57,7 +57,7 @@ def test_a_robot_that_is_done_gets_out_past_the_line(
 
 def test_a_towed_robot_on_rails_stands_as_its_home_leads(tmp_path: Path) -> None:
     for tick in range(2, 12):
-        faults = f"faults={{list: [{{robot: 0, at: {tick}}}], tow_after: 5, repair: 5}}"
+        faults = f"faults={{list: [{{robot: 0, at: {tick}}}], tow_after: 5, repair_time: 5}}"
         run = Simulation(resolve("tabletop-mini", [faults]))
         run.run()
         assert run.finished and run.world.tally.failures[:, 2].sum() == 1, tick
@@ -67,7 +67,7 @@ def test_a_branch_may_have_shorter_lists_than_the_plans_it_finds() -> None:
     run = Simulation(resolve("depots-full"))
     run.run(until=3)
     assert run.world.robots.order_queue_length.max() > 1
-    short = "strategy.allocation={name: auction, limit: 1, horizon: 1}"
+    short = "strategy.allocation={name: auction, max_orders_per_robot: 1, max_items: 1}"
     branch = run.continued(resolve("depots-full", [short]))
     branch.run(until=3000)
     assert int((branch.world.orders.state == ORDER_DELIVERED).sum()) > 20
@@ -88,8 +88,10 @@ def test_auctions_need_to_see_everything() -> None:
 
 def test_orders_far_apart_come_at_the_end_not_before_their_time() -> None:
     run = Simulation(
-        resolve("depots", ["orders={generator: stations, count: 2600, interval: 1000000}"])
+        resolve(
+            "depots", ["orders={generator: stations, count: 2600, mean_interarrival_time: 1000000}"]
+        )
     )
     release_tick = run.world.orders.release_tick
     assert (np.diff(release_tick) >= 0).all()
-    assert release_tick.max() == run.resolved.scenario.stop.at_most + 1
+    assert release_tick.max() == run.resolved.scenario.stop.max_duration + 1

@@ -24,7 +24,7 @@ def road(
     charging: Any, *orders: dict[str, Any], has: float = 100.0, reserve: float = 0
 ) -> Simulation:
     """A run of one robot from (3, 0) on the road: a move takes 2 %, a tick at the charger gives 5 %."""
-    rules = {"drain": {"move": 2.0}, "charge": 5.0, "start": has, "reserve": reserve}
+    rules = {"drain": {"move": 2.0}, "charge_rate": 5.0, "initial_charge": has, "reserve": reserve}
     strategy = {"allocation": "auction", "charging": charging, "right_of_way": "wait"}
     resolved = scene(
         ROAD, [(3, 0)], orders={"list": list(orders or (TRIP,))}, battery=rules, strategy=strategy
@@ -78,11 +78,11 @@ def test_fill_up_charges_up_to_its_target() -> None:
 
 def test_the_threshold_charges_full_before_a_leg_that_would_end_below_it() -> None:
     """20 % at the start: after the task it would have 6 %."""
-    for mode in ("look", "safe"):
+    for mode in ("threshold-only", "keep-charger-reachable"):
         run = road({"name": "threshold", "mode": mode}, has=20.0)
         assert run.finished and stays(run) == 1
         assert run.world.robots.charge[0] == BATTERY_FULL - 20 * BATTERY_PERCENT
-    run = road({"name": "threshold", "threshold": 0, "mode": "look"}, has=20.0)
+    run = road({"name": "threshold", "threshold": 0, "mode": "threshold-only"}, has=20.0)
     assert run.finished and stays(run) == 0
 
 
@@ -95,14 +95,14 @@ def test_safe_also_charges_where_no_charger_could_be_reached_afterwards() -> Non
                 has=start,
             )
         )
-        for mode in ("look", "safe")
+        for mode in ("threshold-only", "keep-charger-reachable")
         for start in (35.0, 33.0)
     }
     assert runs == {("look", 35.0): 0, ("safe", 35.0): 0, ("look", 33.0): 0, ("safe", 33.0): 1}
 
 
 def test_a_robot_that_took_an_order_gives_it_back_to_charge_first() -> None:
-    rules = {"drain": {"move": 2.0}, "charge": 5.0, "start": 20.0}
+    rules = {"drain": {"move": 2.0}, "charge_rate": 5.0, "initial_charge": 20.0}
     strategy = {"allocation": "first-come", "charging": "insertion", "right_of_way": "wait"}
     resolved = scene(ROAD, [(3, 0)], orders={"list": [TRIP]}, battery=rules, strategy=strategy)
     run = Simulation(resolved)
@@ -116,15 +116,15 @@ def test_a_robot_that_took_an_order_gives_it_back_to_charge_first() -> None:
 
 def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> None:
     """Where waiting takes energy, a robot that parks far away goes to charge in time."""
-    rules = {"drain": {"move": 2.0, "wait": 0.1}, "charge": 5.0}
+    rules = {"drain": {"move": 2.0, "wait": 0.1}, "charge_rate": 5.0}
     strategy = {"allocation": "auction", "charging": "insertion", "right_of_way": "wait"}
     resolved = scene(
         ROAD,
         [(10, 0)],
-        orders={"list": [TRIP | {"at": 4000}]},
+        orders={"list": [TRIP | {"release": 4000}]},
         battery=rules,
         strategy=strategy,
-        stop={"when": "delivered", "at_most": 6000},
+        stop={"when": "delivered", "max_duration": 6000},
     )
     run = Simulation(resolved)
     run.run()
@@ -132,9 +132,9 @@ def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> No
     assert stays(run) >= 4
     with_none = Simulation(
         scene(
-            ROAD, [(10, 0)], orders={"list": [TRIP | {"at": 4000}]}, battery=rules,
+            ROAD, [(10, 0)], orders={"list": [TRIP | {"release": 4000}]}, battery=rules,
             strategy={**strategy, "charging": "none"}, faults={"tow_after": None},
-            stop={"when": "delivered", "at_most": 6000},
+            stop={"when": "delivered", "max_duration": 6000},
         )
     )  # fmt: skip
     with_none.run()
@@ -142,7 +142,7 @@ def test_an_idle_robot_charges_before_it_cannot_reach_a_charger_any_more() -> No
 
 
 def test_opportunity_charges_when_there_is_nothing_to_do_and_is_called_away() -> None:
-    later = TRIP | {"at": 8}
+    later = TRIP | {"release": 8}
     runs = {name: road(name, later, has=70.0) for name in ("opportunity", "insertion")}
     assert stays(runs["insertion"]) == 0
     run = runs["opportunity"]
@@ -152,7 +152,7 @@ def test_opportunity_charges_when_there_is_nothing_to_do_and_is_called_away() ->
 
 
 def test_opportunity_stays_for_an_order_that_it_cannot_finish() -> None:
-    run = road("opportunity", TRIP | {"at": 6}, has=20.0)
+    run = road("opportunity", TRIP | {"release": 6}, has=20.0)
     assert run.finished and stays(run) >= 1
     assert run.world.tally.failures[0, FAILURE_DEPLETED] == 0
 
@@ -165,7 +165,7 @@ c~~~~t~~~~c
 
 def two_chargers(charging: Any) -> list[tuple[int, int]]:
     """A, at the left charger, gives its order back to charge; B, which takes it, must, too."""
-    rules = {"drain": {"move": 2.0}, "charge": 1.0, "start": 12.0}
+    rules = {"drain": {"move": 2.0}, "charge_rate": 1.0, "initial_charge": 12.0}
     strategy = {"allocation": "first-come", "charging": charging, "right_of_way": "wait"}
     order = {"from": [5, 0], "to": [5, 1]}
     resolved = scene(
@@ -178,7 +178,7 @@ def two_chargers(charging: Any) -> list[tuple[int, int]]:
 
 
 def test_of_two_chargers_a_robot_takes_the_shorter_line() -> None:
-    assert two_chargers({"name": "insertion", "queues": False}) == [(0, 0), (0, 0)]
+    assert two_chargers({"name": "insertion", "count_queues": False}) == [(0, 0), (0, 0)]
     assert two_chargers("insertion") == [(0, 0), (10, 0)]
 
 
@@ -199,7 +199,7 @@ def test_no_robot_runs_empty_and_every_order_is_delivered(scenario: str, chargin
         run, recorder = recorded_run(resolve(scenario, settings), seed=seed)
         figures = metrics_of(run)
         assert run.finished and figures["delivered"] == 60
-        assert (figures["ran_empty"], figures["illegal_answers"]) == (0, 0)
+        assert (figures["battery_depletions"], figures["illegal_answers"]) == (0, 0)
         assert validate_stored(recorder.recording()).valid
 
 
@@ -217,10 +217,10 @@ def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:
         "c~~~~t~~~~t",
         [(1, 0), (2, 0)],
         orders={"list": [TRIP]},
-        battery={"drain": {"move": 1.0}, "charge": 0.01, "start": 10.0},
+        battery={"drain": {"move": 1.0}, "charge_rate": 0.01, "initial_charge": 10.0},
         strategy={"allocation": "first-come", "charging": "threshold", "right_of_way": "wait"},
-        stop={"when": "delivered", "at_most": 2500},
+        stop={"when": "delivered", "max_duration": 2500},
     )
     outcome = run_once(resolved)
-    assert outcome.metrics["lost_in_line"] > 1000, "one charges, the other is next"
+    assert outcome.metrics["lost_queueing"] > 1000, "one charges, the other is next"
     assert not outcome.finished and "nothing but wait" not in outcome.trouble

@@ -85,20 +85,20 @@ stop: {when: delivered}
 @pytest.mark.parametrize(
     ("settings", "warned"),
     [
-        (["fleet.start=bays"], ""),
+        (["fleet.start=parking-bays"], ""),
         (["fleet.start=random"], "robots begin anywhere (fleet.start: random), and so park"),
         (["fleet.start=[[0, 0], [4, 0]]"], "robot 1 begins on a station, and so parks there"),
         (["fleet.start=[[0, 0], [2, 0]]"], ""),
-        (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they set down"),
+        (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they dropped"),
         (["fleet.start=random", "fleet.robots=1"], ""),
-        (["fleet.start=random", "fleet.when_done=leave"], ""),
-        (["fleet.start=random", "strategy.right_of_way=withdraw"], "give_way: true"),
-        (["fleet.start=random", "strategy.right_of_way={name: withdraw, give_way: true}"], ""),
+        (["fleet.start=random", "fleet.when_idle=leave"], ""),
+        (["fleet.start=random", "strategy.right_of_way=retreat"], "idle_give_way: true"),
+        (["fleet.start=random", "strategy.right_of_way={name: retreat, idle_give_way: true}"], ""),
         (
-            ["battery={drain: {move: 1}, charge: 1}"],
+            ["battery={drain: {move: 1}, charge_rate: 1}"],
             "the floor has 1 charger, but strategy.charging",
         ),
-        (["battery={drain: {move: 1}, charge: 1}", "strategy.charging=threshold"], ""),
+        (["battery={drain: {move: 1}, charge_rate: 1}", "strategy.charging=threshold"], ""),
     ],
 )
 def test_robots_that_stay_on_stations_and_batteries_for_nothing_are_warned_of(
@@ -178,11 +178,11 @@ def test_the_schema_accepts_the_shipped_scenarios(name: str) -> None:
     [
         "fleet.robots=5",
         "fleet.start=[[0, 0], [2, 0], [4, 0]]",
-        "strategy.right_of_way={name: withdraw, limit: 3}",
+        "strategy.right_of_way={name: retreat, max_retries: 3}",
         "information={radius: 3}",
         "orders={list: [{from: [1, 1], to: [3, 1]}]}",
         "layout.destinations=3",
-        "stop={when: never, at_most: 100}",
+        "stop={when: never, max_duration: 100}",
     ],
 )
 def test_schema_and_reader_accept_the_same(setting: str) -> None:
@@ -199,8 +199,8 @@ def test_schema_and_reader_accept_the_same(setting: str) -> None:
         "fleet.start=[[0]]",
         "durations.turn=0",
         "strategy.allocation=fastest",
-        "strategy.right_of_way={name: withdraw, limit: 0}",
-        "strategy.right_of_way={limit: 2}",
+        "strategy.right_of_way={name: retreat, max_retries: 0}",
+        "strategy.right_of_way={max_retries: 2}",
         "information={radius: 0}",
         "orders={list: [{from: [1, 1]}]}",
         "layout.tables=0",

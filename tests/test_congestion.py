@@ -59,7 +59,7 @@ def test_of_two_that_plan_at_once_the_second_sees_the_route_of_the_first(
 def test_routes_are_made_anew_every_so_many_ticks(every: int, route: str) -> None:
     """B and C come into A's aisle when A is under way."""
     picture = "A~~~~~~~~~~\n~####~####~\n~~~~~~~~~~~\n####B######\n####C######"
-    traffic = Traffic(picture, routing=routing(every=every)).want(A=CORNER).tick(2)
+    traffic = Traffic(picture, routing=routing(replan_period=every)).want(A=CORNER).tick(2)
     assert traffic.route("A") == STRAIGHT[2:]
     traffic.put("B", (8, 0))
     traffic.put("C", (9, 0))
@@ -76,9 +76,9 @@ layout:
 fleet: {robots: 2, kinematics: omni}
 orders: {list: [{from: [0, 0], to: [12, 0]}]}
 strategy:
-  routing: {name: congestion, beta: 0, every: EVERY}
-  right_of_way: {name: withdraw, withdraw: [1, 1]}
-stop: {when: delivered, at_most: 150}
+  routing: {name: congestion, beta: 0, replan_period: EVERY}
+  right_of_way: {name: retreat, retreat_moves: [1, 1]}
+stop: {when: delivered, max_duration: 150}
 """
 
 
@@ -89,7 +89,7 @@ def test_a_detour_is_not_dropped_for_the_way_that_is_blocked(tmp_path: Path, eve
     scenario.write_text(BLOCKED.replace("EVERY", str(every)))
     run = Simulation(resolve(scenario))
     run.run()
-    assert run.finished and metrics_of(run)["withdrawals"] == 1
+    assert run.finished and metrics_of(run)["retreats"] == 1
 
 
 def test_more_plans_than_fit_into_memory_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +103,7 @@ def test_more_plans_than_fit_into_memory_are_refused(capsys: pytest.CaptureFixtu
     assert resolve("warehouse-100", fewer).strategies["routing"].name == "congestion"
 
 
-SMALL = ("layout.rows=40", "layout.columns=40", "fleet.robots=30", "stop.at_most=500")
+SMALL = ("layout.rows=40", "layout.columns=40", "fleet.robots=30", "stop.max_duration=500")
 
 
 def test_how_robots_are_stored_does_not_matter() -> None:
@@ -122,7 +122,7 @@ def test_a_fleet_loses_less_time_to_itself(extra_tick: float) -> None:
     for name in ("astar", "congestion"):
         rules = (
             f"strategy.routing={name}",
-            f"world.extra_tick={extra_tick}",
+            f"world.extra_tick_probability={extra_tick}",
             "measure.warm_up=100",
         )
         runs = [Simulation(resolve("warehouse-100", (*SMALL, *rules, f"seed={k}"))) for k in (1, 2)]
@@ -138,15 +138,15 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("foresees", ["tasks", "shares"])
+@pytest.mark.parametrize("forecast", ["tasks", "task-averages"])
 @pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing"])
-def test_who_knows_tasks_alone_finishes_too(scenario: str, foresees: str) -> None:
-    finishes(scenario, f"strategy.routing={{name: congestion, foresees: {foresees}}}")
+def test_who_knows_tasks_alone_finishes_too(scenario: str, forecast: str) -> None:
+    finishes(scenario, f"strategy.routing={{name: congestion, forecast: {forecast}}}")
 
 
 @pytest.mark.parametrize(("scenario", "kinematics"), [("tabletop-mini", "rail"), *OTHERS])
 def test_it_finishes_on_other_floors(scenario: str, kinematics: str) -> None:
-    """One robot to a cell, turns that take time, aisles that are no rails, bays."""
+    """One robot to a cell, turns that take time, aisles that are not rails, bays."""
     finishes(scenario, f"fleet.kinematics={kinematics}")
 
 
@@ -157,7 +157,7 @@ def test_it_finishes_in_the_large_table_top_warehouses(scenario: str) -> None:
 
 @pytest.mark.parametrize("information", ["orders", "{radius: 3}"])
 def test_it_finishes_when_robots_see_little(information: str) -> None:
-    """Who is not seen is not foreseen."""
+    """Who is not seen is not predicted."""
     finishes("tabletop-mini", f"information={information}")
 
 

@@ -23,7 +23,7 @@ def lane(*orders: dict[str, Any]) -> Any:
 
 
 def test_an_order_is_known_from_its_tick_on() -> None:
-    run = Simulation(lane({"from": [0, 0], "to": [4, 0], "at": 5}))
+    run = Simulation(lane({"from": [0, 0], "to": [4, 0], "release": 5}))
     run.run(until=4)
     assert run.world.orders.state[0] == ORDER_UNRELEASED
     assert run.world.robots.parked[0], "nobody knows of it"
@@ -34,7 +34,10 @@ def test_an_order_is_known_from_its_tick_on() -> None:
 
 
 def test_orders_become_known_by_their_ticks_whatever_their_sequence_in_the_list() -> None:
-    late, early = {"at": 30, "from": [0, 0], "to": [4, 0]}, {"at": 3, "from": [4, 0], "to": [0, 0]}
+    late, early = (
+        {"release": 30, "from": [0, 0], "to": [4, 0]},
+        {"release": 3, "from": [4, 0], "to": [0, 0]},
+    )
     run, recorder = recorded_run(lane(late, early))
     assert run.world.orders.release_sequence.tolist() == [1, 0]
     assert run.world.orders.dispatched.tolist() == [30, 3]
@@ -42,7 +45,7 @@ def test_orders_become_known_by_their_ticks_whatever_their_sequence_in_the_list(
 
 
 def test_a_picture_before_an_order_is_known_restores_the_run() -> None:
-    resolved = lane({"from": [0, 0], "to": [4, 0], "at": 9})
+    resolved = lane({"from": [0, 0], "to": [4, 0], "release": 9})
     run = Simulation(resolved)
     run.run(until=6)
     again = world_from(picture_of(run), resolved)
@@ -57,7 +60,8 @@ def released(*settings: str, seed: int = 3) -> Any:
 
 def test_with_an_interval_one_order_comes_in_a_tick_at_most_and_the_first_at_once() -> None:
     ticks = released(
-        "orders={generator: stations, count: 4000, interval: 25}", "stop.at_most=200000"
+        "orders={generator: stations, count: 4000, mean_interarrival_time: 25}",
+        "stop.max_duration=200000",
     )
     gaps = np.diff(ticks)
     assert ticks[0] == 0 and gaps.min() == 1
@@ -67,7 +71,7 @@ def test_with_an_interval_one_order_comes_in_a_tick_at_most_and_the_first_at_onc
 
 
 def test_every_tick_has_an_order_if_the_interval_is_one() -> None:
-    settings = "orders={generator: stations, count: 50, interval: 1}"
+    settings = "orders={generator: stations, count: 50, mean_interarrival_time: 1}"
     assert released(settings).tolist() == list(range(50))
 
 

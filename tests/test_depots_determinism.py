@@ -10,13 +10,17 @@ from automaton.parallel import run_all
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
-FAILING = "faults={rate: 0.0005, tow_after: 80, repair: 200}"
+FAILING = "faults={failure_probability: 0.0005, tow_after: 80, repair_time: 200}"
 SETTINGS = {
     "depots": ("orders.count=50", FAILING),
     "depots-full": ("orders.count=40", "strategy.charging=opportunity"),
     "depots-line": ("orders.count=50", "battery.drain.wait=0.02", "battery.reserve=4"),
 }
-FEW = ("orders={generator: stations, count: 6, interval: 20}", "battery.start=50", FAILING)
+FEW = (
+    "orders={generator: stations, count: 6, mean_interarrival_time: 20}",
+    "battery.initial_charge=50",
+    FAILING,
+)
 
 
 @pytest.mark.parametrize("name", SETTINGS)
@@ -42,7 +46,9 @@ def test_fresh_processes_and_workers_agree() -> None:
     assert alone == together
 
 
-@pytest.mark.parametrize("allocation", ["auction", "{name: auction, auctioneer: token, radius: 3}"])
+@pytest.mark.parametrize(
+    "allocation", ["auction", "{name: auction, auctioneer: token, announcement_radius: 3}"]
+)
 def test_with_the_jit_off_everything_is_the_same(allocation: str) -> None:
     settings = (*FEW, f"strategy.allocation={allocation}")
     compiled = told("depots", 400, *settings)

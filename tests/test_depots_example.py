@@ -21,7 +21,9 @@ LAST = len(FIRST)  # the number of the order that is announced later
 def visits() -> str:
     """The first six at once, 14 when robots have begun."""
     lines = [(place, 0) for place in FIRST] + [(14, 2)]
-    texts = [f"{{from: {list(PLACES[p])}, to: {list(PLACES[p])}, at: {at}}}" for p, at in lines]
+    texts = [
+        f"{{from: {list(PLACES[p])}, to: {list(PLACES[p])}, release: {at}}}" for p, at in lines
+    ]
     return f"orders={{list: [{', '.join(texts)}]}}"
 
 
@@ -30,9 +32,9 @@ EXAMPLE = (
     f"fleet.start={[list(PLACES[3]), list(PLACES[1])]}",
     visits(),
     "durations={move: 10, pick: 0, drop: 0}",
-    "battery={start: [100, 45], drain: {move: 0.5}, charge: 5}",
+    "battery={initial_charge: [100, 45], drain: {move: 0.5}, charge_rate: 5}",
     "strategy.allocation={name: auction, epsilon: 0.5}",
-    "stop.at_most=3000",
+    "stop.max_duration=3000",
 )
 PAPER = "strategy.charging={name: insertion, never_strand: false}"
 

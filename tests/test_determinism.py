@@ -1,7 +1,7 @@
 """Same scenario, same seed: same digest, whoever runs it, however, and wherever robots are stored.
 
 The digests of whole runs are kept in snapshots/test_determinism; a change of the rules or of a
-strategy changes them, and `pytest tests/test_determinism.py --update-grids` writes them anew.
+strategy changes them, and `pytest tests/test_determinism.py --update-grids` writes them again.
 """
 
 from __future__ import annotations
@@ -66,7 +66,11 @@ def test_with_the_jit_off_the_world_is_the_same(allocation: str) -> None:
 
 
 def test_with_the_jit_off_zones_are_as_slow() -> None:
-    rules = ("world.slowdown=zones", "world.zones=directed", "world.extra_tick=0.3")
+    rules = (
+        "world.slowdown=zones",
+        "world.traffic_zones=directed",
+        "world.extra_tick_probability=0.3",
+    )
     settings = (*rules, "durations.pick=0", "durations.drop=0")
     compiled = told("crossing", 60, *settings)
     assert told("crossing", 60, *settings, NUMBA_DISABLE_JIT="1") == compiled
@@ -77,7 +81,12 @@ def test_with_the_jit_off_zones_are_as_slow() -> None:
 @pytest.mark.parametrize("allocation", ALLOCATIONS)
 def test_how_robots_are_stored_does_not_matter(allocation: str, information: str) -> None:
     sight = "information.radius=2" if information == "radius" else f"information={information}"
-    settings = ("fleet.robots=5", f"strategy.allocation={allocation}", sight, "stop.at_most=4000")
+    settings = (
+        "fleet.robots=5",
+        f"strategy.allocation={allocation}",
+        sight,
+        "stop.max_duration=4000",
+    )
     expected = None
     for storage in (None, [4, 3, 2, 1, 0], [2, 0, 4, 1, 3]):
         order = None if storage is None else np.array(storage, np.int32)

@@ -122,11 +122,11 @@ def test_robots_loads_cells_and_kinds_are_found() -> None:
 def test_conditions_find_robots_in_the_language_of_breakpoints() -> None:
     view = deadlocked()
     fleet = view.snapshot.robots
-    assert find("deadlock", view).robots == find("circular wait", view).robots == (1, 2)
+    assert find("deadlock", view).robots == find("wait cycle", view).robots == (1, 2)
     assert find("cause == 'queue'", view).robots == (3, 4)
     assert find("loaded", view).robots == tuple(np.flatnonzero(fleet.load >= 0).tolist())
     assert find("waiting > 20 and loaded", view).robots == (2, 3)
-    assert find("stuck > 1000", view).robots == ()
+    assert find("stalled > 1000", view).robots == ()
     assert find("x == 8 and y < 1", view).robots == (2,)
 
 
@@ -206,7 +206,7 @@ def test_a_tick_can_be_written_in_many_ways(words: str, tick: int) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ("soon", "'soon' is no tick; write 1200, +100, -50, 50 %, 15 s"),
+        ("soon", "'soon' is not a tick; expected 1200, +100, -50, 50 %, 15 s"),
         ("120 %", "120 % lies after the end; a run goes from 0 % to 100 %"),
         ("3 cycles", "there is no unit 'cycles' here; time is counted in ticks or s"),
     ],
@@ -229,7 +229,7 @@ def test_the_dialog_gives_the_tick_or_says_what_is_wrong() -> None:
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
         await pilot.press(*"soon")
         await pilot.click("#accept")
-        assert "'soon' is no tick" in complaint(dialog)
+        assert "'soon' is not a tick" in complaint(dialog)
         await pilot.press(*["backspace"] * 4, *"5 cycles", "enter")
 
     assert with_dialog(dialog, story) == 5  # tabletop-1 counts in cycles
@@ -245,14 +245,14 @@ def test_breakpoints_are_added_and_what_is_wrong_is_said() -> None:
         assert all(
             name in " ".join(str(s.content) for s in dialog.query(Static)) for name in FIELDS
         )
-        await pilot.press(*"stuk > 3", "enter")
-        assert "a robot has no 'stuk' (did you mean 'stuck'?)" in complaint(dialog)
-        dialog.query_one(Input).value = "stuck  >  50"
+        await pilot.press(*"staled > 3", "enter")
+        assert "a robot has no 'staled' (did you mean 'stalled'?)" in complaint(dialog)
+        dialog.query_one(Input).value = "stalled  >  50"
         await pilot.press("enter")
-        assert said(dialog.query_one(StopList))[0].startswith("✓ stuck > 50")
+        assert said(dialog.query_one(StopList))[0].startswith("✓ stalled > 50")
         await pilot.press(*"delivered 7", "enter", "enter")
 
-    assert with_dialog(dialog, story) == (Stop("stuck > 50"), Stop("delivered 7"))
+    assert with_dialog(dialog, story) == (Stop("stalled > 50"), Stop("delivered 7"))
 
 
 def test_breakpoints_are_switched_and_removed_by_keys() -> None:
@@ -292,11 +292,11 @@ def test_settings_are_checked_before_the_dialog_closes() -> None:
             field.text = setting
             await pilot.press("ctrl+s")
             assert sentence in complaint(dialog)
-        field.text = "strategy.right_of_way=withdraw\n\n durations.pick=30 "
+        field.text = "strategy.right_of_way=retreat\n\n durations.pick=30 "
         await pilot.press("ctrl+s")
 
     settings = with_dialog(dialog, story)
-    assert settings == ("strategy.right_of_way=withdraw", "durations.pick=30")
+    assert settings == ("strategy.right_of_way=retreat", "durations.pick=30")
 
 
 def test_what_may_change_is_listed_and_a_click_copies_it() -> None:
@@ -309,6 +309,6 @@ def test_what_may_change_is_listed_and_a_click_copies_it() -> None:
         await pilot.click(SettingList, offset=(4, 1))
         field = dialog.query_one(SettingField)
         assert field.text == listed[1] and stage.focused is field
-        await pilot.press("enter", *"stop.at_most=5000", "ctrl+s")
+        await pilot.press("enter", *"stop.max_duration=5000", "ctrl+s")
 
-    assert with_dialog(dialog, story) == (listed[1], "stop.at_most=5000")
+    assert with_dialog(dialog, story) == (listed[1], "stop.max_duration=5000")

@@ -19,7 +19,7 @@ def test_a_move_is_paid_when_it_begins() -> None:
 
 
 def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
-    battery = Battery(drain=Drain(move=1.0), charge=10.0, start=8.0)
+    battery = Battery(drain=Drain(move=1.0), charge_rate=10.0, initial_charge=8.0)
     run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), battery=battery)
     run.tick(6)
     assert (run.at("A"), run.charge("A"), run.status("A")) == ((2, 0), 2, STATUS_UP)
@@ -34,7 +34,7 @@ def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
 
 
 def test_standing_takes_what_the_scenario_says_until_nothing_is_left() -> None:
-    battery = Battery(drain=Drain(move=1.0, wait=0.5), charge=10.0, start=1.2)
+    battery = Battery(drain=Drain(move=1.0, wait=0.5), charge_rate=10.0, initial_charge=1.2)
     run = Powered("A..", battery=battery)
     assert [run.tick().charge("A") for _ in range(4)] == pytest.approx([0.7, 0.2, 0, 0])
     assert run.status("A") == STATUS_DEPLETED
@@ -42,7 +42,10 @@ def test_standing_takes_what_the_scenario_says_until_nothing_is_left() -> None:
 
 def test_a_load_makes_driving_dearer() -> None:
     orders = {"list": [{"from": [1, 0], "to": [3, 0]}]}
-    battery = {"drain": {"move": 1.0, "pick": 0.5, "drop": 0.25, "loaded": 2.0}, "charge": 10.0}
+    battery = {
+        "drain": {"move": 1.0, "pick": 0.5, "drop": 0.25, "loaded_factor": 2.0},
+        "charge_rate": 10.0,
+    }
     plain = scene(
         ".t.t.",
         [(0, 0)],
@@ -62,7 +65,7 @@ CURVE = ((0.0, 10.0), (50.0, 4.0), (80.0, 1.0))
 
 
 def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
-    battery = Battery(drain=Drain(move=1.0), charge=CURVE, start=35.0)
+    battery = Battery(drain=Drain(move=1.0), charge_rate=CURVE, initial_charge=35.0)
     run = Powered("c.", battery=battery, start=(5,))
     assert run.at("A") == (0, 0)
     run.send_to_charge("A", "", level=86)
@@ -76,7 +79,7 @@ def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
 
 
 def test_a_battery_is_never_more_than_full() -> None:
-    battery = Battery(drain=Drain(move=1.0), charge=30.0, start=50.0)
+    battery = Battery(drain=Drain(move=1.0), charge_rate=30.0, initial_charge=50.0)
     run = Powered("c.", battery=battery, start=(5,))
     run.send_to_charge("A", "", level=100)
     assert [run.tick().charge("A") for _ in range(3)] == [80, 100, 100]
@@ -88,7 +91,7 @@ LINE = "~~~c~"
 
 def waiting_three(picture: str, gap: int) -> tuple[Powered, list[str]]:
     """C, then B, then A come to the charger; who charges, in the order in which they begin."""
-    battery = Battery(drain=Drain(move=0.1), charge=10.0, start=50.0)
+    battery = Battery(drain=Drain(move=0.1), charge_rate=10.0, initial_charge=50.0)
     run = Powered(picture, battery=battery, start=tuple(range(8, 11)))
     run.tick(gap)
     for name, route in (("A", "EEE"), ("B", "EE"), ("C", "E")):
@@ -131,7 +134,7 @@ DEAD_END = """
 c.~~t
 ##~~t
 """
-DRAIN = {"drain": {"move": 1.0}, "charge": 5.0, "start": 50.0, "reserve": 25.0}
+DRAIN = {"drain": {"move": 1.0}, "charge_rate": 5.0, "initial_charge": 50.0, "reserve": 25.0}
 TRIPS = {"generator": "stations", "count": 30}
 
 
@@ -152,7 +155,7 @@ def dead_end(seed: int, right_of_way: str) -> object:
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_robot_that_leaves_a_dead_end_charger_gets_past_the_line(seed: int) -> None:
-    run = dead_end(seed, "withdraw")
+    run = dead_end(seed, "retreat")
     assert run.finished and run.world.tally.failures.sum() == 0  # type: ignore[attr-defined]
     assert run.world.tally.charged.all()  # type: ignore[attr-defined]
 
@@ -162,7 +165,7 @@ def test_without_withdrawals_it_does_not() -> None:
 
 
 def test_storage_does_not_decide_who_is_first_in_line() -> None:
-    battery = Battery(drain=Drain(move=0.1), charge=10.0, start=50.0)
+    battery = Battery(drain=Drain(move=0.1), charge_rate=10.0, initial_charge=50.0)
     digests = set()
     for storage in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         run = Powered(LINE, battery=battery, start=(8, 8, 8), storage=storage)

@@ -18,7 +18,8 @@ EMPTY_AT = 200_000 - 1  # just below what counts as low
 
 
 def every_condition() -> Scene:
-    """Low, low with a load, charging, empty, broken, towed in its bay, and a load on the floor."""
+    """Low, low with a load, charging, empty, broken, towed in its parking bay, and a load on the
+    floor."""
     floor_plan = drawn("......\nbctt..")
     robots = [
         {"cell": floor_plan.cell(0, 0), "charge": EMPTY_AT, "travel": 2, "heading": 2},
@@ -67,7 +68,7 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
     assert "battery" not in without and "broken" not in without and "leave" not in without
     assert "station" in without
     far = " ".join(entry.meaning for entry in legend(scene, composed(scene, "half")[1].zoom, ASCII))
-    assert "battery below 20 %" in far and "out of order" in far and "station" in far
+    assert "battery below 20 %" in far and "down" in far and "station" in far
 
 
 @pytest.mark.parametrize("zoom", ["half", "braille 1"])
@@ -88,6 +89,6 @@ def test_a_line_says_what_is_in_a_cell() -> None:
     assert at == [
         "(5, 0) floor, load 4 was left there",
         "(2, 1) station with 0 loads to fetch, 0 brought, load 5 was left there",
-        "(0, 1) bay, robot 4 at 100 % towed",
+        "(0, 1) parking bay, robot 4 at 100 % towed",
         "(0, 0) floor, robot 0 at 20 %",
     ]

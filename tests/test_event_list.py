@@ -302,7 +302,7 @@ def test_events_that_are_not_kept_are_counted_and_the_list_goes_on() -> None:
         assert len(events.matching(view)) == 2000
         chronicle._events.append(rows + np.array([2000, 0, 0, 0, 0]))  # half of them go
         shown = "".join(span.text for span in events.list.row(1999))
-        assert "1,999" in shown, "what is shown stays until it is told anew"
+        assert "1,999" in shown, "what is shown stays until it is told again"
         events.show(view)
         await pilot.pause()
         assert "1,000 events 2,000 older are not kept" in text(events.list)

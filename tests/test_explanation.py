@@ -1,4 +1,4 @@
-"""Why is this robot waiting: the chain of causes in words, to the robot or the circle at its end."""
+"""Why is this robot waiting: the chain of causes in words, to the robot or the wait cycle at its end."""
 
 from __future__ import annotations
 
@@ -40,14 +40,16 @@ def test_a_circle_is_told_from_where_it_begins() -> None:
     floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
     found = explain(floor.snapshot(), floor.floor_plan, 2)
     assert [link.robot for link in found.chain] == [2, 0, 1] and found.cycle == 1
-    assert found.lines[-1] == "a circle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    assert (
+        found.lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    )
     assert explain(floor.snapshot(), floor.floor_plan, 0).cycle == 0
 
 
 def test_a_cell_that_nobody_holds_any_more() -> None:
     floor = Staged("AB.", {"A": "E", "B": "E"}, following=False).tick()
     assert why(floor, "A") == [
-        "robot 0 has waited 1 tick: (1, 0) was given up only at the end of this tick"
+        "robot 0 has waited 1 tick: (1, 0) was vacated only at the end of this tick"
     ]
 
 

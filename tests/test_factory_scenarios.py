@@ -20,10 +20,12 @@ def test_durations_are_those_of_the_paper(name: str) -> None:
     scenario = resolve(name).scenario
     tick, cell = unit(scenario.units.tick).size, unit(scenario.units.cell or "").size
     assert cell / tick == pytest.approx(236.2 / 60, abs=1e-3)  # feet in a second
-    assert scenario.orders.work == tuple(round(60 * minutes / tick) for minutes in MINUTES)
+    assert scenario.orders.processing_time == tuple(
+        round(60 * minutes / tick) for minutes in MINUTES
+    )
     durations = scenario.durations
     assert durations.pick == durations.drop == round(2.5 / tick)
-    assert durations.delay == round(5 / tick)
+    assert durations.handling_jitter == round(5 / tick)
 
 
 def test_robots_start_at_the_same_stations() -> None:

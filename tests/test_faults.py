@@ -1,4 +1,4 @@
-"""Robots that go out of order: when, what becomes of their orders and loads, and when they are back."""
+"""Robots that go down: when, what becomes of their orders and loads, and when they are back."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def test_a_robot_fails_when_what_it_does_is_over() -> None:
     run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), faults=failing(2))
     run.tick(2)
     assert run.status("A") not in (STATUS_UP, STATUS_FAILED), "it is on its way, and will fail"
-    run.tick(2)  # the move ends; in the next tick it is out of order
+    run.tick(2)  # the move ends; in the next tick it is down
     assert (run.status("A"), run.at("A")) == (STATUS_FAILED, (1, 0))
     run.tick(100)
     assert run.at("A") == (1, 0)
 
 
 def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
-    run = Powered("A....", faults=failing(2, tow_after=3, repair=4), battery=MOVES)
+    run = Powered("A....", faults=failing(2, tow_after=3, repair_time=4), battery=MOVES)
     run.world.robots.charge[0] = BATTERY_FULL // 2
     assert statuses(run, 10) == [
         STATUS_UP,
@@ -63,7 +63,7 @@ def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
         STATUS_UP,
     ]
     assert run.world.robots.cell[0] == NIL, "off the floor, at home"
-    assert run.world.robots.charge[0] == BATTERY_FULL // 2, "a repair is no charger"
+    assert run.world.robots.charge[0] == BATTERY_FULL // 2, "a repair is not a charger"
     assert run.world.tally.failures[0].tolist() == [0, 1, 1]
 
 
@@ -81,12 +81,17 @@ def test_with_what_charge_a_robot_comes_back_the_scenario_says(
                 [(0, 0)],
                 orders={"list": [{"from": [2, 0], "to": [0, 0]}]},
                 strategy=STRATEGY,
-                battery={"drain": {"move": 1.0}, "charge": 1.0, "start": has, "reserve": 15.0},
+                battery={
+                    "drain": {"move": 1.0},
+                    "charge_rate": 1.0,
+                    "initial_charge": has,
+                    "reserve": 15.0,
+                },
                 faults={
                     "list": [{"robot": 0, "at": 1}] if has > 1 else [],
-                    **{"tow_after": 3, "repair": 5, "charge": charge},
+                    **{"tow_after": 3, "repair_time": 5, "charge": charge},
                 },
-                stop={"when": "never", "at_most": 8},
+                stop={"when": "never", "max_duration": 8},
             )
         )
         assert run.world.robots.status[0] == STATUS_TOWED
@@ -108,7 +113,7 @@ def test_a_charge_after_repairs_needs_a_battery() -> None:
 def test_null_means_never() -> None:
     stays = Powered("A....", faults=failing(1, tow_after=None))
     assert statuses(stays, 400)[-1] == STATUS_FAILED and stays.at("A") == (0, 0)
-    gone = Powered("A....", faults=failing(1, tow_after=2, repair=None))
+    gone = Powered("A....", faults=failing(1, tow_after=2, repair_time=None))
     assert statuses(gone, 2000)[-1] == STATUS_REMOVED
 
 
@@ -129,9 +134,9 @@ def test_the_rate_is_a_probability_of_each_tick_on_the_floor() -> None:
         "t" + "~" * 48 + "t",
         robots,
         strategy=strategy,
-        orders={"list": [{"from": [0, 0], "to": [49, 0], "at": 1_000_000}]},
-        faults={"rate": 0.01, "tow_after": 1, "repair": 1},
-        stop={"when": "never", "at_most": 400},
+        orders={"list": [{"from": [0, 0], "to": [49, 0], "release": 1_000_000}]},
+        faults={"failure_probability": 0.01, "tow_after": 1, "repair_time": 1},
+        stop={"when": "never", "max_duration": 400},
     )
     run = Simulation(resolved)
     run.run()
@@ -159,7 +164,7 @@ def lane(at: int, **faults: Any) -> Any:
 @pytest.mark.parametrize("tow_after", [None, 1, 3, 20])
 def test_a_load_left_on_the_floor_is_delivered_by_another(tow_after: int | None) -> None:
     """Beside the broken robot, or where it was after the tow."""
-    run, recorder = recorded_run(lane(4, tow_after=tow_after, repair=None))
+    run, recorder = recorded_run(lane(4, tow_after=tow_after, repair_time=None))
     orders = run.world.orders
     assert run.finished and orders.state[0] == ORDER_DELIVERED
     assert orders.legs[0] == 2, "picked up by A, and by B"
@@ -187,7 +192,7 @@ def test_a_load_on_the_floor_is_in_the_picture() -> None:
 
 def test_an_order_not_yet_picked_up_is_given_back() -> None:
     faults = {"list": [{"robot": 0, "at": 2}], "tow_after": None}
-    strategy = {"allocation": "first-come", "right_of_way": "withdraw"}  # round the broken one
+    strategy = {"allocation": "first-come", "right_of_way": "retreat"}  # round the broken one
     resolved = scene(LANE, [(3, 0), (3, 1)], orders=ONE, strategy=strategy, faults=faults)
     run = Simulation(resolved)
     run.run(until=1)
@@ -205,7 +210,7 @@ def test_the_list_of_a_robot_that_fails_is_sold_again() -> None:
         [(1, 0), (4, 1)],
         orders=orders,
         strategy={"allocation": "auction", "right_of_way": "wait"},
-        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 2, "repair": None},
+        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 2, "repair_time": None},
     )
     run = Simulation(resolved)
     run.run(until=1)
@@ -218,7 +223,7 @@ def test_the_list_of_a_robot_that_fails_is_sold_again() -> None:
 
 
 def test_a_robot_in_its_bay_fails_and_comes_back_there() -> None:
-    run = Powered("b..\nb..", faults=failing(3, tow_after=5, repair=4))
+    run = Powered("b..\nb..", faults=failing(3, tow_after=5, repair_time=4))
     run.tick(3)
     assert run.status("A") == STATUS_TOWED, "it is in nobody's way: towed at once"
     assert statuses(run, 4)[-1] == STATUS_UP
@@ -242,7 +247,7 @@ def test_a_load_is_carried_on_if_its_robot_was_alone_in_a_corner() -> None:
         [(0, 0)],
         orders={"list": [{"from": [0, 0], "to": [2, 0]}]},
         strategy=STRATEGY,
-        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 3, "repair": 5},
+        faults={"list": [{"robot": 0, "at": 2}], "tow_after": 3, "repair_time": 5},
     )
     run = Simulation(resolved)
     run.run()
@@ -258,10 +263,10 @@ def test_who_is_out_of_order_does_not_wait_but_others_wait_for_it(tmp_path: Any)
         "orders: {list: [{from: [0, 0], to: [4, 0]}]}\n"
         "strategy: {allocation: shortest-job, right_of_way: wait}\n"
         "faults: {list: [{robot: 1, at: 1}], tow_after: null}\n"
-        "stop: {when: delivered, at_most: 5000}\n"
+        "stop: {when: delivered, max_duration: 5000}\n"
     )
     told = run_once(resolve(tmp_path / "line.yaml")).trouble
     assert "robot 1 has broken down, robot 0 has done nothing but wait since" in told
-    assert "robot 0 waits for robot 1, which holds (2, 0) and is out of order" in told
+    assert "robot 0 waits for robot 1, which holds (2, 0) and is down" in told
     told = run_once(resolve(tmp_path / "line.yaml", ["faults.list=[]"])).trouble
     assert told.endswith("robot 0 waits for robot 1, which holds (2, 0) and has nothing to do")

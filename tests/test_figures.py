@@ -36,9 +36,9 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         "delivered 19 of 50",
         f"throughput {metrics['throughput']:.1f} /1000 ticks",
         "last 500 34.0 /1000 ticks",
-        f"blocked {100 * metrics['blocked']:.1f} %",
+        f"blocked {100 * metrics['blocked_share']:.1f} %",
         "robots 5 work, 0 wait" + (", 0 parked" if width == WIDE else " 0 parked"),
-        "time lost of all robot ticks W worker ahead",
+        "time lost of all robot ticks W working ahead",
         "tick 600",
     ):
         assert words in said_then
@@ -73,7 +73,7 @@ def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
     row = next(words.split() for words in lines if words.startswith("delivered"))
     difference = int(second["delivered"] - first["delivered"])
     assert row == ["delivered", f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
-    assert f"E_U_moves {100 * first['E_U_moves']:.1f}" in shown(Figures(), view, 64)
+    assert f"empty_moves_share {100 * first['empty_moves_share']:.1f}" in shown(Figures(), view, 64)
     assert "delivered orders" in shown(Figures(), view, NARROW)
 
 
@@ -160,7 +160,7 @@ def test_a_click_explains_a_cause_and_a_share() -> None:
         figures.show(busy())
         await pilot.pause()
         for word, meaning in (
-            ("worker ahead", "another robot holds the next cell while it works there"),
+            ("working ahead", "another robot holds the next cell while it works there"),
             ("utilization", GLOSSARY["utilization"][1]),
         ):
             assert meaning not in " ".join(said(figures))

@@ -1,4 +1,4 @@
-"""Forecasts of zones: what they say is what the world does, as long as nobody plans anew."""
+"""Forecasts of zones: what they say is what the world does, as long as nobody plans again."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def cases(draw: Any) -> Case:
         picture,
         robots=tuple(draw(st.sampled_from(cells)) for _ in range(n)),
         kinematics=draw(st.sampled_from(["omni", "omni", "differential"])),
-        zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(MODES)),
         slowdown=draw(st.sampled_from(["zones", "zones", "none"])),
         move=draw(st.integers(1, 2)),
         turn=draw(st.integers(1, 3)),
@@ -165,7 +165,7 @@ def test_beyond_the_horizon_and_in_no_zone_nobody_is_foreseen() -> None:
 def test_the_rest_of_a_task_is_foreseen_to_its_end() -> None:
     """Its way to the dock, 3 ticks of work there, its way to the rack, 2 ticks, and one more."""
     floor = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=1")
-    work = ("durations.pick=3", "durations.drop=2", "stop.at_most=400", "measure.warm_up=0")
+    work = ("durations.pick=3", "durations.drop=2", "stop.max_duration=400", "measure.warm_up=0")
     run = Simulation(resolve("warehouse-100", (*floor, *work, "strategy.routing=congestion")))
     run.run(1)
     memory = forecast_memory(run.view, 200)
@@ -184,7 +184,7 @@ def test_the_second_leg_leads_to_where_loads_are_set_down(tmp_path: Path) -> Non
     scenario.write_text(
         "name: sides\nlayout:\n  picture: |\n    .........\n    A##s.#.d.\n"
         "fleet: {robots: 1, kinematics: omni}\norders: {list: [{from: [3, 1], to: [7, 1]}]}\n"
-        "stop: {when: delivered, at_most: 50}\n"
+        "stop: {when: delivered, max_duration: 50}\n"
     )
     run = Simulation(resolve(scenario, ["strategy.routing=astar"]))
     run.run(1)
@@ -255,7 +255,7 @@ ALONE = ("layout.rows=20", "layout.columns=20", "fleet.robots=1", "orders.count=
 
 def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
     """Alone and undelayed it is there; in the tick in which it arrives the task is over."""
-    settings = (*ALONE, "durations.pick=3", "stop.at_most=400", "strategy.routing=astar")
+    settings = (*ALONE, "durations.pick=3", "stop.max_duration=400", "strategy.routing=astar")
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
     world, memory = run.world, forecast_memory(run.view, 200)
@@ -275,7 +275,7 @@ def test_a_task_is_expected_where_plain_astar_drives_it() -> None:
 
 
 def test_shares_are_those_of_the_ticks_of_a_task() -> None:
-    settings = (*ALONE, "stop.at_most=400", "strategy.routing=astar")
+    settings = (*ALONE, "stop.max_duration=400", "strategy.routing=astar")
     run = Simulation(resolve("warehouse-100", settings))
     run.run(1)
     traffic_zone_count = run.world.grid.traffic_zone_count

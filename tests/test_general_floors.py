@@ -1,4 +1,4 @@
-"""Table-top strategies on floors that are no table-top: everything is delivered, nothing hangs."""
+"""Table-top strategies on floors that are not a table-top: everything is delivered, nothing hangs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def floor(tmp_path: Path, picture: str, *settings: str, robots: int = 1) -> Reso
     path.write_text(
         f"name: floor\nlayout:\n  picture: |\n{rows}\n"
         f"fleet: {{robots: {robots}, kinematics: differential}}\n"
-        "durations: {move: 1, turn: 2, pick: 6, drop: 6}\nstop: {at_most: 20000}\n"
+        "durations: {move: 1, turn: 2, pick: 6, drop: 6}\nstop: {max_duration: 20000}\n"
     )
     return resolve(str(path), settings)
 
@@ -99,7 +99,7 @@ def test_a_way_longer_than_a_route_is_driven_in_parts(tmp_path: Path) -> None:
 
 def test_loads_that_are_drawn_are_the_orders(tmp_path: Path) -> None:
     picture = "b....\nb.$s$d\nb....."
-    simulation = finishes(floor(tmp_path, picture, "orders.generator=drawn-loads"))
+    simulation = finishes(floor(tmp_path, picture, "orders.generator=picture-loads"))
     assert len(simulation.world.orders.state) == 2
 
 

@@ -19,8 +19,8 @@ fleet: {{robots: 2, kinematics: omni, start: [[0, 0], [{x}, 0]]}}
 orders: {{list: [{{from: [0, 0], to: [{x}, 0]}}]}}
 strategy:
   allocation: {{name: shortest-job, idle: {idle}}}
-  right_of_way: {{name: withdraw, give_way: {give_way}}}
-stop: {{when: delivered, at_most: 2000}}
+  right_of_way: {{name: retreat, idle_give_way: {give_way}}}
+stop: {{when: delivered, max_duration: 2000}}
 """
 AROUND = "t...t\n    ....."  # robot 0 has the only order; robot 1 stands where it ends
 DEAD_END = "t===t"  # to get out of a station in a dead end it has to pass who wants in
@@ -69,17 +69,17 @@ layout:
     =#####=#####=
     =============
 fleet: {robots: 5, kinematics: omni}
-durations: {pick: 3, drop: 3, delay: 2}
+durations: {pick: 3, drop: 3, handling_jitter: 2}
 orders:
   parts:
-    - {route: [1, 4, 8, 5], count: 15, every: 40}
-    - {route: [2, 7, 12, 3, 10], count: 15, every: {mean: 50}}
-    - {route: [11, 6, 9], count: 10, at: 20, every: 60}
-  work: 20
+    - {route: [1, 4, 8, 5], count: 15, interarrival_time: 40}
+    - {route: [2, 7, 12, 3, 10], count: 15, interarrival_time: {mean: 50}}
+    - {route: [11, 6, 9], count: 10, first_release: 20, interarrival_time: 60}
+  processing_time: 20
 strategy:
   allocation: {name: shortest-job, idle: stay}
-  right_of_way: {name: withdraw, give_way: true}
-stop: {when: delivered, at_most: 30000}
+  right_of_way: {name: retreat, idle_give_way: true}
+stop: {when: delivered, max_duration: 30000}
 """
 
 
@@ -99,8 +99,8 @@ fleet: {robots: 3, kinematics: omni, start: [[0, 0], [4, 0], [5, 0]]}
 orders: {list: [{from: [0, 0], to: [4, 0]}]}
 strategy:
   allocation: {name: shortest-job, idle: stay}
-  right_of_way: {name: withdraw, give_way: true}
-stop: {when: delivered, at_most: 2000}
+  right_of_way: {name: retreat, idle_give_way: true}
+stop: {when: delivered, max_duration: 2000}
 """
 
 

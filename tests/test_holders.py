@@ -33,9 +33,9 @@ layout:
     sdsdsd
 fleet: {{robots: {robots}, kinematics: {kinematics}, start: random}}
 durations: {{move: {move}, turn: 2, pick: 2, drop: 1}}
-faults: {{rate: 0.01, tow_after: 3, repair: 5}}
+faults: {{failure_probability: 0.01, tow_after: 3, repair_time: 5}}
 information: {information}
-stop: {{when: never, at_most: 25}}
+stop: {{when: never, max_duration: 25}}
 seed: {seed}
 """
 
@@ -138,7 +138,7 @@ class Probe(RandomRightOfWay):
         super().decide(view, batch, decisions, memory, workspace)
 
 
-GIVE_WAY = "strategy.right_of_way={name: withdraw, give_way: true}"
+GIVE_WAY = "strategy.right_of_way={name: retreat, idle_give_way: true}"
 WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).strategies["right_of_way"].parameters)
 
 
@@ -228,8 +228,8 @@ fleet: {{robots: {robots}, kinematics: omni, start: random}}
 orders: {{list: [{{from: [0, 1], to: [1, 1]}}]}}
 strategy:
   allocation: {{name: shortest-job, idle: stay}}
-  right_of_way: {{name: withdraw, give_way: true}}
-stop: {{when: never, at_most: 10}}
+  right_of_way: {{name: retreat, idle_give_way: true}}
+stop: {{when: never, max_duration: 10}}
 """
 
 

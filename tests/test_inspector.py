@@ -39,20 +39,20 @@ def test_a_robot_is_told_with_all_that_it_does(width: int) -> None:
         "heading north-south",
         "load load 6 for (11, 8)",
         "order order 6",
-        "goal to set down at (5, 7)",
+        "goal to drop at (5, 7)",
         "route 0 cells to (4, 7)",
         "priority 0",
         "home (0, 1)",
         "bay (-1, 1)",
         "active 100 %",
-        "last events 593 picks up load 6 536 takes order 6 527 sets load 5 down",
+        "last events 593 picks up load 6 536 takes order 6 527 drops load 5",
     ):
         assert words in said_then
 
 
 def test_a_waiting_robot_names_cell_and_blocker() -> None:
     said_then = shown(Inspector(), of_robot(deadlocked(), 1))
-    assert "head-on, in a circle" in said_then
+    assert "head-on, in a wait cycle" in said_then
     assert "waits for (8, 0) held by robot 2" in said_then
 
 

@@ -1,4 +1,4 @@
-"""The cache of compiled code: what an edit compiles anew, and where the cache may lie."""
+"""The cache of compiled code: what an edit compiles again, and where the cache may lie."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def test_a_robot_sent_to_a_charger_drives_there_and_stays() -> None:
         "strategy.charging=example_strategies:ChargeFirst",
         "strategy.allocation=example_strategies:Idle",
         "fleet.robots=1",
-        "battery={start: 40, charge: 10, drain: {move: 0}}",
+        "battery={initial_charge: 40, charge_rate: 10, drain: {move: 0}}",
         "stop.when=never",
         until=60,
     )
@@ -74,7 +74,7 @@ def test_a_strategy_that_stays_silent_leaves_everything_as_it_is() -> None:
     simulation = run("tabletop-mini", "strategy.allocation=example_strategies:Idle", until=300)
     assert not simulation.finished
     assert simulation.world.robots.parked.all()
-    assert metrics_of(simulation)["T_Rtotal"] == 0
+    assert metrics_of(simulation)["operations"] == 0
     assert simulation.world.tally.batches.sum() == 1  # asked once; nothing changed since
 
 

@@ -32,10 +32,10 @@ layout:
   picture: |
     {aisle}
     irrrrrrd
-fleet: {robots: 2, kinematics: omni, start: [[1, 0], [5, 0]], when_done: leave}
+fleet: {robots: 2, kinematics: omni, start: [[1, 0], [5, 0]], when_idle: leave}
 orders: {list: [{from: [0, 1], to: [3, 1]}, {from: [0, 1], to: [4, 1]}, {from: [0, 1], to: [2, 1]}]}
 strategy: {allocation: first-come, right_of_way: wait}
-stop: {when: parked, at_most: 200}
+stop: {when: parked, max_duration: 200}
 measure: {}
 """
 
@@ -93,7 +93,7 @@ class Wrong(Strategy):
 def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):
     one = "orders.list=[{from: [0, 1], to: [3, 1]}]"
     wrong = "strategy.right_of_way=test_leaving:Wrong"
-    resolved = scenario(one, wrong, "stop.at_most=1")
+    resolved = scenario(one, wrong, "stop.max_duration=1")
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)
     simulation.run()
@@ -128,7 +128,7 @@ def test_a_cell_given_up_by_leaving_is_free_for_others(scenario):
         "fleet.start=[[0, 0], [3, 0]]",
     )
     assert ran(scenario(*settings, aisle="........")).finished
-    parked = ran(scenario(*settings, "fleet.when_done=park", aisle="........"))
+    parked = ran(scenario(*settings, "fleet.when_idle=park", aisle="........"))
     assert not parked.finished
 
 
@@ -194,11 +194,11 @@ def test_the_validator_refuses_who_leaves_with_an_order(scenario):
     recording = recorder.recording()
     fleet = recording.header["scenario"]["fleet"]
     assert validate_stored(recording).valid
-    fleet["when_done"] = "park"
+    fleet["when_idle"] = "park"
     texts = [violation.text for violation in validate_stored(recording).violations]
     assert "parks although it does not stand at home" in texts
 
 
 def test_leaving_does_not_go_with_bays(tmp_path):
-    with pytest.raises(InputError, match="robots that begin in bays park there"):
-        resolve("tabletop-mini", ["fleet.when_done=leave"])
+    with pytest.raises(InputError, match="robots that begin in parking bays park there"):
+        resolve("tabletop-mini", ["fleet.when_idle=leave"])

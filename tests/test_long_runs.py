@@ -31,7 +31,7 @@ from automaton.world.state import CLOCK_DIGEST_EVERY
 __all__ = ["clock"]
 
 
-# Events and figures
+# Events and metrics
 
 
 @given(sizes=st.lists(st.integers(0, 40), max_size=40), most=st.integers(2, 60))
@@ -135,7 +135,7 @@ def test_a_file_that_was_cut_meanwhile_is_noticed(tmp_path: Path) -> None:
 
 def test_a_journal_writes_what_a_recording_needs(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
-    run = live(*FLEET, "stop.at_most=2500", path=path)
+    run = live(*FLEET, "stop.max_duration=2500", path=path)
     run.show(2500, 99)
     run.close()
     recording = read_recording(path)

@@ -92,7 +92,7 @@ def check_waits(run: Simulation) -> None:
 
 
 def circles(run: Simulation) -> set[int]:
-    """Storage indices of the robots on circles, found by walking on from each of them."""
+    """Storage indices of the robots of wait cycles, found by walking on from each of them."""
     at_index, blocker = run.world.robots.at_index, run.observation.blocker
     found = set()
     for first in range(len(blocker)):
@@ -123,7 +123,7 @@ def recount(recorder: MemoryRecorder, offset: Any, cells: int) -> tuple[Any, Any
                     flow[place[robot], direction] += 1
                     place[robot] += int(offset[direction])
                     visits[place[robot]] += 1
-                if did & ENTERED_PARKING_BAY and fleet["when_done"] == "leave":
+                if did & ENTERED_PARKING_BAY and fleet["when_idle"] == "leave":
                     home[robot] = place[robot]
     return visits, flow
 
@@ -191,7 +191,7 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
     ahead = np.where(
         (robots.action == ACTION_MOVE) & (robots.claim != NIL), np.maximum(ahead, 0), 0
     )
-    lost[:, CAUSE_REDUCED_SPEED] = run.world.tally.slowed - ahead
+    lost[:, CAUSE_REDUCED_SPEED] = run.world.tally.slowdown_ticks - ahead
     assert np.array_equal(observation.lost, lost) and np.array_equal(
         observation.lost_ticks_by_cell[:, LOST_EVER], waits
     )
@@ -213,7 +213,7 @@ def cases_in_aisles(draw: Any) -> Case:
         picks[layer] = StrategyChoice(f"random_strategies:{name}", draw(moods(layer, False)))
     fleet = Fleet(robots=2, kinematics=draw(st.sampled_from(["rail", "differential"])))
     scenario = msgspec.structs.replace(draw(scenarios(2, False, True)), fleet=fleet)
-    return Case(Resolved(scenario, floor_plan, picks, start="bays", source=""), (1, 0))
+    return Case(Resolved(scenario, floor_plan, picks, start="parking-bays", source=""), (1, 0))
 
 
 def test_what_is_observed_is_what_happened() -> None:

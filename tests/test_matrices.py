@@ -115,7 +115,7 @@ def test_a_bad_layout_is_refused(tmp_path, layout, message):
     ("picture", "message"),
     [
         ("..s", "a matrix has no code for the shelf at (2, 0), only for wall, floor, rack or dock"),
-        ("b..", "a matrix has no code for the bay at (-1, 0)"),
+        ("b..", "a matrix has no code for the parking bay at (-1, 0)"),
         (".~", "hold different numbers of robots"),
         (".>.", "which cells are one-way"),
     ],
@@ -133,7 +133,7 @@ def test_a_matrix_of_several_scenarios_or_at_a_bad_place_is_refused(tmp_path, ca
     assert main(["check", file, "--matrix", str(tmp_path / "none" / "x.csv")]) == 2
     assert "cannot write it: No such file or directory" in capsys.readouterr().err
     assert main(["check", file, "--matrix", str(tmp_path)]) == 2
-    assert "this is no ordinary file" in capsys.readouterr().err
+    assert "this is not a regular file" in capsys.readouterr().err
     assert main(["check", "tabletop-1", "--matrix", str(tmp_path / "x.csv")]) == 2
     assert "no code for the turntable" in capsys.readouterr().err
     assert not (tmp_path / "x.csv").exists()

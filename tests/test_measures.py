@@ -13,8 +13,14 @@ from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
-COUNTED_BY_STRATEGIES = {"alternatives", "in_balance", "load_shares", "messages", "redesigns"}
-ONCE_ONE_HAS_ENDED = {"part_time"}
+COUNTED_BY_STRATEGIES = {
+    "alternative_routes",
+    "balanced_share",
+    "shared_orders",
+    "messages",
+    "redesigns",
+}
+ONCE_ONE_HAS_ENDED = {"part_flow_time"}
 
 
 LISTED = """
@@ -22,11 +28,11 @@ name: listed
 layout: {picture: "i....d"}
 fleet: {robots: 1, kinematics: omni, start: [[1, 0]]}
 orders: ORDERS
-stop: {when: never, at_most: 60}
+stop: {when: never, max_duration: 60}
 """
 AT_ONCE = "{list: [{from: [0, 0], to: [5, 0]}]}"
-LATER = "{list: [{from: [0, 0], to: [5, 0], at: 9}]}"
-OF_A_FILE = "{stream: {file: orders.csv}}"
+LATER = "{list: [{from: [0, 0], to: [5, 0], release: 9}]}"
+OF_A_FILE = "{arrivals: {file: orders.csv}}"
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -49,7 +55,7 @@ def check(scenario: str | Path) -> set[str]:
     """That what is told of a scenario's metrics is true; those that it has."""
     resolved = resolve(scenario)
     simulation = Simulation(resolved)
-    simulation.run(min(3000, resolved.scenario.stop.at_most))
+    simulation.run(min(3000, resolved.scenario.stop.max_duration))
     lacking = set(GLOSSARY) - set(metrics_of(simulation))
     told = set(not_measured(resolved.scenario))
     assert told <= lacking

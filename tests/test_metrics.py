@@ -1,4 +1,4 @@
-"""The figures of a run add up: by robot, by action, and with what can be said without running."""
+"""The metrics of a run add up: by robot, by action, and with what can be said without running."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_every_metric_has_a_unit_and_a_meaning(run: Simulation) -> None:
 def test_the_fleets_operations_are_those_of_its_robots(run: Simulation) -> None:
     fleet, robots = metrics_of(run), metrics_by_robot(run)
     assert [row["robot"] for row in robots] == list(range(len(robots)))
-    assert fleet["T_Rtotal"] == sum(row["operations"] for row in robots)
-    assert fleet["T_R"] * len(robots) == fleet["T_Rtotal"]
+    assert fleet["operations"] == sum(row["operations"] for row in robots)
+    assert fleet["operations_per_robot"] * len(robots) == fleet["operations"]
     for row in robots:
         kinds = ("moves", "turns", "picks", "drops", "try_drops", "waits")
         assert row["operations"] == sum(row[kind] for kind in kinds)
@@ -75,7 +75,7 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
     simulation = ran(*which, until=0)
     idle = np.zeros(which[1], np.int64)
     parked = simulation.world.robots.parked == 1
-    for tick in range(1, simulation.resolved.scenario.stop.at_most):
+    for tick in range(1, simulation.resolved.scenario.stop.max_duration):
         if simulation.finished:
             break
         simulation.run(tick)
@@ -84,7 +84,7 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
         parked = after
     active = executed_ticks(simulation.world).sum((1, 2))
     assert (active + idle).tolist() == [simulation.tick] * which[1]
-    assert metrics_of(simulation)["T_total"] == simulation.tick
+    assert metrics_of(simulation)["makespan"] == simulation.tick
 
 
 def test_operations_take_the_ticks_that_the_scenario_says(run: Simulation) -> None:
@@ -112,7 +112,7 @@ def test_a_robot_alone_never_waits() -> None:
     for allocation in ("independent", "cooperative"):
         figures = metrics_of(simulation := ran("tabletop-1", 1, allocation))
         lost = [figures[name] for name in figures if name.startswith("lost_")]
-        assert (lost, figures["withdrawals"], figures["blocked"]) == ([0] * 5, 0, 0)
+        assert (lost, figures["retreats"], figures["blocked_share"]) == ([0] * 5, 0, 0)
         assert metrics_by_robot(simulation)[0]["waits"] == 0
 
 
@@ -131,13 +131,15 @@ def test_empty_runs_by_cycles_counted_by_hand() -> None:
     tally = simulation.world.tally
     driving = [1, ACTION_TURN, ACTION_WAIT]  # MOVE is 1
     empty = tally.ticks[0, driving, 0].sum()
-    assert metrics_of(simulation)["E_U_cycles"] == pytest.approx(empty / tally.ticks[0, 1:].sum())
+    assert metrics_of(simulation)["empty_ticks_share"] == pytest.approx(
+        empty / tally.ticks[0, 1:].sum()
+    )
 
 
 def test_a_run_of_no_ticks_has_figures() -> None:
     simulation = Simulation(resolve("tabletop-mini"))
     figures = metrics_of(simulation)
-    assert figures["T_total"] == figures["throughput"] == figures["utilization"] == 0
+    assert figures["makespan"] == figures["throughput"] == figures["utilization"] == 0
     assert len(metrics_by_robot(simulation)) == 3
 
 

@@ -60,7 +60,7 @@ class Case:
 
 
 def wish(byte: int) -> tuple[int, int, int, bool] | None:
-    """(direction, ticks, priority, came out of a bay) of a byte; None: it stands."""
+    """(direction, ticks, priority, came out of a parking bay) of a byte; None: it stands."""
     if byte % 8 == 7:
         return None
     spans = (1, 1, 1, 2, 1, 1, 1, 3)

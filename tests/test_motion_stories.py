@@ -254,7 +254,7 @@ def test_a_long_move_through_an_aisle_leaves_the_other_lane_free() -> None:
 def test_a_story_says_what_it_does_not_understand() -> None:
     with pytest.raises(InputError, match="no robot B"):
         moved("A.", B="east")
-    with pytest.raises(InputError, match="'up' is no direction; try east, south, west or north"):
+    with pytest.raises(InputError, match="'up' is not a direction; try east, south, west or north"):
         moved("A.", A="up")
     with pytest.raises(InputError, match="has no robots"):
         Story("...")

@@ -28,16 +28,17 @@ layout:
     t...t
     ..#..
 fleet: {robots: 1, kinematics: omni, start: [[2, 0]]}
-orders: {generator: stations, count: 9, stream: {bursts: {size: {mean: 2}, every: 40}}}
+orders: {generator: stations, count: 9, arrivals: {bursts: {size: {mean: 2}, every: 40}}}
 strategy: {allocation: first-come, right_of_way: {name: wait}}
 durations: {move: 1, pick: 2, drop: 2}
-stop: {when: delivered, at_most: 500}
+stop: {when: delivered, max_duration: 500}
 """
 OF_PARTS = OF_STREAMS.replace(
-    "generator: stations, count: 9, stream: {bursts: {size: {mean: 2}, every: 40}}",
-    "parts: [{route: [1, 2], count: 3, every: 9}, {route: [2]}], work: [{mean: 20}, 5]",
+    "generator: stations, count: 9, arrivals: {bursts: {size: {mean: 2}, every: 40}}",
+    "parts: [{route: [1, 2], count: 3, interarrival_time: 9}, {route: [2]}], processing_time: "
+    "[{mean: 20}, 5]",
 )
-FROM_FILE = re.sub("orders: .*", "orders: {stream: {file: orders.csv}}", OF_STREAMS)
+FROM_FILE = re.sub("orders: .*", "orders: {arrivals: {file: orders.csv}}", OF_STREAMS)
 CSV = "tick,from_x,from_y,to_x,to_y\n30,0,0,4,0\n3,4,0,0,0\n"
 HOSTILE = (
     *(0, -1, 1, 2**31, 2**63, 2**64, 1.5, -0.0, 1e308, True, None, "", " ", "none", "..", "a: b"),

@@ -1,4 +1,4 @@
-"""traffic-avoidance with a network: what a fleet foresees is what the network says of its tasks."""
+"""traffic-avoidance with a network: what a fleet predicts is what the network says of its tasks."""
 
 import json
 import zipfile
@@ -27,7 +27,7 @@ from automaton.world.route_space import words
 from automaton.world.state import LAYER_NAMES, NIL
 from strategies.routing.traffic_avoidance import NEXT, SETS, STAND
 
-FLEET = ["fleet.robots=6", "stop.at_most=400", "measure.warm_up=0"]
+FLEET = ["fleet.robots=6", "stop.max_duration=400", "measure.warm_up=0"]
 
 
 def avoiding(scenario, predictor, *overrides):
@@ -112,7 +112,7 @@ def test_a_network_is_found_from_the_folder_of_the_scenario(own_scenario, own_fi
     assert resolved.strategies["routing"].parameters.files == (own_file,)
     simulation = Simulation(resolved)
     simulation.run(20)
-    branch = branched(resolved, ("world.extra_tick=0.5",))
+    branch = branched(resolved, ("world.extra_tick_probability=0.5",))
     assert branch.strategies == resolved.strategies  # so the strategy keeps its memory
     assert main(["check", str(own_scenario)]) == 0
 
@@ -160,9 +160,9 @@ def of_too_many_numbers(path):
     ("spoil", "said"),
     [
         (trained_for_another_floor, "own.npz was trained for the floor of"),
-        (cut_short, "own.npz is no file of a zone network"),
-        (of_too_many_numbers, "own.npz is no file of a zone network"),
-        (lambda path: path.write_text("weights"), "own.npz is no file of a zone network"),
+        (cut_short, "own.npz is not a file of a zone network"),
+        (of_too_many_numbers, "own.npz is not a file of a zone network"),
+        (lambda path: path.write_text("weights"), "own.npz is not a file of a zone network"),
     ],
 )
 def test_check_reads_networks_and_not_only_their_names(spoil, said, own_scenario, own_file, capsys):

@@ -52,7 +52,7 @@ def scenario(x: int, picture: str = FLOOR, **parts: Any) -> Resolved:
     """One robot that starts in column x of the upper row."""
     given = {"name": "arrival", "layout": {"picture": picture}, "orders": ORDERS}
     fleet = {"robots": 1, "kinematics": "omni", "start": [[x, 0]]}
-    stop = {"when": "delivered", "at_most": 100}
+    stop = {"when": "delivered", "max_duration": 100}
     return resolve(msgspec.convert({"fleet": fleet, "stop": stop, **given, **parts}, Scenario))
 
 
@@ -128,7 +128,7 @@ def test_metrics_and_events_agree() -> None:
     assert ticks[ACTION_PICK].sum() == ticks[ACTION_DROP].sum() == 0
     assert ticks[ACTION_MOVE].tolist() == [1, 3]
     figures = metrics_of(simulation)
-    assert figures["T_Rtotal"] == 6 and figures["utilization"] == 1
+    assert figures["operations"] == 6 and figures["utilization"] == 1
     told = [
         (tick, code)
         for tick, code, *_ in chronicle.events.tolist()
@@ -143,7 +143,7 @@ def test_metrics_and_events_agree() -> None:
     [
         {"durations": AT_ONCE},
         {"durations": {"move": 2, **AT_ONCE}},
-        {"durations": AT_ONCE, "world": {"slowdown": "zones", "extra_tick": 0.5}},
+        {"durations": AT_ONCE, "world": {"slowdown": "zones", "extra_tick_probability": 0.5}},
     ],
 )
 def test_recorded_verified_and_played_again(parts: dict[str, Any]) -> None:
@@ -159,7 +159,7 @@ def test_recorded_verified_and_played_again(parts: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("name", ["tabletop-1", "crossing"])
 def test_whole_fleets(name: str) -> None:
-    resolved = resolve(name, ("durations.pick=0", "durations.drop=0", "stop.at_most=1500"))
+    resolved = resolve(name, ("durations.pick=0", "durations.drop=0", "stop.max_duration=1500"))
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)
     arrived = []
@@ -233,7 +233,7 @@ def test_not_both_at_once() -> None:
 
 def test_a_recorded_action_in_words() -> None:
     assert action_text(E | PICKED_ON_ARRIVAL) == "move east, picked up on arrival"
-    assert action_text(DROPPED_ON_ARRIVAL) == "nothing, set down on arrival"
+    assert action_text(DROPPED_ON_ARRIVAL) == "nothing, dropped on arrival"
     assert action_text(E | ENTERED_PARKING_BAY) == "move east, parked"
 
 

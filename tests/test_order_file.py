@@ -19,9 +19,9 @@ layout:
     t...t
     ..#..
 fleet: {robots: 1, kinematics: omni, start: [[2, 0]]}
-orders: {stream: {file: orders.csv}}
+orders: {arrivals: {file: orders.csv}}
 strategy: {allocation: first-come, right_of_way: wait}
-stop: {when: delivered, at_most: 500}
+stop: {when: delivered, max_duration: 500}
 """
 ORDERS = "tick,from_x,from_y,to_x,to_y\n30,0,0,4,0\n\n3,4,0,0,0\n"
 
@@ -36,7 +36,7 @@ def scenario(folder: Path, orders: str = ORDERS) -> Path:
 def test_the_orders_of_a_file_are_those_of_a_list(tmp_path: Path) -> None:
     resolved = resolve(scenario(tmp_path))
     assert [
-        (line.at, line.source, line.target) for line in resolved.scenario.orders.listed or ()
+        (line.release, line.source, line.target) for line in resolved.scenario.orders.listed or ()
     ] == [
         (30, (0, 0), (4, 0)),
         (3, (4, 0), (0, 0)),
@@ -51,12 +51,12 @@ def test_the_orders_of_a_file_are_those_of_a_list(tmp_path: Path) -> None:
 )
 def test_columns_may_be_parted_as_spreadsheets_do(text: str, tmp_path: Path) -> None:
     lines = resolve(scenario(tmp_path, text)).scenario.orders.listed or ()
-    assert [line.at for line in lines] == [30, 3]
+    assert [line.release for line in lines] == [30, 3]
 
 
 def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     lines = resolve(scenario(tmp_path, "to_x,to_y,from_x,from_y,tick\n4,0,0,0,9\n")).scenario
-    assert [(one.at, one.source, one.target) for one in lines.orders.listed or ()] == [
+    assert [(one.release, one.source, one.target) for one in lines.orders.listed or ()] == [
         (9, (0, 0), (4, 0))
     ]
 

@@ -83,7 +83,9 @@ def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
         column.show(of_robot(deadlocked(), 1))
         await pilot.pause()
-        assert column.name_open == "inspector" and "head-on, in a circle" in text(column.inspector)
+        assert column.name_open == "inspector" and "head-on, in a wait cycle" in text(
+            column.inspector
+        )
         assert column.why.view is None and column.robots.view is None
         await click(pilot, column.tabs, "why")
         assert column.name_open == "why" and "two robots never swap" in text(column.why)

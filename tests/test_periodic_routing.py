@@ -143,7 +143,7 @@ def test_robots_that_turn_or_wait_are_asked_too() -> None:
 
 
 def test_nobody_else_is_asked() -> None:
-    """B withdraws, C must try to set its load down first, D waits for a route, E has arrived."""
+    """B retreats, C must try to drop its load first, D waits for a route, E has arrived."""
     strategy = Told(1)
     floor = Staged(
         "A....\nB....\nC....\nD....\nE....",
@@ -192,7 +192,7 @@ class Shortest(Strategy):
 
 def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -> MemoryRecorder:
     """A recorded run whose routes are planned every so many ticks."""
-    resolved = resolve(name, (*durations, "strategy.right_of_way=wait", "stop.at_most=150"))
+    resolved = resolve(name, (*durations, "strategy.right_of_way=wait", "stop.max_duration=150"))
     recorder = MemoryRecorder(resolved)
     simulation = Simulation(resolved, on_record=recorder)
     strategy = Shortest()

@@ -13,7 +13,7 @@ from automaton.world.build import build_world
 from automaton.world.robot_status import BATTERY_FULL, STATUS_FAILED
 from automaton.world.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, World
 
-BATTERY = ("battery={drain: {move: 1.0}, charge: 1}",)
+BATTERY = ("battery={drain: {move: 1.0}, charge_rate: 1}",)
 
 
 def floor() -> tuple[World, int]:
@@ -109,7 +109,7 @@ def test_who_is_out_of_order_stands_still() -> None:
     checks = PhysicalChecks(world)
     world.robots.cell[1] += step
     checks.tick()
-    assert "out of order" in checks.found
+    assert "down" in checks.found
 
 
 def test_two_robots_meet_on_an_edge() -> None:

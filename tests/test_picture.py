@@ -77,7 +77,12 @@ def test_pictures_of_shipped_scenarios(name: str, tick: int, grid_snapshot: Grid
         ("durations.move=3", "durations.turn=5", "fleet.robots=4"),
         ("world.following=false", "seed=7"),
         ("strategy.right_of_way=wait", "durations.move=2"),
-        ("world.slowdown=zones", "world.extra_tick=0.2", "durations.pick=0", "durations.drop=0"),
+        (
+            "world.slowdown=zones",
+            "world.extra_tick_probability=0.2",
+            "durations.pick=0",
+            "durations.drop=0",
+        ),
     ],
 )
 def test_a_picture_restores_the_world_in_every_tick(name: str, settings: tuple[str, ...]) -> None:
@@ -194,13 +199,13 @@ def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
         ({"priority": -3, "service_zone": 2}, "priority -3, zone 3"),
         (
             {"retreat_moves": 1, "need": 4, "route_length": 0, "route_index": 0},
-            "withdraws 1 more step, asks for",
+            "retreats 1 more step, asks for",
         ),
         (
             {"failed_retries": 2, "retry_state": 2, "need": 4},
             "failed 2 times, is stuck, asks for the right",
         ),
-        ({"action": 10, "busy": 0}, "was kept in its bay"),
+        ({"action": 10, "busy": 0}, "was kept in its parking bay"),
         ({"action": 7, "charge": 250_000}, "charged, charge 25 %"),
         ({"charge": 836_701}, "charge 83.6701 %"),
         (
@@ -210,7 +215,7 @@ def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
         ({"status": 3, "status_until": 40}, "empty battery, until tick 40"),
         ({"status": 6, "status_until": -1}, "gone, for good"),
         ({"ticket": 5}, "has ticket 5"),
-        ({"try_drop": 1}, "will try to set down first"),
+        ({"try_drop": 1}, "will try to drop first"),
         ({"reason": 3, "route_reason": 0}, "last asked for a new plan, never routed"),
         ({"need": 3, "seen_revision": 7}, "found no work at change 7, asks for a route"),
         ({"step": 2}, "is told to step west"),
@@ -279,7 +284,7 @@ def test_an_edited_picture_that_contradicts_itself_is_refused() -> None:
     assert "says nothing that is known about robot A" in refused("turns for", "dances for")
     assert refused("tick 40", "tock 40").startswith("the picture:1: it has to begin with")
     assert "contradicts the rest of the picture" in refused("b|$|$", "b|s|$")
-    assert "is no line about a robot" in refused("A (", "the robot (")
+    assert "is not a line about a robot" in refused("A (", "the robot (")
     assert "not on the floor" in refused("via (10, 1)", "via (10, 99)")
     assert "the scenario has only 25" in refused("fetches 20", "fetches 99")
 
@@ -323,7 +328,7 @@ def test_what_has_no_symbol_gets_one_and_a_legend() -> None:
 
 
 def test_bays_at_x_0_are_not_taken_for_the_column_before_it() -> None:
-    floor_plan = draw_floor("o.\n#.\no.", (("o", symbol_of("bay")),))
+    floor_plan = draw_floor("o.\n#.\no.", (("o", symbol_of("parking-bay")),))
     drawing = floor_drawing(floor_plan)
     assert draw_floor(*drawing) == floor_plan
 
@@ -366,7 +371,7 @@ def test_routes_come_back(steps: list[int], data: st.DataObject) -> None:
 def test_a_route_tells_steps_driven_from_steps_to_come() -> None:
     assert write_route([0, 0, 1, 1, 0], 2) == "eeSSE"
     assert write_route([0] * 12 + [1], 4) == "4e8ES"
-    with pytest.raises(InputError, match="no route"):
+    with pytest.raises(InputError, match="not a route"):
         read_route("EEss")
 
 

@@ -78,9 +78,9 @@ class Announcing(Strategy):
 )
 def test_a_list_with_an_order_that_nobody_may_take_is_illegal(plan, length, illegal) -> None:
     there = {"from": [0, 0], "to": [5, 0]}
-    orders = {"list": [there, there, there | {"at": 50}]}
+    orders = {"list": [there, there, there | {"release": 50}]}
     resolved = scene(
-        LANE, [(1, 0)], orders=orders, stop={"when": "never", "at_most": 3},
+        LANE, [(1, 0)], orders=orders, stop={"when": "never", "max_duration": 3},
         strategy={"allocation": "auction", "right_of_way": "wait"},
     )  # fmt: skip
     strategy = Announcing()

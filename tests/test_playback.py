@@ -50,9 +50,9 @@ def test_every_tick_of_the_shipped_strategies(floor: str, allocation: str, sight
     check_everywhere(recorded(resolve(floor, settings), until=400))
 
 
-@pytest.mark.parametrize("way", ["wait", "withdraw"])
+@pytest.mark.parametrize("way", ["wait", "retreat"])
 def test_a_whole_run(way: str) -> None:
-    settings = ["fleet.robots=5", f"strategy.right_of_way={way}", "stop.at_most=3000"]
+    settings = ["fleet.robots=5", f"strategy.right_of_way={way}", "stop.max_duration=3000"]
     recording = recorded(resolve("tabletop-1", settings))
     digests, playback = digests_of(recording), playback_of(recording)
     check_at(playback, digests, len(digests))
@@ -76,7 +76,7 @@ layout:
     .ss.d.
     ......
 fleet: {robots: 2}
-battery: {start: [40, 100], charge: 10, drain: {move: 0}}
+battery: {initial_charge: [40, 100], charge_rate: 10, drain: {move: 0}}
 """
 
 
@@ -102,7 +102,7 @@ def test_zoning_and_charging_are_repeated(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def long() -> Recording:
-    return recorded(resolve("tabletop-1", ["fleet.robots=4", "stop.at_most=1500"]))
+    return recorded(resolve("tabletop-1", ["fleet.robots=4", "stop.max_duration=1500"]))
 
 
 @settings(max_examples=25)
@@ -123,7 +123,7 @@ def test_ticks_in_any_order(wanted: list[int], spacing: int, budget: int, long: 
 
 
 def test_keyframes_at_every_tick_restore_every_tick() -> None:
-    recording = recorded(resolve("tabletop-mini", ["stop.at_most=300"]))
+    recording = recorded(resolve("tabletop-mini", ["stop.max_duration=300"]))
     digests, playback = digests_of(recording), playback_of(recording)
     for tick in range(1, 301):
         playback.go_to(tick)
@@ -134,7 +134,7 @@ def test_keyframes_at_every_tick_restore_every_tick() -> None:
 
 
 def test_keyframes_keep_within_their_budget() -> None:
-    recording = recorded(resolve("tabletop-mini", ["stop.at_most=400"]))
+    recording = recorded(resolve("tabletop-mini", ["stop.max_duration=400"]))
     playback = playback_of(recording)
     playback.go_to(400)
     playback.keyframes.keep(playback.simulation.world, playback.simulation.observation)
@@ -186,7 +186,9 @@ def test_a_plug_in_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         "from automaton.strategy.per_robot import *\nfrom example_strategies import eager\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    resolved = resolve("tabletop-mini", ["strategy.allocation=leaving:eager", "stop.at_most=300"])
+    resolved = resolve(
+        "tabletop-mini", ["strategy.allocation=leaving:eager", "stop.max_duration=300"]
+    )
     path = tmp_path / "run.rec"
     with Recorder(path, resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run()
@@ -202,7 +204,7 @@ def test_a_plug_in_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_recording_cut_anywhere_plays_to_its_last_whole_frame(tmp_path: Path) -> None:
-    resolved = resolve("tabletop-mini", ["stop.at_most=600"])
+    resolved = resolve("tabletop-mini", ["stop.max_duration=600"])
     path, cut = tmp_path / "run.rec", tmp_path / "cut.rec"
     with Recorder(path, resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run()

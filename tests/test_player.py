@@ -195,7 +195,7 @@ def test_steps_and_seeks(clock: Clock) -> None:
 
 
 def test_a_pause_stops_a_long_way_too(clock: Clock) -> None:
-    player = hand(clock, live(*FLEET, "stop={when: never, at_most: 1000000000}"))
+    player = hand(clock, live(*FLEET, "stop={when: never, max_duration: 1000000000}"))
     player.seek(900_000_000)
     player.turn(3)
     player.pause()
@@ -206,7 +206,7 @@ def test_a_pause_stops_a_long_way_too(clock: Clock) -> None:
 
 
 def test_play_stops_at_both_ends(clock: Clock) -> None:
-    player = hand(clock, live(*FLEET, "stop.at_most=50"))
+    player = hand(clock, live(*FLEET, "stop.max_duration=50"))
     player.set_speed(math.inf)
     player.play()
     shot = player.settle()

@@ -80,7 +80,7 @@ def begins(run: Run, text: str) -> dict[int, list[int]]:
 
 
 @pytest.mark.parametrize(
-    "text", ["delivered", "delivered 7", "stuck > 12", "circular wait", "loaded and y > 2"]
+    "text", ["delivered", "delivered 7", "stalled > 12", "wait cycle", "loaded and y > 2"]
 )
 def test_it_stops_at_each_tick_where_a_condition_begins_to_hold(text: str, clock: Clock) -> None:
     stops = list(begins(live(*FLEET), text).items())[:6]
@@ -126,9 +126,9 @@ def test_every_way_forward_stops_at_a_breakpoint_but_no_jump_and_not_the_way_bac
 
 def test_of_two_runs_each_is_stopped_at_its_own_breakpoints(clock: Clock, tmp_path: Path) -> None:
     runs = [recorded(tmp_path, 400), recorded(tmp_path, 399, "strategy.right_of_way=wait")]
-    mine, its = (begins(run, "stuck > 15") for run in runs)
+    mine, its = (begins(run, "stalled > 15") for run in runs)
     player = hand(clock, *runs)
-    player.set_breakpoints([breakpoint_of("stuck > 15")])
+    player.set_breakpoints([breakpoint_of("stalled > 15")])
     player.set_speed(math.inf)
     player.seek(0)
     met = []
@@ -140,7 +140,7 @@ def test_of_two_runs_each_is_stopped_at_its_own_breakpoints(clock: Clock, tmp_pa
         assert list(shot.culprits) == (mine, its)[sides[0]][tick]
         named = [f"run {'AB'[side]}, robot {(mine, its)[side][tick][0]}" for side in sides]
         told = [one.removesuffix(" and others") for one in shot.stopped.split("; ")]
-        assert told == [f"stuck > 15: {name}" for name in named]
+        assert told == [f"stalled > 15: {name}" for name in named]
         met.append(sides)
     assert [0, 1] in met and [1] in met  # both at once, and one alone
     player.play()
@@ -159,7 +159,7 @@ def test_an_unreadable_recording_is_a_sentence(clock: Clock, tmp_path: Path) -> 
 
 
 def test_shots_are_no_more_frequent_than_a_screen_can_show(clock: Clock) -> None:
-    player = hand(clock, live(*FLEET, "stop={when: never, at_most: 1000000000}"))
+    player = hand(clock, live(*FLEET, "stop={when: never, max_duration: 1000000000}"))
     player.set_speed(math.inf)
     player.play()
     player.turn()
@@ -179,7 +179,7 @@ def test_shots_are_no_more_frequent_than_a_screen_can_show(clock: Clock) -> None
 
 
 def test_a_speed_that_was_not_measured_yet_is_not_told(clock: Clock) -> None:
-    player = hand(clock, live(*FLEET, "stop={when: never, at_most: 1000000000}"))
+    player = hand(clock, live(*FLEET, "stop={when: never, max_duration: 1000000000}"))
     player.play()
     for order in (lambda: player.set_speed(4), lambda: player.play(-1)):
         player.turn()

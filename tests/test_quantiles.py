@@ -1,4 +1,4 @@
-"""Quantiles of delay: of the orders of a run, and in the report of every floor where orders come in."""
+"""Quantiles of delay: of the orders of a run, and in the report of every floor where orders arrive."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import ORDER_DELIVERED
 
-STREAM = ["orders.count=60", "orders.interval=8", "stop.at_most=700", "measure.warm_up=100"]
+STREAM = [
+    "orders.count=60",
+    "orders.mean_interarrival_time=8",
+    "stop.max_duration=700",
+    "measure.warm_up=100",
+]
 STUDY = """name: streams
 scenario: warehouse-100
 factors:
   orders.count: [60]
-  orders.interval: [8]
-  stop.at_most: [700]
+  orders.mean_interarrival_time: [8]
+  stop.max_duration: [700]
   strategy.routing: [shortest, congestion]
 replications: 2
 analysis: {metrics: [throughput]}

@@ -21,7 +21,7 @@ from tui.widgets.robots import Robots
 
 SMALL = (
     *("layout.rows=9", "layout.columns=16", "layout.block=3", "layout.last_row=0"),
-    *("orders.count=30", "stop.at_most=400", "measure.warm_up=20", "fleet.robots=3"),
+    *("orders.count=30", "stop.max_duration=400", "measure.warm_up=20", "fleet.robots=3"),
 )
 
 
@@ -108,12 +108,12 @@ def test_a_line_and_the_inspector_say_what_docks_and_racks_hold():
 
 def test_figures_have_those_of_tasks():
     told = shown(Figures(), running(120), height=90)
-    for name in ("task_time", "delay", "completions"):
+    for name in ("task_time", "delay", "throughput_per_robot"):
         assert name in told
 
 
 def test_who_is_off_the_floor_is_told_so_and_not_drawn():
-    settings = ("orders.count=3", "fleet.robots=3", "stop.when=never", "stop.at_most=100")
+    settings = ("orders.count=3", "fleet.robots=3", "stop.when=never", "stop.max_duration=100")
     view = moment(100, "warehouse-100-trial", *SMALL[:4], *settings)
     fleet = view.snapshot.robots
     assert fleet.parked.all() and (fleet.cell == NIL).all() and (fleet.bay == NIL).all()

@@ -42,7 +42,7 @@ from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation
 
-SETTINGS = ("stop.at_most=600",)
+SETTINGS = ("stop.max_duration=600",)
 
 
 def write(path: Path, name: str = "tabletop-mini", settings: Iterable[str] = SETTINGS) -> Resolved:
@@ -96,7 +96,7 @@ def test_a_file_gives_back_what_was_recorded(tmp_path: Path) -> None:
     assert [frame.kind for frame in theirs] == [frame.kind for frame in mine]
     for one, other in zip(theirs, mine, strict=True):
         assert same(one.content, other.content)
-    assert theirs[-1].content["metrics"]["T_total"] == 600
+    assert theirs[-1].content["metrics"]["makespan"] == 600
 
 
 def test_ticks_follow_each_other_whatever_the_pauses(tmp_path: Path) -> None:
@@ -206,7 +206,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 3",
+            "has format 9, this version of automaton reads format 4",
         ),
     ],
 )
@@ -257,7 +257,7 @@ OLDER = preamble() + b"an older recording"
 def test_a_file_that_is_no_recording_is_never_replaced(tmp_path: Path) -> None:
     path = tmp_path / "floor.yaml"
     path.write_text("name: precious")
-    with pytest.raises(InputError, match="is no recording, so it is not replaced by one"):
+    with pytest.raises(InputError, match="is not a recording, so it is not replaced by one"):
         Recorder(path, resolve("tabletop-mini", SETTINGS), 1)
     assert path.read_text() == "name: precious"
 

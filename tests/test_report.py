@@ -39,7 +39,7 @@ factors:
   strategy.allocation: [independent, cooperative]
 replications: 6
 analysis:
-  metrics: [T_total, blocked]
+  metrics: [makespan, blocked_share]
   baseline: {strategy.allocation: independent}
   comparisons: baseline
 """
@@ -120,7 +120,7 @@ def test_rows_for_other_tools(folder: Path, capsys: Any, tmp_path: Path) -> None
     rows = list(csv.DictReader(sheet.open()))
     columns = pyarrow.parquet.read_table(table)
     assert len(rows) == columns.num_rows == 24
-    assert [float(row["T_total"]) for row in rows] == columns.column("T_total").to_pylist()
+    assert [float(row["makespan"]) for row in rows] == columns.column("makespan").to_pylist()
     assert {row["strategy.allocation"] for row in rows} == {"independent", "cooperative"}
 
 
@@ -148,7 +148,7 @@ def test_without_matplotlib_plots_are_refused_in_a_sentence(
         (["--floor", "9"], "--floor 9: the study has the points 0 to 3"),
         (["--floor", "x"], "is not a design point"),
         (["--format", "pdf"], "invalid choice: 'pdf'"),
-        (["--out", "report.pdf"], "its name says no format"),
+        (["--out", "report.pdf"], "its name ends with no known format"),
         (["--out", "/nowhere/report.md"], "cannot write it"),
         (["--csv", "/nowhere/rows.csv"], "cannot write it"),
     ],
@@ -166,7 +166,7 @@ def test_what_is_no_table_is_not_replaced_by_one(folder: Path, capsys: Any, tmp_
     for option in ("--csv", "--parquet"):
         mine.write_text("name: mine")
         code, _, err = report(capsys, str(folder), option, str(mine))
-        assert code == 2 and "is no table of results, so it is not replaced" in err
+        assert code == 2 and "is not a table of results, so it is not replaced" in err
         assert mine.read_text() == "name: mine"
         mine.unlink()
         assert [report(capsys, str(folder), option, str(mine))[0] for _ in range(2)] == [0, 0]
@@ -208,8 +208,8 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
     )
     counts = results.counts(study.points[0])
     assert (counts.done, counts.finished, counts.censored, counts.failed) == (60, 58, 1, 1)
-    assert set(results.values(study.points[0], "T_total").values()) == {100.0}
-    for table in tables([*metric_section(results, {}, "T_total"), *comparison_section(results)]):
+    assert set(results.values(study.points[0], "makespan").values()) == {100.0}
+    for table in tables([*metric_section(results, {}, "makespan"), *comparison_section(results)]):
         assert {"runs", "unfinished", "failed"} <= set(table.head)
     notes = " ".join(remarks(results))
     assert "2 runs did not finish" in notes and "2 runs failed" in notes and "it broke" in notes
@@ -218,10 +218,10 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
 def test_what_was_not_measured_is_in_no_mean() -> None:
     study = study_of({"fleet.robots": (1, 2)})
     results = made_up(study, lambda p, r: 100.0 if r % 3 else None)
-    (table,) = tables(blocks := list(metric_section(results, {}, "T_total")))
+    (table,) = tables(blocks := list(metric_section(results, {}, "makespan")))
     assert [row[1] for row in table.rows] == ["100", "100"]
     (listed, *_) = (block for block in blocks if isinstance(block, Listed))
-    assert listed.items[0].startswith("robots 1: 20 of 60 runs without T_total")
+    assert listed.items[0].startswith("robots 1: 20 of 60 runs without makespan")
 
 
 def test_runs_that_lack_are_told() -> None:
@@ -257,14 +257,14 @@ def test_a_family_shares_its_error() -> None:
 
 def test_few_runs_are_warned_of() -> None:
     results = made_up(study_of({"fleet.robots": (1, 2)}, replications=10), noise)
-    listed = [b for b in metric_section(results, {}, "T_total") if isinstance(b, Listed)]
+    listed = [b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed)]
     assert "only 10 runs, skew" in listed[0].items[0]
 
 
 def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
     study = study_of({"fleet.robots": (1, 2, 3, 4, 5)}, replications=10)
     results = made_up(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
-    (listed,) = (b for b in metric_section(results, {}, "T_total") if isinstance(b, Listed))
+    (listed,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed))
     assert (
         "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]
     )
@@ -287,7 +287,7 @@ def test_a_chart_by_hand() -> None:
         "    robots",
         "    o fleet",
     ] or drawn[1:3] == ["20 |    o", "   |    :"]
-    assert list(chart(Curves("T", "x", "y", [])))[1] == "no figures"
+    assert list(chart(Curves("T", "x", "y", [])))[1] == "no metrics"
 
 
 def test_a_map_by_hand() -> None:

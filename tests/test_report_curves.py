@@ -23,10 +23,18 @@ def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
 
 
 def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_them_apart() -> None:
-    rules = ({"name": "withdraw", "limit": 3}, {"name": "withdraw", "after": 3}, {"name": "wait"})
+    rules = (
+        {"name": "retreat", "max_retries": 3},
+        {"name": "retreat", "after": 3},
+        {"name": "wait"},
+    )
     factors = {"fleet.robots": (1, 2), "strategy.right_of_way": rules}
     (drawn,) = curves(made_up(study_of(factors), lambda p, r: 100.0 * p))
-    assert [line.name for line in drawn.lines] == ["withdraw limit 3", "withdraw after 3", "wait"]
+    assert [line.name for line in drawn.lines] == [
+        "retreat max_retries 3",
+        "retreat after 3",
+        "wait",
+    ]
     assert [list(line.x) for line in drawn.lines] == [[1, 2]] * 3
     assert drawn.lines[1].value == pytest.approx([100, 400])
 
@@ -41,12 +49,12 @@ def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
     (drawn,) = curves(made_up(study_of(factors, 2), lambda p, r: 100.0 * p))
     assert len(drawn.lines) == len(SIGNS) == len(COLOURS)
-    assert drawn.title == "T_total by fleet.robots, 2 more not shown"
+    assert drawn.title == "makespan by fleet.robots, 2 more not shown"
 
 
 def test_points_are_named_by_their_levels() -> None:
     study = study_of(
-        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "ties": "fifo"},)}
+        {"fleet.robots": (1, 2), "strategy.routing": ({"name": "astar", "tie_break": "fifo"},)}
     )
     assert point_name(study, study.points[1]) == "robots 2, routing astar fifo"
     assert json.dumps(point_name(study, study.points[0]))

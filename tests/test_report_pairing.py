@@ -80,7 +80,7 @@ def test_correlated_runs_need_fewer_pairs_for_the_declared_precision() -> None:
     texts, table = told(made_up(precise(paired=True), ticks))
     cells = dict(zip(table.head, table.rows[0], strict=True))
     assert cells["correlation"] == "+0.98" and cells["var. ratio"] == "0.02"
-    # sd of differences 2.02, of single runs 10.1, half an interval: 2 % of 100
+    # sd of differences 2.02, of single runs 10.1, half an mean_interarrival_time: 2 % of 100
     assert (cells["needs paired"], cells["unpaired"]) == ("7", "199")
     said = "take 7 runs of each point paired and 199 unpaired"
     assert any(said in text and "pairing saves 96 %" in text for text in texts)

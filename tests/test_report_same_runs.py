@@ -17,7 +17,7 @@ from automaton.reporting.results import Results
 from automaton.reporting.same_runs import same_remarks
 from automaton.reporting.sections import comparison_section
 
-FLEETS = {"fleet.robots": (1, 2), "strategy.right_of_way": ("wait", "withdraw")}
+FLEETS = {"fleet.robots": (1, 2), "strategy.right_of_way": ("wait", "retreat")}
 
 
 def one_robot_has_nobody_to_give_way_to(study: Study) -> Results:
@@ -59,7 +59,7 @@ def test_the_inert_factor_is_named_and_every_table_says_where() -> None:
     results = one_robot_has_nobody_to_give_way_to(against())
     (remark,) = same_remarks(results)
     assert remark.startswith("strategy.right_of_way has no effect with robots 1: its levels give")
-    (table,) = (b for b in metric_section(results, {}, "T_total") if isinstance(b, Table))
+    (table,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Table))
     at = table.head.index("the same runs as")
     assert [row[at] for row in table.rows] == ["-", "point 0", "-", "-"]
 
@@ -74,7 +74,7 @@ def test_a_factor_without_any_effect_is_named_without_a_place() -> None:
 
 
 def test_two_levels_of_three_with_the_same_runs_are_named_by_their_points() -> None:
-    study = study_of({"strategy.right_of_way": ("wait", "queue", "withdraw")}, comparisons="pairs")
+    study = study_of({"strategy.right_of_way": ("wait", "queue", "retreat")}, comparisons="pairs")
     results = made_up(study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{p and 1}-{r}")
     assert list(same_remarks(results)) == ["the same runs, digest by digest: point 2 and point 1"]
 
@@ -121,7 +121,7 @@ def test_a_warm_up_changes_no_run_but_what_is_measured() -> None:
     assert left_out(results) == 2
     assert list(same_remarks(results)) == [
         "measure.warm_up changes no run: its levels give the same runs, digest by digest, "
-        "measured otherwise (T_total)"
+        "measured otherwise (makespan)"
     ]
 
 
@@ -195,7 +195,7 @@ def test_one_robot_gives_the_same_runs_under_every_right_of_way(
     study = tmp_path / "rules.yaml"
     study.write_text(
         "name: rules\nscenario: tabletop-mini\nfactors:\n  fleet.robots: [1, 2]\n"
-        "  strategy.right_of_way: [wait, withdraw]\nreplications: 3\nanalysis:\n"
+        "  strategy.right_of_way: [wait, retreat]\nreplications: 3\nanalysis:\n"
         "  metrics: [blocked]\n  baseline: {strategy.right_of_way: wait}\n"
         "  comparisons: baseline\n"
     )

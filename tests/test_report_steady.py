@@ -86,7 +86,7 @@ def cut_off(results: Results, declared: int = 0) -> Results:
 def steady(tmp_path: Path) -> Path:
     """A folder of a steady state, with a copy of its scenario; the study's own lies beside that."""
     shipped = find("warehouse-100").read_text()
-    (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 1200"))
+    (tmp_path / "own.yaml").write_text(shipped.replace("max_duration: 2300", "max_duration: 1200"))
     (tmp_path / "steady.yaml").write_text(
         "name: steady\nscenario: own.yaml\nreplications: 20\ndesign: steady-state\nwindow: 20\n"
         "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput, delay, blocked]}\n"
@@ -109,7 +109,7 @@ def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
 
 def test_a_warm_up_in_ticks_is_left_out_of_all_figures_by_the_runs_themselves(steady: Path) -> None:
     text = as_text(compose(Store(steady)))
-    assert "the first 400 ticks of every run, which count in no figure; declared" in text
+    assert "the first 400 ticks of every run, which count in no metric; declared" in text
     assert "for --floor: 0 robots 10" in text
     row = Store(steady).rows().to_pylist()[0]
     run = Simulation(resolve(steady / "own.yaml", ["fleet.robots=10"]), row["seed"])
@@ -129,7 +129,7 @@ def test_runs_of_a_given_length_are_measured_after_their_warm_up_by_default_too(
 ) -> None:
     """Figures, deliveries and maps; runs that have no warm-up are told of."""
     shipped = find("warehouse-100").read_text()
-    (tmp_path / "own.yaml").write_text(shipped.replace("at_most: 2300", "at_most: 600"))
+    (tmp_path / "own.yaml").write_text(shipped.replace("max_duration: 2300", "max_duration: 600"))
     (tmp_path / "study.yaml").write_text(
         "name: plain\nscenario: own.yaml\nreplications: 2\nfactors: {measure.warm_up: [0, 200]}\n"
         "analysis: {metrics: [throughput, delivered]}\n"
@@ -176,7 +176,7 @@ def replace_study(**more: Any) -> Study:
         scenario="warehouse-100",
         factors={"fleet.robots": (1, 2)},
         design="steady-state",
-        analysis=Analysis(metrics=("T_total",)),
+        analysis=Analysis(metrics=("makespan",)),
         **more,
     )
 

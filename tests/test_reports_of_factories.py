@@ -1,4 +1,4 @@
-"""Reports in the reader's units, and the figures of stations and zones."""
+"""Reports in the reader's units, and the metrics of stations and zones."""
 
 from __future__ import annotations
 
@@ -52,15 +52,17 @@ def test_a_part_s_time_is_from_its_coming_to_the_last_work(ran: Simulation) -> N
     last = {}
     for work, part in enumerate(stations.part.tolist()):
         last[part] = int(stations.completion_tick[work])
-    assert figures["parts"] == 5 == len(last)
-    assert figures["part_time"] == np.mean(list(last.values())) - 1  # all come in the first tick
+    assert figures["parts_finished"] == 5 == len(last)
+    assert (
+        figures["part_flow_time"] == np.mean(list(last.values())) - 1
+    )  # all come in the first tick
 
 
 def test_the_busiest_station_works_as_long_as_its_parts_take(ran: Simulation) -> None:
     figures = metrics_of(ran)
     # WS1: three parts of 567 ticks; WS5: two of 567; WS4: three of 472
     assert figures["busiest_station"] == 1
-    assert figures["busiest"] == pytest.approx(3 * 567 / ran.tick)
+    assert figures["busiest_station_utilization"] == pytest.approx(3 * 567 / ran.tick)
 
 
 def test_work_under_way_counts_as_far_as_it_has_come() -> None:
@@ -71,24 +73,24 @@ def test_work_under_way_counts_as_far_as_it_has_come() -> None:
     assert np.flatnonzero(busy).tolist() == [3, 4]
     assert np.abs(busy[[3, 4]] - 100).max() <= 1
     figures = metrics_of(run)
-    assert figures["parts"] == 0 and "part_time" not in figures
+    assert figures["parts_finished"] == 0 and "part_flow_time" not in figures
     assert (run.world.stations.completion_tick == NIL).all()
 
 
 def test_travel_is_what_robots_drove(ran: Simulation) -> None:
     moves = [robot["moves"] for robot in metrics_by_robot(ran)]
-    assert metrics_of(ran)["travel"] == sum(moves) > 0
+    assert metrics_of(ran)["distance"] == sum(moves) > 0
 
 
 def test_balance_is_a_share_of_the_time_that_was_watched() -> None:
-    assert metric("in_balance", {"ticks_in_balance": 30, "ticks_watched": 120}) == 0.25
-    assert metric("in_balance", {"ticks_in_balance": 0, "ticks_watched": 0}) is None
-    assert metric("in_balance", {"bids": 3}) is None and metric("bids", {"bids": 3}) == 3
+    assert metric("balanced_share", {"ticks_in_balance": 30, "ticks_watched": 120}) == 0.25
+    assert metric("balanced_share", {"ticks_in_balance": 0, "ticks_watched": 0}) is None
+    assert metric("balanced_share", {"bids": 3}) is None and metric("bids", {"bids": 3}) == 3
 
 
 def test_what_zoning_counts_is_explained(ran: Simulation) -> None:
     figures = metrics_of(ran)
-    assert {"redesigns", "in_balance", "load_shares"} < set(figures) <= set(GLOSSARY)
+    assert {"redesigns", "balanced_share", "shared_orders"} < set(figures) <= set(GLOSSARY)
     assert not {"ticks_in_balance", "ticks_watched"} & set(figures)
 
 
@@ -100,18 +102,18 @@ def test_the_report_tells_hours_and_feet_beside_ticks_and_cells(
     lines = capsys.readouterr().out.splitlines()
     assert main(["run", "factory", *settings, "--json"]) == 0
     run = json.loads(capsys.readouterr().out)
-    ticks, travel = run["ticks"], run["metrics"]["travel"]
+    ticks, distance = run["ticks"], run["metrics"]["distance"]
     minutes = ticks * 0.635055 / 60
     assert f"({minutes:.4g} min)" in lines[0]
     assert "1 cell = 2.5 ft" in "".join(lines[:4])
     rows = {line.split()[0]: line.split() for line in lines if line.strip()}
-    assert rows["T_total"][1:5] == [f"{minutes:.4g}", "min", f"{ticks:,}", "ticks"]
-    assert rows["travel"][1:5] == [f"{2.5 * travel:,.0f}", "ft", f"{travel:,}", "cells"]
+    assert rows["makespan"][1:5] == [f"{minutes:.4g}", "min", f"{ticks:,}", "ticks"]
+    assert rows["distance"][1:5] == [f"{2.5 * distance:,.0f}", "ft", f"{distance:,}", "cells"]
     assert rows["robot"][-1] == "ft"
-    told = run["in_units"]
-    assert told["T_total"] == {"value": pytest.approx(minutes), "unit": "min"}
-    assert told["travel"] == {"value": 2.5 * travel, "unit": "ft"}
-    by_robot = told["travel_by_robot"]
+    told = run["metrics_in_units"]
+    assert told["makespan"] == {"value": pytest.approx(minutes), "unit": "min"}
+    assert told["distance"] == {"value": 2.5 * distance, "unit": "ft"}
+    by_robot = told["distance_by_robot"]
     assert by_robot == {"value": [2.5 * robot["moves"] for robot in run["robots"]], "unit": "ft"}
     assert max(map(len, lines[4:])) <= 80
 
@@ -119,5 +121,5 @@ def test_the_report_tells_hours_and_feet_beside_ticks_and_cells(
 def test_where_a_tick_is_a_tick_nothing_is_translated(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "tabletop-mini", "--set", "units.tick=1 tick", "--json"]) == 0
     run = json.loads(capsys.readouterr().out)
-    assert "in_units" not in run and "travel" not in run["metrics"]
+    assert "metrics_in_units" not in run and "distance" not in run["metrics"]
     assert Unit(1.0, "tick").of(3) == 3

@@ -54,8 +54,8 @@ def test_nobody_is_stranded_and_throughput_is_what_energy_allows(one_seed: Repro
 
 def test_the_least_share_is_that_of_the_scenario_s_batteries() -> None:
     battery = resolve("depots-full").scenario.battery
-    assert battery is not None and isinstance(battery.charge, float)
-    kc, kr = battery.drain.move, battery.charge
+    assert battery is not None and isinstance(battery.charge_rate, float)
+    kc, kr = battery.drain.move, battery.charge_rate
     assert pytest.approx(0.8 * kr / (kc + kr)) == LEAST_SHARE
 
 
@@ -79,7 +79,7 @@ def test_every_kind_of_auction_delivers_the_same_orders(one_seed: Reproduced) ->
 
 
 def test_a_failure_depends_on_the_seed_alone() -> None:
-    one, other = (resolve("depots", [f"faults.repair={repair}"]) for repair in ("null", "600"))
+    one, other = (resolve("depots", [f"faults.repair_time={repair}"]) for repair in ("null", "600"))
     drawn = [
         [with_failure(case, seed).scenario.faults for seed in range(200)] for case in (one, other)
     ]
@@ -119,12 +119,20 @@ def test_with_never_strand_no_robot_runs_empty_in_many_runs() -> None:
             run = Simulation(resolved, seed)
             run.run()
             figures = metrics_of(run)
-            assert (run.finished, figures["ran_empty"], figures["delivered"]) == (True, 0, 50), seed
+            assert (run.finished, figures["battery_depletions"], figures["delivered"]) == (
+                True,
+                0,
+                50,
+            ), seed
 
 
 def test_if_a_robot_is_gone_for_good_the_others_deliver_everything() -> None:
     resolved = resolve(
-        "depots", ["orders={generator: stations, count: 60, interval: 20}", "faults.repair=null"]
+        "depots",
+        [
+            "orders={generator: stations, count: 60, mean_interarrival_time: 20}",
+            "faults.repair_time=null",
+        ],
     )
     recovered = 0
     for seed in range(1, 41):

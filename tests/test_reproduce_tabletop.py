@@ -349,7 +349,7 @@ def test_bad_input_is_one_sentence(
 
 
 def test_runs_that_do_not_finish_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    stuck = [resolve("tabletop-1", ["strategy.right_of_way=wait", "stop.at_most=20000"])]
+    stuck = [resolve("tabletop-1", ["strategy.right_of_way=wait", "stop.max_duration=20000"])]
     [results] = run_all(stuck, [1, 2], workers=1)
     assert [result.finished for result in results] == [False, False]
     assert results[0].metrics["T_total"] == 20000

@@ -15,8 +15,8 @@ from automaton.commands.check import described
 from automaton.headless import run_once
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
-from automaton.scenario.doubts import doubts
 from automaton.scenario.resolve import Resolved, resolve
+from automaton.scenario.scenario_warnings import scenario_warnings
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.strategy import lookup, paths
@@ -25,7 +25,7 @@ from automaton.world.state import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVE
 from tui.widgets.inspector import Inspector
 from tui.widgets.robot_columns import COLUMNS
 
-TUG = {"name": "tug", "robots": 1, "pace": 3, "payload": 5}
+TUG = {"name": "tug", "robots": 1, "move_time_factor": 3, "payload": 5}
 SHUTTLE = {"name": "shuttle", "payload": 2}
 
 # The short way from the left to the right leads through the middle row.
@@ -52,7 +52,7 @@ def scene(picture: str, starts: list[tuple[int, int]], **parts: Any) -> Resolved
         "layout": {"picture": picture},
         "fleet": fleet,
         "orders": {"list": [{"from": (0, 1), "to": (4, 1)}]},
-        "stop": {"when": "delivered", "at_most": 2000},
+        "stop": {"when": "delivered", "max_duration": 2000},
         **parts,
     }
     return resolve(msgspec.convert(scenario, Scenario))
@@ -94,36 +94,36 @@ def two(heavy: int = 1, **more: Any) -> Resolved:
 
 def test_a_slow_robot_takes_its_own_ticks_for_a_move_and_is_not_slowed_by_that() -> None:
     alike = ran(scene(MIDDLE, [(1, 0)]))
-    slow = ran(scene(MIDDLE, [(1, 0)], types=({"name": "tug", "pace": 3},)))
+    slow = ran(scene(MIDDLE, [(1, 0)], types=({"name": "tug", "move_time_factor": 3},)))
     moves = int(alike.world.tally.operations[0, ACTION_MOVE].sum())
     assert int(slow.world.tally.operations[0, ACTION_MOVE].sum()) == moves
     assert slow.tick == alike.tick + 2 * moves
-    assert not slow.world.tally.slowed.any()
+    assert not slow.world.tally.slowdown_ticks.any()
 
 
 def test_distances_are_in_the_ticks_of_the_robot_that_drives() -> None:
     run = Simulation(two())
-    for robot, pace in ((0, 3), (1, 1)):
+    for robot, factor in ((0, 3), (1, 1)):
         target = run.resolved.floor_plan.cell(3, int(2 - 2 * robot + 2))
         start = paths.position(run.view, robot)
         steps = sum(
             abs(a - b)
             for a, b in zip(*map(run.resolved.floor_plan.xy, (start, target)), strict=True)
         )
-        assert paths.distance(run.view, run.workspace, robot, target) == pace * steps
+        assert paths.distance(run.view, run.workspace, robot, target) == factor * steps
 
 
 def test_slow_zones_multiply_the_pace() -> None:
     lane = "s......d"
     orders = {"list": [{"from": (0, 0), "to": (7, 0)}]}
     world = {"slowdown": "zones"}
-    types = ({"name": "tug", "pace": 2},)
+    types = ({"name": "tug", "move_time_factor": 2},)
     simulation = ran(scene(lane, [(1, 0), (5, 0)], types=types, orders=orders, world=world), 3)
     tally = simulation.world.tally
     assert (tally.operations[0, ACTION_MOVE].sum(), tally.ticks[0, ACTION_MOVE].sum()) == (1, 4), (
         "2 robots, 2 ticks"
     )
-    assert tally.slowed[0] == 2
+    assert tally.slowdown_ticks[0] == 2
 
 
 # Payload.
@@ -140,9 +140,9 @@ def test_heavy_orders_go_to_who_can_carry_them() -> None:
     [
         *("independent", "cooperative", "adaptive", "first-come", "shortest-job", "auction"),
         "strategies.allocation.independent_python:IndependentPython",
-        {"name": "auction", "auction": "combinatorial"},
-        {"name": "auction", "auction": "exact"},
-        {"name": "auction", "auction": "genetic"},
+        {"name": "auction", "mechanism": "combinatorial"},
+        {"name": "auction", "mechanism": "exact"},
+        {"name": "auction", "mechanism": "genetic"},
     ],
 )
 @pytest.mark.parametrize("closed", [False, True])
@@ -230,7 +230,7 @@ def test_a_charger_in_a_closed_area_is_none() -> None:
         types=({"name": "tug"},),
         areas={"bay": {"from": (2, 0), "to": (2, 0), "closed_to": ["tug"]}},
         orders={"list": [{"from": (0, 1), "to": (5, 1)}]},
-        battery={"drain": {"move": 1}, "charge": 5, "start": 4},
+        battery={"drain": {"move": 1}, "charge_rate": 5, "initial_charge": 4},
         strategy={"charging": "insertion"},
     )
     cells = visited(Simulation(resolved), 0)
@@ -305,7 +305,7 @@ def test_reports_tell_of_types() -> None:
 
 
 def test_the_viewer_tells_types_and_closed_cells() -> None:
-    types = "fleet.types=[{name: tug, robots: 1, pace: 2, payload: 3}, {name: shuttle}]"
+    types = "fleet.types=[{name: tug, robots: 1, move_time_factor: 2, payload: 3}, {name: shuttle}]"
     areas = "areas={lane: {from: [4, 0], to: [4, 1], closed_to: [tug]}}"
     view = moment(50, "crossing", types, areas)
     assert "type tug: 2 x durations.move, carries up to 3" in shown(Inspector(), of_robot(view, 0))
@@ -326,8 +326,10 @@ def test_an_order_that_needs_both_types_is_doubted() -> None:
     resolved = scene(
         MIDDLE, [(1, 0), (3, 4)], types=({"name": "tug", "robots": 1}, SHUTTLE), areas=areas
     )
-    assert any("carried all the way by no type" in sentence for sentence in doubts(resolved))
-    assert not doubts(two())
+    assert any(
+        "carried all the way by no type" in sentence for sentence in scenario_warnings(resolved)
+    )
+    assert not scenario_warnings(two())
 
 
 def test_one_type_that_may_do_all_is_what_a_fleet_without_types_is() -> None:
@@ -346,7 +348,7 @@ def test_one_type_that_may_do_all_is_what_a_fleet_without_types_is() -> None:
 @st.composite
 def fleets(draw: st.DrawFn) -> Resolved:
     """Two types on the floor with a way through the middle, with a strategy for each layer."""
-    pace, payload = draw(st.integers(1, 3)), draw(st.integers(1, 3))
+    factor, payload = draw(st.integers(1, 3)), draw(st.integers(1, 3))
     closed = draw(st.sampled_from([(3, 0, 3, 0), (3, 4, 3, 4), (2, 0, 4, 1), (0, 2, 1, 2)]))
     weights = draw(st.lists(st.integers(1, 3), min_size=2, max_size=2))
     orders = [
@@ -364,7 +366,7 @@ def fleets(draw: st.DrawFn) -> Resolved:
                 {
                     "name": "tug",
                     "robots": draw(st.integers(1, 2)),
-                    "pace": pace,
+                    "move_time_factor": factor,
                     "payload": payload,
                 },
                 {"name": "shuttle"},
@@ -376,7 +378,7 @@ def fleets(draw: st.DrawFn) -> Resolved:
             "allocation": draw(st.sampled_from(["independent", "first-come", "auction"])),
             "routing": draw(st.sampled_from(["shortest", "astar", "congestion"])),
         },
-        "stop": {"when": "never", "at_most": 300},
+        "stop": {"when": "never", "max_duration": 300},
         "seed": draw(st.integers(0, 99)),
     }
     return resolve(msgspec.convert(scenario, Scenario))

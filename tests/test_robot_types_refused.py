@@ -21,7 +21,7 @@ from automaton.simulation import Simulation
 LANE = """\
 s.....d
 ......."""
-TYPES = [{"name": "tug", "robots": 1, "pace": 2, "payload": 3}, {"name": "shuttle"}]
+TYPES = [{"name": "tug", "robots": 1, "move_time_factor": 2, "payload": 3}, {"name": "shuttle"}]
 SHUT = {"clean-room": {"from": [4, 0], "to": [5, 1], "closed_to": ["tug"]}}
 
 
@@ -43,9 +43,9 @@ def test_a_robot_in_an_area_that_is_closed_to_its_type() -> None:
 def test_a_move_shorter_than_the_pace_of_the_type() -> None:
     assert played(lane(), {0: E}, {}, {0: W}, {}).valid
     assert rules(played(lane(), {0: E}, {0: W}, {})) == ["busy"]
-    extra = {"world": {"extra_tick": 0.0, "slowdown": "zones"}}
+    extra = {"world": {"extra_tick_probability": 0.0, "slowdown": "zones"}}
     short = [(1, CHANGE_DURATION, 0, 1)]
-    assert rules(played(lane(**extra), {0: E}, changes=short)) == ["pace"]
+    assert rules(played(lane(**extra), {0: E}, changes=short)) == ["move time"]
 
 
 def test_a_load_too_heavy_for_its_robot() -> None:
@@ -74,7 +74,7 @@ fleet:
   kinematics: omni
   start: [[1, 0], [3, 1]]
   types:
-    - {name: tug, robots: 1, pace: 2, payload: 3}
+    - {name: tug, robots: 1, move_time_factor: 2, payload: 3}
     - {name: shuttle, payload: 5}
 areas:
   clean-room: {from: [4, 1], to: [5, 1], closed_to: [tug]}
@@ -88,15 +88,25 @@ orders:
     ("old", "new", "line", "words"),
     [
         ("name: shuttle", "name: tug", 10, ["fleet.types", "tug twice"]),
-        ("robots: 1, pace", "robots: 2, pace", 10, ["none is left for shuttle"]),
-        ("robots: 1, pace", "pace", 10, ["all but one", "tug or shuttle"]),
+        (
+            "robots: 1, move_time_factor",
+            "robots: 2, move_time_factor",
+            10,
+            ["none is left for shuttle"],
+        ),
+        ("robots: 1, move_time_factor", "move_time_factor", 10, ["all but one", "tug or shuttle"]),
         (
             "{name: shuttle,",
             "{name: shuttle, robots: 2,",
             10,
             ["list 3 robots", "fleet.robots is 2"],
         ),
-        ("pace: 2", "pace: 0", 11, ["pace must be a whole number from 1"]),
+        (
+            "move_time_factor: 2",
+            "move_time_factor: 0",
+            11,
+            ["move_time_factor must be a whole number from 1"],
+        ),
         ("payload: 3", "payload: 0", 11, ["payload must be a whole number from 1"]),
         ("closed_to: [tug]", "closed_to: [tig]", 14, ["'tig'", "'tug'", "tug, shuttle"]),
         ("closed_to: [tug]", "closed_to: []", 14, ["areas.clean-room.closed_to must name a type"]),
@@ -146,7 +156,7 @@ def test_weights_of_generated_orders_parts_and_files(tmp_path: Any) -> None:
     assert Simulation(parts).world.orders.weight.tolist() == [7] * 4
     (tmp_path / "orders.csv").write_text("tick,weight,from_x,from_y,to_x,to_y\n0,3,0,0,6,0\n")
     path = tmp_path / "typed.yaml"
-    listed = FILE[: FILE.index("orders:")] + "orders: {stream: {file: orders.csv}}\n"
+    listed = FILE[: FILE.index("orders:")] + "orders: {arrivals: {file: orders.csv}}\n"
     path.write_text(listed)
     assert Simulation(resolve(path)).world.orders.weight.tolist() == [3]
     (tmp_path / "orders.csv").write_text("tick,weight,from_x,from_y,to_x,to_y\n0,0,0,0,6,0\n")

@@ -92,7 +92,7 @@ def test_json_says_what_was_run_and_what_came_out(capsys: pytest.CaptureFixture[
     assert (run["orders"], run["delivered"]) == (50, 50)
     assert len(run["digest"]) == 16 and int(run["digest"], 16) >= 0
     assert list(run["metrics"]) == METRICS
-    assert run["metrics"]["T_total"] == run["ticks"]
+    assert run["metrics"]["makespan"] == run["ticks"]
     assert [robot["robot"] for robot in run["robots"]] == [0, 1]
     assert not any(name in OF_OTHER_RUNS for robot in run["robots"] for name in robot)
     assert 0 < run["wall_s"] < 60
@@ -123,7 +123,7 @@ def test_the_report_in_a_pipe_has_80_columns_and_no_colours(
     lines = text.splitlines()
     assert lines[0].startswith("tabletop-1, 4 robots, seed 1: finished after ")
     assert lines[0].endswith(" cycles, 50 of 50 orders delivered")
-    assert lines[1] == "allocation cooperative, routing shortest, right of way withdraw"
+    assert lines[1] == "allocation cooperative, routing shortest, right of way retreat"
     assert "\x1b" not in text and errors == ""
     assert max(map(len, lines[3:])) <= 80
     assert all(line == line.rstrip() for line in lines)
@@ -168,7 +168,7 @@ def test_a_time_is_the_same_to_reports_zoning_and_sizes(tick: str, seconds: floa
     assert unit(tick).seconds == (None if seconds is None else pytest.approx(seconds))
     assert tick_length(tick) == (0 if seconds is None else round(1e6 * seconds))
     if seconds is not None:
-        assert read_target("T_total<=2 hours", unit(tick)).value == pytest.approx(7200 / seconds)
+        assert read_target("makespan<=2 hours", unit(tick)).value == pytest.approx(7200 / seconds)
 
 
 def test_zoning_says_that_it_counts_a_tick_as_a_second(capsys: pytest.CaptureFixture[str]) -> None:
@@ -184,7 +184,7 @@ def test_numbers_in_a_row_as_text() -> None:
 
 
 def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "tabletop-1", "--set", "stop.at_most=1500"]) == 1
+    assert main(["run", "tabletop-1", "--set", "stop.max_duration=1500"]) == 1
     text, errors = capsys.readouterr()
     assert "NOT FINISHED after 1,500 cycles" in text
     assert errors.startswith("automaton: tabletop-1 did not finish within 1,500 ticks: ")
@@ -194,18 +194,18 @@ def test_a_run_that_reaches_its_limit_exits_with_1(capsys: pytest.CaptureFixture
 def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[str]) -> None:
     slow = ("tabletop-1", "--set", "world.slowdown=zones", "--set", "fleet.robots=5")
     run = as_json(capsys, *slow)
-    ticks = run["metrics"]["slowed"]
-    assert ticks > 0 and ticks == sum(robot["slowed"] for robot in run["robots"])
+    ticks = run["metrics"]["slowdown_ticks"]
+    assert ticks > 0 and ticks == sum(robot["slowdown_ticks"] for robot in run["robots"])
     assert main(["run", *slow]) == 0
     lost, robots = capsys.readouterr().out.split("\nlost time")[1].split("\nrobot ")
-    row = next(line for line in lost.splitlines() if line.startswith("slowed"))
-    assert row.split()[:3] == ["slowed", number(ticks), "-"]
-    assert "driving slowly, not waiting" in row
-    assert "slowed" in robots.splitlines()[0]
+    row = next(line for line in lost.splitlines() if line.startswith("slowdown_ticks"))
+    assert row.split()[:3] == ["slowdown_ticks", number(ticks), "-"]
+    assert "reduced speed, not waiting" in row
+    assert "slowdown" in robots.splitlines()[0]
     shown = sum(int(line.split()[-1].replace(",", "")) for line in robots.splitlines()[1:6])
     assert shown == ticks and all(len(line) <= 80 for line in robots.splitlines())
     assert main(["run", "tabletop-mini"]) == 0
-    assert "slowed" not in capsys.readouterr().out
+    assert "slowdown" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", [["list"], ["check", "tabletop-mini"]])
@@ -225,7 +225,7 @@ def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixt
     assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1
     errors = capsys.readouterr().err
     assert "robots 0, 1, 2 and 3 have done nothing but wait since tick " in errors
-    assert "deadlock: robots 1 and 2 wait for each other in a circle\n" in errors
+    assert "deadlock: robots 1 and 2 form a wait cycle\n" in errors
 
 
 def test_a_gridlock_is_named_though_the_run_has_no_other_end(
@@ -233,12 +233,12 @@ def test_a_gridlock_is_named_though_the_run_has_no_other_end(
 ) -> None:
     crowd = ("warehouse-100", "--set", "layout.capacity=1", "--set", "fleet.robots=300")
     run = as_json(capsys, *crowd)
-    assert run["finished"] and len(run["circles"]) > 2
-    assert all(len(circle) > 1 and circle[0] == min(circle) for circle in run["circles"])
+    assert run["finished"] and len(run["wait_cycles"]) > 2
+    assert all(len(circle) > 1 and circle[0] == min(circle) for circle in run["wait_cycles"])
     assert main(["run", *crowd]) == 0
-    first, more = run["circles"][0], len(run["circles"]) - 1
-    said = f"deadlock: robots {listed(first)} wait for each other in a circle, and so do those of "
-    assert f"{said}{more} more circles\n" in capsys.readouterr().out
+    first, more = run["wait_cycles"][0], len(run["wait_cycles"]) - 1
+    said = f"deadlock: robots {listed(first)} form a wait cycle, and there are "
+    assert f"{said}{more} more wait cycles\n" in capsys.readouterr().out
 
 
 def test_robots_that_have_not_stood_for_long_are_in_no_deadlock(
@@ -248,13 +248,13 @@ def test_robots_that_have_not_stood_for_long_are_in_no_deadlock(
     until = 1024 + 63  # robots 1 and 2 have met head-on, but the last window is a short one
     assert run_once(resolved, until=until).circles == []
     assert run_once(resolved, until=until + 1).circles == [(1, 2)]
-    assert as_json(capsys, "tabletop-1")["circles"] == []
+    assert as_json(capsys, "tabletop-1")["wait_cycles"] == []
 
 
 def test_a_scenario_without_an_end_is_finished_at_its_limit(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    settings = ("--set", "stop.when=never", "--set", "stop.at_most=100")
+    settings = ("--set", "stop.when=never", "--set", "stop.max_duration=100")
     assert as_json(capsys, "tabletop-1", *settings)["ticks"] == 100
     assert main(["run", "tabletop-1", *settings]) == 0
     assert "ran for 100 cycles" in capsys.readouterr().out
@@ -263,7 +263,7 @@ def test_a_scenario_without_an_end_is_finished_at_its_limit(
 def test_stopped_before_its_last_tick_a_run_without_an_end_is_not_finished(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    settings = ("--set", "stop.when=never", "--set", "stop.at_most=100")
+    settings = ("--set", "stop.when=never", "--set", "stop.max_duration=100")
     run = as_json(capsys, "tabletop-1", *settings, "--until", "60")
     assert (run["finished"], run["stopped"], run["ticks"]) == (False, True, 60)
     assert main(["run", "tabletop-1", *settings, "--until", "60"]) == 0
@@ -273,31 +273,31 @@ def test_stopped_before_its_last_tick_a_run_without_an_end_is_not_finished(
 
 
 def test_a_run_says_when_its_orders_ran_out(capsys: pytest.CaptureFixture[str]) -> None:
-    settings = ("warehouse-100", "--set", "orders.count=30", "--set", "stop.at_most=900")
+    settings = ("warehouse-100", "--set", "orders.count=30", "--set", "stop.max_duration=900")
     run = as_json(capsys, *settings)
     simulation = Simulation(resolve("warehouse-100", settings[2::2]))
     simulation.run()
     orders = simulation.world.orders
     taken, delivered = int(orders.dispatched.max()), int(orders.delivered.max())
     assert 0 < taken < delivered < 900
-    assert run["ran_out"] == {"taken": taken, "delivered": delivered}
+    assert run["orders_exhausted"] == {"taken": taken, "delivered": delivered}
     assert main(["run", *settings]) == 0
     assert (
         f"orders ran out: the last of 30 was taken at tick {taken}, the last delivered at "
-        f"{delivered}; figures after it count idle robots\n"
+        f"{delivered}; metrics after it count idle robots\n"
     ) in capsys.readouterr().out
     early = as_json(capsys, *settings, "--until", str(delivered - 1))
-    assert early["ran_out"] == {"taken": taken, "delivered": None}
-    assert as_json(capsys, *settings, "--until", str(taken))["ran_out"] is None
-    assert as_json(capsys, "tabletop-mini")["ran_out"] is None  # it ends with its orders
+    assert early["orders_exhausted"] == {"taken": taken, "delivered": None}
+    assert as_json(capsys, *settings, "--until", str(taken))["orders_exhausted"] is None
+    assert as_json(capsys, "tabletop-mini")["orders_exhausted"] is None  # it ends with its orders
 
 
 def test_orders_that_are_still_to_come_have_not_run_out(capsys: pytest.CaptureFixture[str]) -> None:
-    now_and_then = ("--set", "orders.count=30", "--set", "orders.interval=60")
-    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.at_most=900")
-    assert 0 < run["delivered"] < 30 and run["ran_out"] is None
-    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.at_most=5000")
-    assert run["delivered"] == 30 and run["ran_out"] is not None
+    now_and_then = ("--set", "orders.count=30", "--set", "orders.mean_interarrival_time=60")
+    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.max_duration=900")
+    assert 0 < run["delivered"] < 30 and run["orders_exhausted"] is None
+    run = as_json(capsys, "warehouse-100", *now_and_then, "--set", "stop.max_duration=5000")
+    assert run["delivered"] == 30 and run["orders_exhausted"] is not None
 
 
 @pytest.mark.parametrize(
@@ -353,7 +353,7 @@ def test_a_strategy_that_fails_is_named_with_its_line(
 def test_a_strategy_of_ones_own_is_found_in_the_current_folder(
     own: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = ["--set", "strategy.allocation=own_strategies:Idle", "--set", "stop.at_most=50"]
+    settings = ["--set", "strategy.allocation=own_strategies:Idle", "--set", "stop.max_duration=50"]
     assert main(["run", "tabletop-mini", *settings]) == 1
     text, errors = capsys.readouterr()
     assert "allocation own_strategies:Idle" in text
@@ -400,7 +400,7 @@ def test_a_tick_is_counted_from_one(tick: str, capsys: pytest.CaptureFixture[str
 
 def test_what_a_strategy_counts_is_reported(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["tabletop-mini", "--set", "strategy.allocation=own_strategies:Counts"]
-    arguments += ["--set", "stop.at_most=5"]
+    arguments += ["--set", "stop.max_duration=5"]
     main(["run", *arguments])
     [line] = [x for x in capsys.readouterr().out.splitlines() if x.startswith("asked_robots")]
     assert line.split() == ["asked_robots", "3", "times", "counted", "by", "a", "strategy"]

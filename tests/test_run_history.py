@@ -30,7 +30,7 @@ LIMITED = (*FLEET, "information={radius: 3}", "strategy.allocation=test_run_hist
 
 
 class Moody(Strategy):
-    """Right of way with state that no memory holds: every third robot asked withdraws."""
+    """Right of way with state that no memory holds: every third robot asked retreats."""
 
     layer = "right_of_way"
     period = 2
@@ -122,7 +122,7 @@ def test_a_budget_is_kept_and_the_way_goes_on() -> None:
 
 
 def test_a_run_shows_nothing_after_its_end() -> None:
-    run = live("stop.at_most=100")
+    run = live("stop.max_duration=100")
     assert run.end is None
     assert run.show(5000, 99) == 100 == run.end
     assert run.show(-3, 99) == 0
@@ -130,7 +130,7 @@ def test_a_run_shows_nothing_after_its_end() -> None:
 
 def test_a_recording_and_its_run_show_the_same(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
-    run = live(*FLEET, "stop.at_most=700", path=path)
+    run = live(*FLEET, "stop.max_duration=700", path=path)
     go(run, 700)
     run.close()
     again = RecordedRun(read_recording(path))
@@ -153,7 +153,7 @@ def test_the_shown_tick_stays_when_the_front_goes_on(tmp_path: Path) -> None:
 CHANGES = {
     "nothing": (),
     "a strategy": ("strategy.right_of_way=wait",),
-    "parameters": ("strategy.right_of_way={name: withdraw, retries: 2}",),
+    "parameters": ("strategy.right_of_way={name: retreat, retries: 2}",),
     "a Python strategy": ("strategy.allocation=independent-python",),
     "hidden state": ("strategy.right_of_way=test_run_history:Moody",),
     "zoning": ("strategy.zoning=example_strategies:HalfAndHalf",),
@@ -161,9 +161,11 @@ CHANGES = {
     "sight": ("information={radius: 2}",),
     "the order list": ("information=orders",),
     "following": ("world.following=false",),
-    "slow zones": ("world={slowdown: zones, zones: directed, extra_tick: 0.1}",),
+    "slow zones": (
+        "world={slowdown: zones, traffic_zones: directed, extra_tick_probability: 0.1}",
+    ),
     "picks of no time": ("durations={pick: 0, drop: 0}",),
-    "the stop": ("stop={when: never, at_most: 650}",),
+    "the stop": ("stop={when: never, max_duration: 650}",),
 }
 
 
@@ -243,8 +245,8 @@ def test_a_branch_makes_a_difference() -> None:
 
 def test_a_branch_at_the_last_tick_goes_on_when_the_limit_is_raised(tmp_path: Path) -> None:
     path = tmp_path / "branch.rec"
-    run = go(live(*FLEET, "stop.at_most=300"), 300)
-    branch = run.branch(("stop.at_most=600",), path)
+    run = go(live(*FLEET, "stop.max_duration=300"), 300)
+    branch = run.branch(("stop.max_duration=600",), path)
     assert branch.end is None
     go(branch, 600)
     check_file(branch, path, [600, 300, 10])
@@ -272,7 +274,7 @@ def test_a_branch_can_be_rewound_at_little_cost(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_limit_that_is_past_already_ends_the_run_at_once(tmp_path: Path) -> None:
     path = tmp_path / "branch.rec"
-    branch = go(live(*FLEET), 200).branch(("stop.at_most=10",), path)
+    branch = go(live(*FLEET), 200).branch(("stop.max_duration=10",), path)
     assert branch.end == 200 == branch.show(900, 99)
     check_file(branch, path, [200, 0])
 

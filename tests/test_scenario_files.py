@@ -42,13 +42,13 @@ def test_the_first_tabletop_is_the_one_of_the_paper() -> None:
     scenario = resolved.scenario
     assert scenario.durations == Durations(move=1, turn=22, pick=9, drop=9, try_drop=4)
     assert scenario.fleet.kinematics == "rail"
-    assert resolved.start == "bays"
+    assert resolved.start == "parking-bays"
     assert [choice.name for choice in resolved.strategies.values()] == [
         "none",
         "none",
         "cooperative",
         "shortest",
-        "withdraw",
+        "retreat",
     ]
     assert resolved.source == shipped()["tabletop-1"].read_text(encoding="utf-8")
 
@@ -57,14 +57,14 @@ def test_what_is_left_out_has_a_default(tmp_path: Path) -> None:
     resolved = resolve(written(tmp_path, SMALL))
     scenario = resolved.scenario
     assert scenario.seed == 1 and scenario.information == "everything"
-    assert scenario.stop.when == "parked" and scenario.stop.at_most == 50_000
+    assert scenario.stop.when == "parked" and scenario.stop.max_duration == 50_000
     assert scenario.fleet.kinematics == "differential" and scenario.world.following
     assert scenario.orders.generator == "full-shelves"
     assert resolved.strategies["allocation"].name == "independent"
 
 
 @pytest.mark.parametrize(
-    ("row", "start"), [("A.s", "drawn"), ("b.s", "bays"), ("..s", "random")], ids=str
+    ("row", "start"), [("A.s", "drawn"), ("b.s", "parking-bays"), ("..s", "random")], ids=str
 )
 def test_robots_start_where_drawn_else_in_bays_else_at_random(
     tmp_path: Path, row: str, start: str
@@ -103,7 +103,7 @@ def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None
             "fleet.robots=2",
             "layout.tables=3",
             "information.radius=4",
-            "strategy.right_of_way.limit=5",
+            "strategy.right_of_way.max_retries=5",
             "world.following=false",
         ],
         seed=7,
@@ -113,7 +113,7 @@ def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None
     assert scenario.information == Radius(radius=4)
     assert not scenario.world.following
     choice = resolved.strategies["right_of_way"]
-    assert choice.name == "withdraw", "the name that was there is kept"
+    assert choice.name == "retreat", "the name that was there is kept"
     assert msgspec.to_builtins(choice.parameters)["limit"] == 5
     assert resolved.overrides[0] == "fleet.robots=2"
 

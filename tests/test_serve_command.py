@@ -82,7 +82,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["--host", "no.such.host.invalid"], "cannot listen on port 8000 of no.such"),
         (["--public-url", "lab.example"], "must look like"),
         (["--public-url", "http://lab.example/floor"], "must look like"),
-        (["--public-url", "http://lab.example:port"], "is no address"),
+        (["--public-url", "http://lab.example:port"], "is not an address"),
         (["--token", "short"], "at least 16"),
         (["--token", TOKEN, "--no-token"], "not allowed with"),
         (["--sessions", "0"], "not a number of sessions"),

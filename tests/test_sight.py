@@ -60,7 +60,7 @@ def poison_robot(world: Any, j: int, draws: Any) -> None:
         robots.route.shape[1],
         robots.order_queue.shape[1],
     )
-    for name in ("operations", "ticks", "slowed", "energy_used", "charged", "failures"):
+    for name in ("operations", "ticks", "slowdown_ticks", "energy_used", "charged", "failures"):
         poison(getattr(world.tally, name)[j : j + 1], draws)
     if len(world.service_zones.wake):
         for name in ("halt", "wake", "messages"):

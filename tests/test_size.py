@@ -36,7 +36,7 @@ from automaton.sizing.session import Session
 from automaton.units import Unit
 from automaton.world.state import ORDER_DELIVERED
 
-ZERO = Target("T_total", True, 0.0)
+ZERO = Target("makespan", True, 0.0)
 
 
 def searched(shares: list[float], budget: int = 100_000, **more: Any) -> Search:
@@ -83,10 +83,10 @@ def test_bounds_exclude_without_runs() -> None:
 
 def test_a_run_that_does_not_finish_fails() -> None:
     def censored(place: Place, first: int, number: int) -> list[Run]:
-        return [Run(False, {"T_total": 0.0})] * number
+        return [Run(False, {"makespan": 0.0})] * number
 
     for mean in (False, True):
-        asked = question(ZERO, (1, 1), mean=mean, zone=0.02)
+        asked = question(ZERO, (1, 1), mean=mean, indifference=0.02)
         search = Search(asked, "", censored, asked.budget)
         search.go()
         assert search.answer.kind == "not reachable"
@@ -94,8 +94,8 @@ def test_a_run_that_does_not_finish_fails() -> None:
 
 def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
     """Runs so short that no task ends have no delay, which is not a delay of 0."""
-    short = ("--set", "measure={warm_up: 5}", "--set", "stop={when: never, at_most: 10}")
-    for options in ((), ("--mean", "--zone", "1")):
+    short = ("--set", "measure={warm_up: 5}", "--set", "stop={when: never, max_duration: 10}")
+    for options in ((), ("--mean", "--indifference", "1")):
         code, out, _ = size(
             capsys, "tabletop-mini", "--target", "delay<=5", "--robots", "1..2", "--workers", "1",
             *short, *options,
@@ -111,19 +111,19 @@ def test_means_are_judged_in_the_direction_of_the_target() -> None:
         values = rng.normal(10 * place.robots, 3, first + number)[first:]
         return [Run(True, {"throughput": value}) for value in values]
 
-    at_least = question(Target("throughput", False, 25.0), (1, 5), mean=True, zone=1.0)
+    at_least = question(Target("throughput", False, 25.0), (1, 5), mean=True, indifference=1.0)
     search = Search(at_least, "", run, at_least.budget)
     search.go()
     assert search.answer.robots == 3
-    at_most = question(Target("throughput", True, 25.0), (1, 5), mean=True, zone=1.0)
+    at_most = question(Target("throughput", True, 25.0), (1, 5), mean=True, indifference=1.0)
     search = Search(at_most, "", run, at_most.budget)
     search.go()
     assert search.answer.robots == 1
 
 
 def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
-    asked = question(Target("T_total", True, 100.0), (1, 1), mean=True)
-    good, cut = Run(True, {"T_total": 90.0}), Run(False, {"T_total": 90.0})
+    asked = question(Target("makespan", True, 100.0), (1, 1), mean=True)
+    good, cut = Run(True, {"makespan": 90.0}), Run(False, {"makespan": 90.0})
     assert judged([good] * 250 + [cut], asked) == judged([good] * 250, asked) == ("meets", 200)
     assert judged([good] * 150 + [cut] + [good] * 100, asked) == ("fails", 151)
 
@@ -133,9 +133,9 @@ def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
         rng = np.random.default_rng(len(place.strategy))
         values = rng.normal(100 if place.strategy == "better" else 110, 5, first + number)
         slow = 1000 if place.robots < 2 else 0
-        return [Run(True, {"T_total": value + slow}) for value in values[first:]]
+        return [Run(True, {"makespan": value + slow}) for value in values[first:]]
 
-    asked = question(Target("T_total", True, 200.0), (1, 4), ("worse", "better"))
+    asked = question(Target("makespan", True, 200.0), (1, 4), ("worse", "better"))
     assert asked.candidates == 8
     session = Session(asked, run)
     session.go()
@@ -169,18 +169,18 @@ def texts(session: Session) -> str:
 
 
 def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
-    target = read_target("T_total<=30s", Unit(0.5, "s"))
+    target = read_target("makespan<=30s", Unit(0.5, "s"))
     session = Session(
         question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
     )
     told = texts(session)
-    assert "so that T_total <= 60 ticks (30 s)?" in told
+    assert "so that makespan <= 60 ticks (30 s)?" in told
     assert "Zone 0.6 ticks (0.3 s): " in told
 
 
 def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
     def run(place: Place, first: int, number: int) -> list[Run]:
-        return [Run(r != 7, {"T_total": 0.0}) for r in range(first, first + number)]
+        return [Run(r != 7, {"makespan": 0.0}) for r in range(first, first + number)]
 
     session = Session(question(ZERO, (1, 1), budget=500), run)
     session.go()
@@ -191,7 +191,7 @@ def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
 
 def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> None:
     listed = "orders={list: [{from: [1, 1], to: [3, 1]}]}"
-    given = ("tabletop-mini", "--target", "T_total<=100000", "--robots", "1", "--workers", "1")
+    given = ("tabletop-mini", "--target", "makespan<=100000", "--robots", "1", "--workers", "1")
     same = "the demand is the same in all runs, since the orders are listed"
     assert same not in size(capsys, *given)[1]
     assert same in size(capsys, *given, "--set", listed)[1]
@@ -225,10 +225,10 @@ def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
 
     def run(place: Place, first: int, number: int) -> list[Run]:
         return [
-            Run(True, {"T_total": float(r in (10, 11, 12))}) for r in range(first, first + number)
+            Run(True, {"makespan": float(r in (10, 11, 12))}) for r in range(first, first + number)
         ]
 
-    asked = question(ZERO, (1, 1), ("slow",), budget=900, share=0.9, zone=0.05)
+    asked = question(ZERO, (1, 1), ("slow",), budget=900, success_share=0.9, indifference=0.05)
     session = Session(asked, run, {}, {10: ["durations.turn=2"]})
     search = Search(asked, "slow", run, 30)
     search.go()
@@ -240,7 +240,7 @@ def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
     monkeypatch.setattr("automaton.parallel.PATIENCE_S", 0.0)
-    asked = question(Target("T_total", True, 1700.0), (1, 4), budget=400)
+    asked = question(Target("makespan", True, 1700.0), (1, 4), budget=400)
     found = []
     for workers in (1, 2):
         with Rounds(workers, conducted_with_use) as rounds:
@@ -261,7 +261,7 @@ def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
 
 def test_the_command_answers_in_text(capsys: Any) -> None:
     code, out, _ = size(
-        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4",
+        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "1..4",
         "--budget", "700", "--workers", "1", "--price", "1500",
     )  # fmt: skip
     assert code == 0
@@ -275,7 +275,7 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
 def test_the_candidates_are_drawn_one_below_the_other() -> None:
     search = searched([0.0, 0.5, 1.0])
     head, *lines, ends = picture(search, search.asked)
-    assert head == "robots  share with its 95 % interval; | ends of the zone"
+    assert head == "robots  share with its 95 % interval; | indifference zone"
     assert re.fullmatch(r" {5}1  o-+ +\| \|", lines[0])  # far from the zone, which begins at 93 %
     assert re.fullmatch(r" {5}2  +-+o-+ +\| \|", lines[1])
     assert re.fullmatch(r" {5}3  +\|-\|-o", lines[2])
@@ -286,10 +286,10 @@ def test_the_candidates_are_drawn_one_below_the_other() -> None:
 def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     code, out, err = size(
-        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "3", "--budget", "300",
+        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "3", "--budget", "300",
         "--workers", "1", "--plots", str(tmp_path),
     )  # fmt: skip
-    assert code == 0 and "ends of the zone" in out
+    assert code == 0 and "ends of the indifference zone" in out
     names = ["mean-t-total-by-robots", "share-of-runs-with-t-total-1-700"]
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         f"{name}.{form}" for name in names for form in ("png", "svg")
@@ -298,13 +298,13 @@ def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
 
 
 def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
-    asked = question(ZERO._replace(value=100.0), (1, 2), mean=True, zone=5.0)
+    asked = question(ZERO._replace(value=100.0), (1, 2), mean=True, indifference=5.0)
     search = Search(asked, "", lambda *_: [], asked.budget)
     for robots, ticks in ((1, [128.0, 132.0]), (2, [80.0, 80.0])):
         search.candidates.append(Candidate(Place(robots)))
-        search.candidates[-1].runs = [Run(True, {"T_total": one}) for one in ticks]
+        search.candidates[-1].runs = [Run(True, {"makespan": one}) for one in ticks]
     head, one, two, ends = picture(search, asked)
-    assert head == "robots  mean T_total with its 95 % interval; | ends of the zone"
+    assert head == "robots  mean makespan with its 95 % interval; | indifference zone"
     low, high = (int(text) for text in ends.split())
     at = {value: 8 + round((value - low) / (high - low) * 60) for value in (80, 95, 105, 130)}
     assert low <= 80 and one[at[95]] == one[at[105]] == "|" and one[at[130]] == "o"
@@ -313,7 +313,7 @@ def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
 
 def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any) -> None:
     code, out, _ = size(
-        capsys, "tabletop-mini", "--target", "T_total<=100", "--robots", "1..2", "--json",
+        capsys, "tabletop-mini", "--target", "makespan<=100", "--robots", "1..2", "--json",
         "--workers", "1",
     )  # fmt: skip
     assert code == 1
@@ -321,16 +321,16 @@ def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any)
     assert found["robots"] is None
     assert found["answers"][0]["kind"] == "not reachable"
     candidates = found["answers"][0]["candidates"]
-    assert candidates[0]["excluded"].startswith("T_total is at least")
+    assert candidates[0]["excluded"].startswith("makespan is at least")
     assert candidates[1]["lost"]["lost_waiting"] > 0  # the largest fleet is shown all the same
 
 
 def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
     found = experiments.size(
-        "tabletop-mini", "T_total<=1700", (1, 4), budget=700, workers=1, durations__turn=20
+        "tabletop-mini", "makespan<=1700", (1, 4), budget=700, workers=1, durations__turn=20
     )
     code, out, _ = size(
-        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--json",
+        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "1..4", "--json",
         "--budget", "700", "--workers", "1", "--set", "durations.turn=20",
     )  # fmt: skip
     assert code == 0 and json.loads(out) == found.record
@@ -342,7 +342,7 @@ def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
     assert last["share_low"] < last["share"] <= last["share_high"]
     assert last["mean_low"] < last["mean"] < last["mean_high"] < 1700
     with pytest.raises(InputError, match="1 <= FIRST <= LAST"):
-        experiments.size("tabletop-mini", "T_total<=1700", robots=0)
+        experiments.size("tabletop-mini", "makespan<=1700", robots=0)
 
 
 def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
@@ -364,7 +364,7 @@ def test_replications_have_the_seeds_of_a_sweep() -> None:
 def test_durations_ten_percent_longer_in_whole_ticks() -> None:
     resolved = resolve("tabletop-1")
     assert longer(resolved, 10) == [
-        "durations.turn=24", "durations.pick=10", "durations.drop=10", "world.extra_tick=0.1"
+        "durations.turn=24", "durations.pick=10", "durations.drop=10", "world.extra_tick_probability=0.1"
     ]  # fmt: skip
     assert longer(resolved, -10) == ["durations.turn=20", "durations.pick=8", "durations.drop=8"]
     assert longer(resolve("warehouse-100"), -10) == []
@@ -382,7 +382,7 @@ def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
 
     monkeypatch.setattr(Fleets, "__call__", interrupted)
     code, out, err = size(
-        capsys, "tabletop-mini", "--target", "T_total<=1700", "--robots", "1..4", "--workers", "1"
+        capsys, "tabletop-mini", "--target", "makespan<=1700", "--robots", "1..4", "--workers", "1"
     )  # fmt: skip
     assert (code, err) == (130, "automaton: interrupted\n")
     assert "undecided between 3 and 4, or more (interrupted)" in out
@@ -398,7 +398,7 @@ def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
             runner(Place(1), 0, 5)
 
 
-SMALL = ["fleet.robots=3", "orders.count=200", "stop.at_most=600", "measure.warm_up=200"]
+SMALL = ["fleet.robots=3", "orders.count=200", "stop.max_duration=600", "measure.warm_up=200"]
 
 
 def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
@@ -409,14 +409,14 @@ def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
     late = int(((orders.state == ORDER_DELIVERED) & (orders.delivered > 200)).sum())
     assert figures["delivered"] == late < int((orders.state == ORDER_DELIVERED).sum())
     assert figures["throughput"] == 1000 * late / 400
-    assert figures["throughput"] == pytest.approx(3 * figures["completions"])
+    assert figures["throughput"] == pytest.approx(3 * figures["throughput_per_robot"])
 
 
 def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> None:
     given = ("warehouse-100", "--robots", "3", "--budget", "200", "--workers", "1")
     settings = [text for setting in SMALL for text in ("--set", setting)]
     answers = []
-    for target in ("throughput>=12", "completions>=4"):  # the same question
+    for target in ("throughput>=12", "throughput_per_robot>=4"):  # the same question
         _, out, _ = size(capsys, *given, "--target", target, *settings)
         assert "after a warm-up of 200 ticks?" in out
         metric = target.partition(">")[0]
@@ -426,18 +426,20 @@ def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> 
     _, out, _ = size(capsys, *given, "--target", "throughput>=12", *settings, "--json")
     found = json.loads(out)
     assert (found["estimand"], found["warm_up"]) == ("mean", 200)
-    _, out, _ = size(capsys, *given, "--target", "throughput>=12", "--share", ".9", *settings)
+    _, out, _ = size(
+        capsys, *given, "--target", "throughput>=12", "--success-share", ".9", *settings
+    )
     assert "that reach throughput >= 12 after the first 200 ticks; wanted 90.0 %" in out
 
 
 def test_the_length_of_runs_without_an_end_of_their_own_is_no_target(capsys: Any) -> None:
-    assert main(["size", "warehouse-100", "--target", "T_total<=2400", "--robots", "1..2"]) == 2
-    assert "T_total is the same for every fleet" in capsys.readouterr().err
+    assert main(["size", "warehouse-100", "--target", "makespan<=2400", "--robots", "1..2"]) == 2
+    assert "makespan is the same for every fleet" in capsys.readouterr().err
 
 
 def test_a_target_of_0_needs_a_zone_of_its_own(capsys: Any) -> None:
     assert main(["size", "warehouse-100", "--target", "delay<=0", "--robots", "1..2"]) == 2
-    assert "1 % of a target of 0 is no zone" in capsys.readouterr().err
+    assert "1 % of a target of 0 is not an indifference zone" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("measure", ["measure=null", "measure={warm_up: 0}"])

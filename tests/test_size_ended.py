@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from sweeping import end_all, of_session, started, wait_until
 
-LONG = ["tabletop-mini", "--target", "T_total<=1372", "--robots", "3", "--zone", "0.0005"]
+LONG = ["tabletop-mini", "--target", "makespan<=1372", "--robots", "3", "--indifference", "0.0005"]
 QUESTION = [*LONG, "--budget", "1000000", "--workers", "2"]  # undecided for minutes
 BEGIN = (
     "import sys; from automaton import parallel; from automaton.commands import main; "

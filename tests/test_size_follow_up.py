@@ -15,15 +15,15 @@ from automaton.sizing.follow_up import Purse, best_of
 from automaton.sizing.question import Target, question
 from automaton.sizing.session import Session
 
-ZERO = Target("T_total", True, 0.0)
+ZERO = Target("makespan", True, 0.0)
 LONGER = {-10: ["durations.turn=1"], 10: ["durations.turn=2"]}
 
 
 def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
     """Three starts are listed, so two robots cannot be run."""
     command = [
-        "size", "tabletop-mini", "--target", "T_total<=1700", "--robots", "3", "--workers", "1",
-        "--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]", "--share", "0.8",
+        "size", "tabletop-mini", "--target", "makespan<=1700", "--robots", "3", "--workers", "1",
+        "--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]", "--success-share", "0.8",
     ]  # fmt: skip
     assert main(command) == 0
     out = capsys.readouterr().out
@@ -74,10 +74,10 @@ def test_strategies_that_drop_out_get_no_further_runs() -> None:
         mean = {"far": 150, "near": 101, "best": 100}[place.strategy]
         rng = np.random.default_rng(mean)
         values = rng.normal(mean, 10, first + number)[first:]
-        return [Run(True, {"T_total": value}) for value in values]
+        return [Run(True, {"makespan": value}) for value in values]
 
     fleets = [Candidate(Place(1, strategy)) for strategy in ("far", "near", "best")]
-    asked = question(Target("T_total", True, 200.0), (1, 1), ("far", "near", "best"))
+    asked = question(Target("makespan", True, 200.0), (1, 1), ("far", "near", "best"))
     purse = Purse(run, 10_000)
     best = best_of(fleets, purse, asked, zone=0.5)
     assert best is not None and best.left == ("best",)

@@ -132,9 +132,9 @@ def cases(draw: Any) -> Case:
     n = bays or min(len(cells), draw(st.integers(2, 9)))
     rules = WorldRules(
         following=draw(st.booleans()),
-        zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(MODES)),
         slowdown="zones",
-        extra_tick=draw(st.sampled_from([0.0, 0.0, 0.25, 1.0])),
+        extra_tick_probability=draw(st.sampled_from([0.0, 0.0, 0.25, 1.0])),
     )
     scenario = Scenario(
         name="case",
@@ -142,7 +142,7 @@ def cases(draw: Any) -> Case:
         fleet=Fleet(robots=n, kinematics=draw(st.sampled_from(["rail", "differential", "omni"]))),
         durations=Durations(move=draw(st.integers(1, 2)), pick=draw(st.integers(0, 1)), drop=0),
         world=rules,
-        stop=Stop(when="never", at_most=TICKS),
+        stop=Stop(when="never", max_duration=TICKS),
         seed=draw(st.integers(0, 2**32)),
     )
     picks = {layer: StrategyChoice("none", NoParameters()) for layer in ("zoning", "charging")}
@@ -150,9 +150,10 @@ def cases(draw: Any) -> Case:
     for layer, name in PICKS.items():
         mood = Mood(draw(st.integers(0, 2**32)), active=draw(st.sampled_from([128, 230])))
         picks[layer] = StrategyChoice(f"random_strategies:{name}", mood)
-    start: Any = "bays" if bays else tuple(cells[:n])
+    start: Any = "parking-bays" if bays else tuple(cells[:n])
     return Case(
-        Resolved(scenario, floor_plan, picks, start, ""), traffic_zones_of(floor_plan, rules.zones)
+        Resolved(scenario, floor_plan, picks, start, ""),
+        traffic_zones_of(floor_plan, rules.traffic_zones),
     )
 
 
@@ -215,7 +216,7 @@ class Watcher:
         others = int((np.delete(held, i) == zone).sum()) if zone != NIL else 0
         span = int(world.robots.busy[i]) + 1
         extra = span - (1 + others) * self.move
-        assert extra in {0.0: (0,), 1.0: (1,)}.get(self.world_rules.extra_tick, (0, 1))
+        assert extra in {0.0: (0,), 1.0: (1,)}.get(self.world_rules.extra_tick_probability, (0, 1))
         to = start + int(world.grid.offset[direction])
         slows = zone if others > 0 else NIL
         self.moves[i] = Move(start, to, self.run.tick + span - 1, slows)
@@ -248,16 +249,16 @@ def test_a_move_takes_what_its_zone_held_when_it_began() -> None:
 
 
 def test_extra_ticks_come_as_often_as_they_should() -> None:
-    settings = ("world.extra_tick=0.3", "stop.at_most=4000")
+    settings = ("world.extra_tick_probability=0.3", "stop.max_duration=4000")
     extra = moves = 0
     for seed in (1, 2, 3):
         run = Simulation(resolve("crossing", settings), seed)
         run.run()
         tally = run.world.tally
         moves += int(tally.operations[:, ACTION_MOVE].sum())
-        extra += int(tally.slowed.sum())
+        extra += int(tally.slowdown_ticks.sum())
         assert int(tally.ticks[:, ACTION_MOVE].sum()) == int(
-            tally.operations[:, ACTION_MOVE].sum() + tally.slowed.sum()
+            tally.operations[:, ACTION_MOVE].sum() + tally.slowdown_ticks.sum()
         )
     deviation = (moves * 0.3 * 0.7) ** 0.5
     assert moves > 1000
@@ -266,13 +267,13 @@ def test_extra_ticks_come_as_often_as_they_should() -> None:
 
 @pytest.mark.parametrize("name", ["tabletop-1", "crossing"])
 def test_a_fleet_delivers_everything_in_slow_zones(name: str) -> None:
-    slow = Simulation(resolve(name, ("world.slowdown=zones", "world.extra_tick=0.1")))
+    slow = Simulation(resolve(name, ("world.slowdown=zones", "world.extra_tick_probability=0.1")))
     slow.run()
     quick = Simulation(resolve(name))
     quick.run()
     assert slow.finished and slow.tick > quick.tick
-    assert metrics_of(slow)["slowed"] > 0
-    assert "slowed" not in metrics_of(quick) and not quick.world.tally.slowed.any()
+    assert metrics_of(slow)["slowdown_ticks"] > 0
+    assert "slowdown_ticks" not in metrics_of(quick) and not quick.world.tally.slowdown_ticks.any()
 
 
 def test_slow_zones_cost_nothing_where_nobody_meets() -> None:

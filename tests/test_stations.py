@@ -21,7 +21,7 @@ STRATEGY = {"allocation": "shortest-job", "right_of_way": "wait"}
 
 
 def line(parts: list[dict[str, Any]], work: Any = 1, **more: Any) -> Any:
-    orders = {"parts": parts, "work": work}
+    orders = {"parts": parts, "processing_time": work}
     more.setdefault("strategy", STRATEGY)
     more.setdefault("durations", {"pick": 2, "drop": 2})
     return scene(LANE, [(1, 0)], orders=orders, **more)
@@ -39,7 +39,7 @@ def test_each_way_of_a_part_is_an_order_that_is_known_when_the_work_before_it_is
     )
     run.run()
     assert run.finished and set(orders.state) == {ORDER_DELIVERED}
-    # The work at a station begins when the robot has set the part down, 2 ticks after its delivery.
+    # The work at a station begins when the robot has dropped the part, 2 ticks after its delivery.
     begins = orders.delivered + 2
     assert stations.arrival_tick[1:].tolist() == begins.tolist()
     assert (
@@ -53,7 +53,11 @@ def test_each_way_of_a_part_is_an_order_that_is_known_when_the_work_before_it_is
 
 
 def test_a_station_works_on_one_part_at_a_time_in_the_sequence_of_their_coming() -> None:
-    parts = [{"route": [2], "count": 2}, {"route": [2], "at": 4}, {"route": [2], "at": 2}]
+    parts = [
+        {"route": [2], "count": 2},
+        {"route": [2], "first_release": 4},
+        {"route": [2], "first_release": 2},
+    ]
     run = Simulation(line(parts, work=10))
     run.run()
     assert run.world.stations.completion_tick.tolist() == [
@@ -73,7 +77,7 @@ def test_of_parts_that_come_in_one_tick_the_lowest_number_is_first(storage: list
         "u==u==u",
         [(0, 0), (6, 0)],
         ["layout.legend={u: {kind: station, capacity: 2}}"],
-        orders={"parts": parts, "work": 10},
+        orders={"parts": parts, "processing_time": 10},
         durations={"pick": 2, "drop": 2},
         strategy=STRATEGY,
     )
@@ -102,7 +106,7 @@ def test_parts_may_pass_the_same_station_twice() -> None:
 
 
 def test_picks_and_drops_take_up_to_so_many_ticks_more() -> None:
-    durations = {"pick": 3, "drop": 3, "delay": 5}
+    durations = {"pick": 3, "drop": 3, "handling_jitter": 5}
     run, recorder = recorded_run(line([{"route": [1, 2, 3], "count": 20}], durations=durations))
     ticks = run.world.tally.ticks[0].sum(axis=1)
     times = run.world.tally.operations[0].sum(axis=1)
@@ -124,7 +128,11 @@ def test_every_allocation_serves_stations() -> None:
 
 def test_shortest_job_first_and_old_ones_before_new_ones() -> None:
     """Algorithm 2: 0.5 age - 10 (drive to it and with it), highest first."""
-    first_of_all, far, near = {"route": [3, 1]}, {"route": [3, 2]}, {"route": [1, 2], "at": 12}
+    first_of_all, far, near = (
+        {"route": [3, 1]},
+        {"route": [3, 2]},
+        {"route": [1, 2], "first_release": 12},
+    )
 
     def first(age: float) -> int:
         allocation = {"name": "shortest-job", "age": age, "job": 10.0}
@@ -153,7 +161,7 @@ def spoiled(change: Any) -> set[str]:
 
 def test_an_order_taken_before_the_work_is_done_is_found() -> None:
     def slower(header: Any, rows: Any) -> None:
-        header["scenario"]["orders"]["work"] = 30
+        header["scenario"]["orders"]["processing_time"] = 30
 
     assert "order" in spoiled(slower)
 
@@ -186,8 +194,11 @@ def test_a_part_that_ends_elsewhere_is_found() -> None:
         ({"parts": [{"route": [1, 1]}]}, "from one station to another"),
         ({"parts": []}, "at least one type of parts"),
         ({"parts": [{"route": []}]}, "route"),
-        ({"parts": [{"route": [1, 2]}], "work": [1, 2]}, "lists 2 stations"),
-        ({"generator": "stations", "count": 2, "work": 3}, "work belongs to parts"),
+        ({"parts": [{"route": [1, 2]}], "processing_time": [1, 2]}, "lists 2 stations"),
+        (
+            {"generator": "stations", "count": 2, "processing_time": 3},
+            "processing_time belongs to parts",
+        ),
         ({"parts": [{"route": [1]}], "generator": "stations", "count": 2}, "either"),
     ],
 )
@@ -197,8 +208,8 @@ def test_bad_parts_get_one_sentence(orders: Any, sentence: str) -> None:
 
 
 def test_delay_needs_picks_and_drops_that_take_time() -> None:
-    with pytest.raises((InputError, ValueError), match="delay"):
-        line([{"route": [1, 2]}], durations={"pick": 0, "delay": 2})
+    with pytest.raises((InputError, ValueError), match="handling_jitter"):
+        line([{"route": [1, 2]}], durations={"pick": 0, "handling_jitter": 2})
 
 
 def test_lead_times_count_from_the_end_of_the_work() -> None:

@@ -1,4 +1,4 @@
-"""What a study of steady states tells, beside figures counted by hand after the cut."""
+"""What a study of steady states tells, beside metrics counted by hand after the cut."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ pytest.importorskip("pyarrow")
 SMALL = """
 name: small
 layout: {generator: racks, rows: 9, columns: 16, block: 3, last_row: 0}
-fleet: {robots: 3, kinematics: omni, start: stands}
-orders: {generator: dock-to-rack, count: 120, interval: 14}
+fleet: {robots: 3, kinematics: omni, start: racks}
+orders: {generator: dock-to-rack, count: 120, mean_interarrival_time: 14}
 strategy: {allocation: first-come, right_of_way: wait}
-stop: {when: never, at_most: 600}
+stop: {when: never, max_duration: 600}
 measure: {}
 """
 STUDY = """
@@ -48,10 +48,18 @@ replications: 6
 design: steady-state
 warm_up: mser-5
 analysis:
-  metrics: [throughput, completions, delivered, lead_time, task_time, E_U_moves, lead_time_p95, T_total]
+  metrics: [throughput, throughput_per_robot, delivered, lead_time, task_time, empty_moves_share,
+    lead_time_p95, makespan]
   comparisons: pairs
 """
-BY_HAND = ("throughput", "completions", "delivered", "lead_time", "task_time", "E_U_moves")
+BY_HAND = (
+    "throughput",
+    "throughput_per_robot",
+    "delivered",
+    "lead_time",
+    "task_time",
+    "empty_moves_share",
+)
 
 
 @pytest.fixture(scope="module")
@@ -91,17 +99,17 @@ class Watched:
         return [lead, *(np.stack([tasks.begun, v]) for v in (tasks.times, tasks.delays))]
 
     def after(self, cut: int) -> dict[str, float]:
-        """The figures of what comes after a tick."""
+        """The metrics of what comes after a tick."""
         orders, late = self.orders, self.deliveries[-1] - self.deliveries[cut]
         ended = (orders.state == ORDER_DELIVERED) & (orders.delivered > cut)
         begun = (orders.state == ORDER_DELIVERED) & (orders.dispatched > cut)
         return {
             "throughput": 1000 * late / (600 - cut),
-            "completions": 1000 * late / (600 - cut) / self.robots,
+            "throughput_per_robot": 1000 * late / (600 - cut) / self.robots,
             "delivered": late,
             "lead_time": float((orders.delivered - orders.release_tick)[ended].mean()),
             "task_time": float((orders.delivered - orders.dispatched + 1)[begun].mean()),
-            "E_U_moves": sum(self.empty[cut + 1 :]) / sum(self.moves[cut + 1 :]),
+            "empty_moves_share": sum(self.empty[cut + 1 :]) / sum(self.moves[cut + 1 :]),
         }
 
 
@@ -143,7 +151,9 @@ def cuts_by_times(runs: list[Watched]) -> list[int]:
 
 def test_times_that_grow_have_no_figure_though_deliveries_are_steady(tmp_path: Path) -> None:
     """More orders come than two robots carry: the fleet works at its most, and the queue grows."""
-    (tmp_path / "small.yaml").write_text(SMALL.replace("interval: 14", "interval: 4"))
+    (tmp_path / "small.yaml").write_text(
+        SMALL.replace("mean_interarrival_time: 14", "mean_interarrival_time: 4")
+    )
     (tmp_path / "study.yaml").write_text(STUDY.replace("[2, 3]", "[2]"))
     swept_here(tmp_path / "study.yaml", tmp_path / "out")
     results = read_results(Store(tmp_path / "out"))
@@ -152,13 +162,13 @@ def test_times_that_grow_have_no_figure_though_deliveries_are_steady(tmp_path: P
     assert not results.values(point, "lead_time")
     told = as_text(compose(Store(tmp_path / "out")))
     assert "no lead_time of" in told and "not stationary or too short: MSER-5 would" in told
-    assert "No point has a figure of lead_time after the warm-up" in told
+    assert "No point has a metric of lead_time after the warm-up" in told
 
 
 LENGTHS = """
 name: lengths
 scenario: small.yaml
-points: [{stop.at_most: 400}, {stop.at_most: 3000, measure.warm_up: 500}]
+points: [{stop.max_duration: 400}, {stop.max_duration: 3000, measure.warm_up: 500}]
 replications: 5
 design: steady-state
 analysis: {metrics: [throughput], comparisons: pairs}
@@ -168,7 +178,7 @@ analysis: {metrics: [throughput], comparisons: pairs}
 def test_a_warm_up_that_some_runs_do_not_outlast_is_refused_beforehand(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text(SMALL)
     (tmp_path / "study.yaml").write_text(LENGTHS)
-    why = r"the first 500 ticks, but runs of point 0 end after 400 \(small.yaml, stop.at_most 400\)"
+    why = r"the first 500 ticks, but runs of point 0 end after 400 \(small.yaml, stop.max_duration 400\)"
     with pytest.raises(InputError, match=why) as told:
         check_study(tmp_path / "study.yaml")
     assert told.value.line == 4
@@ -197,14 +207,14 @@ def test_a_point_whose_runs_end_before_the_cut_says_so(tmp_path: Path) -> None:
     assert cut is not None and cut.ticks >= 600
     why = f"its runs of 400 ticks end before the cut at {cut.ticks:,}"
     assert cut.refused == {0: why}
-    assert f"None can be made: at_most 400: {why}." in told
-    assert f"no figures of at_most 400: {why}" in told
+    assert f"None can be made: max_duration 400: {why}." in told
+    assert f"no metrics of max_duration 400: {why}" in told
 
 
 def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
     folder: Path, tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Figures of whole runs, and sums before the cut, are replaced by nonsense."""
+    """Metrics of whole runs, and sums before the cut, are replaced by nonsense."""
     told = []
     for name in ("a", "b"):
         paths = tmp_path / f"{name}.csv", tmp_path / f"{name}.html"
@@ -217,7 +227,7 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         monkeypatch.setattr(cutting, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
     assert "lead_time_p95: left out, since rows keep no sums" in told[0][1]
-    assert "T_total tells how long runs are" in told[0][1]
+    assert "makespan tells how long runs are" in told[0][1]
 
 
 def poisoned(store: Store) -> Any:
@@ -226,7 +236,7 @@ def poisoned(store: Store) -> Any:
     for name in metric_names(store.manifest.counted):
         at, values = table.schema.get_field_index(name), table.column(name).to_pylist()
         wrong = [None if value is None else 1e6 + row for row, value in enumerate(values)]
-        if name != "T_total":
+        if name != "makespan":
             table = table.set_column(at, table.schema.field(name), pa.array(wrong, pa.float64()))
     kept = cut.ticks // store.manifest.points[0].windows.stretch
     sums = [
@@ -246,9 +256,9 @@ def poisoned(store: Store) -> Any:
     ("scenario", "settings"),
     [
         ("tabletop-mini", []),
-        ("depots", ["stop={when: never, at_most: 900}", "measure={}"]),
-        ("factory", ["stop={when: never, at_most: 3000}"]),
-        ("warehouse-100", ["stop={when: never, at_most: 400}", "measure={}"]),
+        ("depots", ["stop={when: never, max_duration: 900}", "measure={}"]),
+        ("factory", ["stop={when: never, max_duration: 3000}"]),
+        ("warehouse-100", ["stop={when: never, max_duration: 400}", "measure={}"]),
     ],
 )
 def test_the_sums_of_stretches_are_those_of_the_run(scenario: str, settings: list[str]) -> None:
@@ -263,28 +273,42 @@ def test_the_sums_of_stretches_are_those_of_the_run(scenario: str, settings: lis
     if "taken" in sums:
         sums |= {"completed": sums["delivered"], "watched_robot_ticks": sums["robot_ticks"]}
     told = {name: metric(name, sums) for name in metrics_of(plain)}
-    whole = ("T_total", "lead_time_p95", "delay_p95", "least_charge", "busiest_station", "busiest")
+    whole = (
+        "makespan",
+        "lead_time_p95",
+        "delay_p95",
+        "min_charge",
+        "busiest_station",
+        "busiest_station_utilization",
+    )
     assert {name: value for name, value in told.items() if name not in whole} == {
         name: value for name, value in metrics_of(plain).items() if name not in whole
     }
 
 
 def test_figures_after_a_tick_are_those_of_the_whole_run_without_what_came_before() -> None:
-    resolved = resolve("factory", ["stop={when: never, at_most: 3000}"])
+    resolved = resolve("factory", ["stop={when: never, max_duration: 3000}"])
     run = Simulation(resolved)
     run.run(1200)
     before, then = metrics_of(run), counted(run)
     run.run()
     whole, after = metrics_of(run), metrics_of(run, then)
-    for name in ("T_Rtotal", "lost_waiting", "delivered", "parts", "travel", "withdrawals"):
+    for name in (
+        "operations",
+        "lost_waiting",
+        "delivered",
+        "parts_finished",
+        "distance",
+        "retreats",
+    ):
         assert after[name] == whole[name] - before[name]
     assert after["throughput"] == 1000 * after["delivered"] / 1800
-    assert after["T_total"] == 3000
+    assert after["makespan"] == 3000
 
 
 def test_maps_of_a_floor_show_what_comes_after_a_tick() -> None:
-    resolved = resolve("warehouse-100", ["fleet.robots=60", "stop.at_most=500"])
-    begun = resolve("warehouse-100", ["fleet.robots=60", "stop.at_most=350"])
+    resolved = resolve("warehouse-100", ["fleet.robots=60", "stop.max_duration=500"])
+    begun = resolve("warehouse-100", ["fleet.robots=60", "stop.max_duration=350"])
     whole, before, after = (
         [np.nan_to_num(heat.field) for heat in floor_maps(*which)]
         for which in (

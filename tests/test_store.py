@@ -34,7 +34,7 @@ from automaton.whole_file import written
 def made_up(run: Run) -> Row:
     """A row that no run has given."""
     digest = f"{run.seed % 2**64:016x}"
-    metrics = {"T_total": run.seed % 997 / 7}
+    metrics = {"makespan": run.seed % 997 / 7}
     figures = {"ticks": run.seed % 997, "orders": 25, "delivered": 25, "digest": digest}
     times = {"wall_s": 0.01, "cpu_s": 0.01}
     return {
@@ -83,7 +83,7 @@ def test_a_reader_between_two_writes_has_the_study_that_its_manifest_has(tmp_pat
     read = Store(store.folder)
     assert read.study == plan.study and read.rows().num_rows == 200
     (store.folder / "sweep.json").write_text('{"format": 1}')
-    with pytest.raises(InputError, match="is of format 1, not 4: take another folder"):
+    with pytest.raises(InputError, match="is of format 1, not 4: use another folder"):
         Store(store.folder)
 
 
@@ -290,7 +290,7 @@ def test_a_row_that_cannot_be_written_has_failed_and_the_others_are_kept(
     plan, store = declared(tmp_path)
     writer = Writer(store)
     rows = [made_up(run) for run in plan.manifest.runs()]
-    rows[3]["metrics"] = {"T_total": value}
+    rows[3]["metrics"] = {"makespan": value}
     writer.hold(rows)
     writer.close()
     assert len(store.keys()) == 200 and store.failed() == {rows[3]["key"]}

@@ -57,14 +57,14 @@ layout:
 fleet: {robots: 2, start: [[1, 0], [5, 0]]}
 orders: {list: [{from: [0, 0], to: [5, 1]}, {from: [6, 0], to: [1, 1]}]}
 strategy: {right_of_way: wait}
-stop: {when: delivered, at_most: 5000}
+stop: {when: delivered, max_duration: 5000}
 """
 
 
 @pytest.mark.parametrize(
     ("setting", "word", "told"),
     [
-        ("seed=1", "jammed", "deadlock: robots 0 and 1 wait for each other in a circle"),
+        ("seed=1", "jammed", "deadlock: robots 0 and 1 form a wait cycle"),
         ("strategy.allocation=example_strategies:Idle", "SILENT", "nothing was delivered"),
         ("strategy.allocation=example_strategies:Greedy", "ILLEGAL", "allocation"),
         ("fleet={robots: 1, start: [[1, 0]]}", "delivered", "2 by tick"),

@@ -22,10 +22,10 @@ from automaton.world.state import ORDER_DELIVERED, ORDER_UNRELEASED
 LANE = "t...t..t"
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
 STREAMS = (
-    "interval: 30",
-    "stream: {bursts: {size: 4, every: 90}}",
-    "stream: {bursts: {size: {mean: 3}, every: {mean: 60}}}",
-    "stream: {closed: {in_system: 3}}",
+    "mean_interarrival_time: 30",
+    "arrivals: {bursts: {size: 4, every: 90}}",
+    "arrivals: {bursts: {size: {mean: 3}, every: {mean: 60}}}",
+    "arrivals: {closed_loop: {in_system: 3}}",
 )
 FLOORS = (  # a scenario of each generator
     ("depots", "generator: stations, count: 20"),
@@ -40,8 +40,8 @@ def released(*settings: str, seed: int = 3) -> Any:
 
 
 def bursts(size: str, every: str, count: int = 2000) -> str:
-    stream = f"{{bursts: {{size: {size}, every: {every}}}}}"
-    return f"orders={{generator: stations, count: {count}, stream: {stream}}}"
+    arrivals = f"{{bursts: {{size: {size}, every: {every}}}}}"
+    return f"orders={{generator: stations, count: {count}, arrivals: {arrivals}}}"
 
 
 def test_bursts_come_together_and_evenly() -> None:
@@ -50,7 +50,7 @@ def test_bursts_come_together_and_evenly() -> None:
 
 
 def test_drawn_bursts_have_their_means() -> None:
-    ticks = released(bursts("{mean: 5}", "{mean: 40}", 20_000), "stop.at_most=2000000")
+    ticks = released(bursts("{mean: 5}", "{mean: 40}", 20_000), "stop.max_duration=2000000")
     starts, sizes = np.unique(ticks, return_counts=True)
     gaps = np.diff(starts)
     assert abs(sizes.mean() - 5) < 4 * np.sqrt(20 / len(sizes)) and sizes.min() == 1
@@ -75,7 +75,7 @@ def test_memoryless_numbers_have_their_distribution_to_the_tail() -> None:
 
 
 def test_a_closed_loop_keeps_so_many_orders_open_until_they_are_used_up() -> None:
-    orders = {"generator": "stations", "count": 40, "stream": {"closed": {"in_system": 3}}}
+    orders = {"generator": "stations", "count": 40, "arrivals": {"closed_loop": {"in_system": 3}}}
     resolved = scene(LANE, [(2, 0)], orders=orders, strategy=STRATEGY)
     run = Simulation(resolved)
     known = 3
@@ -91,7 +91,7 @@ def test_a_closed_loop_keeps_so_many_orders_open_until_they_are_used_up() -> Non
 
 
 def test_of_a_closed_loop_the_sequence_is_fixed_and_the_ticks_are_not() -> None:
-    orders = {"generator": "stations", "count": 30, "stream": {"closed": {"in_system": 4}}}
+    orders = {"generator": "stations", "count": 30, "arrivals": {"closed_loop": {"in_system": 4}}}
     runs = []
     for durations in ({"pick": 2}, {"pick": 9}):
         resolved = scene(LANE, [(2, 0)], orders=orders, strategy=STRATEGY, durations=durations)
@@ -106,17 +106,17 @@ def test_of_a_closed_loop_the_sequence_is_fixed_and_the_ticks_are_not() -> None:
 
 
 def test_the_validator_knows_when_an_order_of_a_closed_loop_may_be_taken() -> None:
-    orders = {"generator": "visits", "count": 20, "stream": {"closed": {"in_system": 2}}}
+    orders = {"generator": "visits", "count": 20, "arrivals": {"closed_loop": {"in_system": 2}}}
     _, recorder = recorded_run(scene(LANE, [(2, 0), (6, 0)], orders=orders, strategy=STRATEGY))
     recording = recorder.recording()
     assert validate_stored(recording).valid
-    recording.header["scenario"]["orders"]["stream"]["closed"]["in_system"] = 1
+    recording.header["scenario"]["orders"]["arrivals"]["closed_loop"]["in_system"] = 1
     found = validate_stored(recording).violations
     assert any("is given out although it is not free" in one.text for one in found)
 
 
 def test_shelves_are_not_emptied_one_row_after_the_other() -> None:
-    settings = "orders={generator: full-shelves, stream: {bursts: {size: 1, every: 10}}}"
+    settings = "orders={generator: full-shelves, arrivals: {bursts: {size: 1, every: 10}}}"
     orders = Simulation(resolve("tabletop-1", (settings,))).world.orders
     assert sorted(orders.release_tick.tolist()) == list(range(0, 500, 10))
     assert orders.release_tick.tolist() != sorted(orders.release_tick.tolist())
@@ -126,7 +126,7 @@ def test_shelves_are_not_emptied_one_row_after_the_other() -> None:
 @pytest.mark.parametrize("stream", STREAMS)
 @pytest.mark.parametrize(("floor", "orders"), FLOORS, ids=[orders for _, orders in FLOORS])
 def test_every_floor_has_every_stream(floor: str, orders: str, stream: str, tmp_path: Path) -> None:
-    settings = (f"orders={{{orders}, {stream}}}", "stop.at_most=900")
+    settings = (f"orders={{{orders}, {stream}}}", "stop.max_duration=900")
     resolved = resolve(floor, settings, seed=4)
     path = tmp_path / "run.rec"
     with Recorder(path, resolved, 4) as recorder:
@@ -159,17 +159,24 @@ def test_a_picture_restores_what_is_not_known_yet(stream: str) -> None:
 
 
 def test_parts_come_one_after_another() -> None:
-    parts = [{"route": [1], "count": 3, "at": 5, "every": 20}, {"route": [1], "count": 2}]
-    run = Simulation(scene(LANE, [(2, 0)], orders={"parts": parts, "work": 4}, strategy=STRATEGY))
+    parts = [
+        {"route": [1], "count": 3, "first_release": 5, "interarrival_time": 20},
+        {"route": [1], "count": 2},
+    ]
+    run = Simulation(
+        scene(LANE, [(2, 0)], orders={"parts": parts, "processing_time": 4}, strategy=STRATEGY)
+    )
     assert run.world.stations.arrival_tick.tolist() == [5, 25, 45, 0, 0]
     run.run()
     assert run.world.stations.completion_tick.tolist() == [13, 29, 49, 5, 9]
 
 
 def test_drawn_work_and_arrivals_verify(tmp_path: Path) -> None:
-    parts = [{"route": [1, 2, 3], "count": 12, "every": {"mean": 30}}]
+    parts = [{"route": [1, 2, 3], "count": 12, "interarrival_time": {"mean": 30}}]
     work = [{"mean": 20}, 7, {"mean": 5}]
-    resolved = scene(LANE, [(2, 0)], orders={"parts": parts, "work": work}, strategy=STRATEGY)
+    resolved = scene(
+        LANE, [(2, 0)], orders={"parts": parts, "processing_time": work}, strategy=STRATEGY
+    )
     path = tmp_path / "run.rec"
     with Recorder(path, resolved, 1) as recorder:
         run = Simulation(resolved, 1, on_record=recorder)
@@ -185,9 +192,9 @@ def test_drawn_work_and_arrivals_verify(tmp_path: Path) -> None:
 
 
 def queue(load: float, mean: float, count: int) -> Any:
-    parts = [{"route": [1], "count": count, "every": {"mean": mean / load}}]
-    orders = {"parts": parts, "work": {"mean": mean}}
-    stop = {"when": "delivered", "at_most": 2_000_000_000}
+    parts = [{"route": [1], "count": count, "interarrival_time": {"mean": mean / load}}]
+    orders = {"parts": parts, "processing_time": {"mean": mean}}
+    stop = {"when": "delivered", "max_duration": 2_000_000_000}
     return scene("t..", [(1, 0)], orders=orders, strategy=STRATEGY, stop=stop)
 
 

@@ -33,12 +33,12 @@ factors:
   fleet.robots: [1, 2, 3]
   strategy.allocation: [independent, cooperative]
   strategy.right_of_way:
-    - withdraw
-    - {name: withdraw, limit: 3}
+    - retreat
+    - {name: retreat, max_retries: 3}
 replications: 20
 seed: 7
 analysis:
-  metrics: [T_total, E_U_moves]
+  metrics: [makespan, empty_moves_share]
   paired: true
   baseline: {strategy.allocation: independent}
   comparisons: baseline
@@ -72,14 +72,14 @@ def test_factors_are_crossed_and_the_last_runs_fastest(tmp_path: Path) -> None:
     assert len(study.points) == 12 and study.runs == 240
     assert [point.number for point in study.points] == list(range(12))
     assert [point.levels["fleet.robots"] for point in study.points] == [1] * 4 + [2] * 4 + [3] * 4
-    assert study.points[1].levels["strategy.right_of_way"] == {"name": "withdraw", "limit": 3}
+    assert study.points[1].levels["strategy.right_of_way"] == {"name": "retreat", "max_retries": 3}
     assert study.column_types() == {
         "fleet.robots": "int",
         "strategy.allocation": "text",
         "strategy.right_of_way": "text",
     }
     assert study.analysis == Analysis(
-        metrics=("T_total", "E_U_moves"),
+        metrics=("makespan", "empty_moves_share"),
         paired=True,
         baseline={"strategy.allocation": "independent"},
         comparisons="baseline",
@@ -137,19 +137,29 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("factors:", "factor:", 3, ["unknown key 'factor'", "did you mean 'factors'?"]),
     ("fleet.robots", "fleet.robot", 4, ["unknown key 'robot' in fleet", "did you mean 'robots'"]),
     ("fleet.robots", "flet.robots", 4, ["unknown key 'flet'", "did you mean 'fleet'?"]),
-    ("fleet.robots", "fleet..robots", 4, ["is no key of a scenario"]),
-    ("fleet.robots", "seed", 4, ["seed is no factor", "follow from the study's"]),
-    ("fleet.robots", "name", 4, ["name is no factor"]),
+    ("fleet.robots", "fleet..robots", 4, ["is not a key of a scenario"]),
+    ("fleet.robots", "seed", 4, ["seed is not a factor", "follow from the study's"]),
+    ("fleet.robots", "name", 4, ["name is not a factor"]),
     ("fleet.robots", "orders", 4, ["vary a part of it, such as orders.count"]),
-    ("[1, 2, 3]", "[1, 2, 9]", 4, ["fleet.robots is 9 but the floor has 7 bays", "point 8:"]),
+    (
+        "[1, 2, 3]",
+        "[1, 2, 9]",
+        4,
+        ["fleet.robots is 9 but the floor has 7 parking bays", "point 8:"],
+    ),
     ("[1, 2, 3]", "[1, two]", 4, ["must be a whole number", "found 'two'"]),
     ("[1, 2, 3]", "[1, 2, 1]", 4, ["factors.fleet.robots has 1 twice"]),
     ("[1, 2, 3]", "[]", 4, ["must list at least one level"]),
     ("[1, 2, 3]", "3", 4, ["factors.fleet.robots must be a list", "found 3"]),
     ("[1, 2, 3]", "{1: 2}", 4, ["must be a list of levels, found a mapping"]),
     ("cooperative]", "coperative]", 5, ["'coperative' is unknown", "did you mean 'cooperative'"]),
-    ("limit: 3", "limit: 0", 8, ["strategy.right_of_way.limit must be", "found 0"]),
-    ("{name: withdraw, limit: 3}", "{limit: 3}", 8, ["the key 'name' is missing"]),
+    (
+        "max_retries: 3",
+        "max_retries: 0",
+        8,
+        ["strategy.right_of_way.max_retries must be", "found 0"],
+    ),
+    ("{name: retreat, max_retries: 3}", "{max_retries: 3}", 8, ["the key 'name' is missing"]),
     ("replications: 20", "replications: 0", 9, ["replications must be", "found 0"]),
     ("replications: 20", "replications: many", 9, ["whole number", "found 'many'"]),
     ("replications: 20\n", "", 1, ["the key 'replications' is missing"]),
@@ -162,14 +172,34 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "window: 100", 10, ["window belongs to design: steady-state"]),
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),
     ("seed: 7", "points: [{fleet.robots: 1}]", 1, ["either factors or points"]),
-    ("[T_total, E_U_moves]", "[T_totall]", 12, ["no metric is called", "mean 'T_total'?"]),
-    ("[T_total, E_U_moves]", "[lead_time]", 12, ["measures lead_time; it takes", "a stream"]),
-    ("[T_total, E_U_moves]", "[T_total]\n  precision: 0", 13, ["analysis.precision"]),
-    ("[T_total, E_U_moves]", "[]", 12, ["analysis.metrics"]),
-    ("  metrics: [T_total, E_U_moves]\n", "", 11, ["'metrics' is missing in analysis"]),
+    (
+        "[makespan, empty_moves_share]",
+        "[makespann]",
+        12,
+        ["no metric is called", "mean 'makespan'?"],
+    ),
+    (
+        "[makespan, empty_moves_share]",
+        "[lead_time]",
+        12,
+        ["measures lead_time; it takes", "orders.arrivals"],
+    ),
+    ("[makespan, empty_moves_share]", "[makespan]\n  precision: 0", 13, ["analysis.precision"]),
+    ("[makespan, empty_moves_share]", "[]", 12, ["analysis.metrics"]),
+    ("  metrics: [makespan, empty_moves_share]\n", "", 11, ["'metrics' is missing in analysis"]),
     ("paired: true", "paired: yes", 13, ["true or false"]),
-    ("{strategy.allocation: ind", "{strategy.alocation: ind", 14, ["is no factor", "did you mean"]),
-    ("allocation: independent", "allocation: adaptive", 14, ["none of its levels: 'independent'"]),
+    (
+        "{strategy.allocation: ind",
+        "{strategy.alocation: ind",
+        14,
+        ["is not a factor", "did you mean"],
+    ),
+    (
+        "allocation: independent",
+        "allocation: adaptive",
+        14,
+        ["not one of its levels: 'independent'"],
+    ),
     ("  baseline: {strategy.allocation: independent}\n", "", 14, ["need a baseline"]),
     ("comparisons: baseline", "comparisons: all", 15, ["baseline, none or pairs", "found 'all'"]),
     ("comparisons: baseline", "comparisons: pairs", 14, ["belongs to comparisons: baseline"]),

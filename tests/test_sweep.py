@@ -55,7 +55,7 @@ def test_rows_are_those_of_single_runs(swept: Path) -> None:
         run.run()
         assert (run.digest, run.tick) == (row["digest"], row["ticks"])
         assert row["finished"] and row["failed"] is None and row["delivered"] == row["orders"] == 25
-        assert row["T_total"] == row["ticks"] and row["wall_s"] > 0 and row["cpu_s"] > 0
+        assert row["makespan"] == row["ticks"] and row["wall_s"] > 0 and row["cpu_s"] > 0
         assert row["lead_time"] is None  # not every run has it; the column is there all the same
 
 
@@ -188,7 +188,7 @@ def test_another_study_seed_point_or_floor_is_refused(
     floor.write_text("b.$.d\nb....\n#....\n")
     scenario = tmp_path / "own.yaml"
     scenario.write_text(
-        "name: own\nlayout: {file: floor.txt}\nfleet: {robots: 1}\norders: {generator: drawn-loads}\n"
+        "name: own\nlayout: {file: floor.txt}\nfleet: {robots: 1}\norders: {generator: picture-loads}\n"
     )
     text = "name: one\nscenario: own.yaml\nfactors: {fleet.robots: [1, 2]}\nreplications: 1\n"
     study, out = tmp_path / "one.yaml", tmp_path / "out"
@@ -216,7 +216,7 @@ def test_a_changed_analysis_is_told_and_kept(
 ) -> None:
     study, out = small_study(tmp_path, 1), tmp_path / "out"
     assert swept_here(study, out).num_rows == 4
-    study.write_text(study.read_text() + "analysis: {metrics: [T_total]}\n")
+    study.write_text(study.read_text() + "analysis: {metrics: [makespan]}\n")
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert "another one than that with which 4 runs were made" in capsys.readouterr().err
     assert [one.analysis for one in Store(out).manifest.earlier] == [None]
@@ -228,8 +228,8 @@ def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path
     study, out = tmp_path / "steady.yaml", tmp_path / "out"
     text = (
         "name: steady\nscenario: tabletop-mini\nreplications: {}\ndesign: steady-state\n{}"
-        "window: 15\npoints: [{{stop.when: never, stop.at_most: 999}}]\n"
-        "analysis: {{metrics: [T_total]}}\n"
+        "window: 15\npoints: [{{stop.when: never, stop.max_duration: 999}}]\n"
+        "analysis: {{metrics: [makespan]}}\n"
     )
     told = []
     for replications, warm_up in ((5, "warm_up: mser-5\n"), (6, "warm_up: mser-5\n"), (6, "")):
@@ -240,7 +240,7 @@ def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path
     assert told == [(0, []), (0, [5]), (1, [5])]
     (row,) = (row for table in design_tables(out) for row in table.rows if row[0] == "runs")
     assert "raised from 5 after runs had been made" in row[1]
-    # Begun anew, but the same runs count: what was declared before is not forgotten.
+    # Begun again, but the same runs count: what was declared before is not forgotten.
     swept_here(study, out, recompute=True)
     assert len(Store(out).manifest.earlier) == 2
 
@@ -299,7 +299,7 @@ def test_steady_states_keep_a_series_of_deliveries(tmp_path: Path) -> None:
     study = tmp_path / "steady.yaml"
     study.write_text(
         "name: steady\nscenario: tabletop-mini\nreplications: 2\ndesign: steady-state\n"
-        "warm_up: 100\nwindow: 50\npoints: [{stop.when: never, stop.at_most: 999}]\n"
+        "warm_up: 100\nwindow: 50\npoints: [{stop.when: never, stop.max_duration: 999}]\n"
     )
     table = swept_here(study)
     row = table.to_pylist()[0]
@@ -307,7 +307,7 @@ def test_steady_states_keep_a_series_of_deliveries(tmp_path: Path) -> None:
     assert after == row["delivered"] and row["sums"]["charge"] is None
     assert len(row["sums"]["moves"]) == 4  # stretches of five windows, the last ends with the run
     assert len(row["series"]) == 19 and sum(row["series"][2:]) <= row["delivered"]
-    assert row["finished"] and row["completions"] is not None  # measured after the warm-up
+    assert row["finished"] and row["throughput_per_robot"] is not None  # measured after the warm-up
 
 
 def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class Own(Strategy):
 SCENARIO = """name: own
 layout: {file: floor.txt}
 fleet: {robots: 1}
-orders: {generator: drawn-loads}
+orders: {generator: picture-loads}
 strategy: {allocation: {name: 'own_allocation:Own', table: table.txt}}
 """
 STUDY = """name: own
@@ -126,7 +126,7 @@ def far_study(folder: Path, scenario: str) -> Path:
     (folder / "deep" / "orders.csv").write_text("tick,from_x,from_y,to_x,to_y\n0,0,2,4,0\n")
     (folder / "deep" / "own.yaml").write_text(
         "name: own\nlayout: {file: ../floor.txt}\nfleet: {robots: 1}\n"
-        "orders: {stream: {file: orders.csv}}\nstop: {when: delivered, at_most: 500}\n"
+        "orders: {arrivals: {file: orders.csv}}\nstop: {when: delivered, max_duration: 500}\n"
     )
     study = folder / "far.yaml"
     study.write_text(

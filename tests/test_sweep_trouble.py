@@ -26,7 +26,7 @@ def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path) -> No
     command = sweep_command(troubled(tmp_path, "Raises"), tmp_path / "out", "--workers", "1")
     process = started(command)
     out, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and "3 runs gave no figures" in err
+    assert process.returncode == 1 and "3 runs failed" in err
     rows = Store(tmp_path / "out").rows().to_pylist()
     assert [row["failed"] is None for row in rows] == [True] * 3 + [False] * 3
     assert "two are too many" in rows[3]["failed"] and rows[3]["digest"] is None
@@ -44,7 +44,7 @@ def test_a_strategy_that_never_answers_is_named_in_the_row(tmp_path: Path) -> No
     study, out = troubled(tmp_path, "NeverAnswers"), tmp_path / "out"
     process = started(sweep_command(study, out, "--workers", "1", "--strategy-timeout", "1"))
     _, err = process.communicate(timeout=120)
-    assert process.returncode == 1 and "3 runs gave no figures" in err
+    assert process.returncode == 1 and "3 runs failed" in err
     failed = Store(out).rows().column("failed").to_pylist()
     assert failed[:3] == [None] * 3
     assert all(
@@ -103,7 +103,7 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     monkeypatch.setenv(TROUBLE, str(tmp_path))
     (tmp_path / "mended").touch()
     assert main(command[3:]) == 1
-    said = "3 runs gave no figures; the column `failed` says why, --retry-failed tries again\n"
+    said = "3 runs failed; the column `failed` says why, --retry-failed tries again\n"
     assert capsys.readouterr().err == f"automaton: {said}"
     assert [done_in(out, plan_of(study), retry) for retry in (False, True)] == [6, 3]
     assert swept_here(study, out, retry_failed=True).column("failed").to_pylist() == [None] * 6
@@ -120,7 +120,7 @@ def test_a_strategy_that_ends_python_ends_its_run_alone(
     study, out = troubled(tmp_path, strategy), tmp_path / "out"
     process = started(sweep_command(study, out, "--workers", "1"))
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 1 and "3 runs gave no figures" in err
+    assert process.returncode == 1 and "3 runs failed" in err
     with ThreadPoolExecutor(1) as executor:
         tables = Store(out).rows(), sweep(study, executor=executor)
     for failed in (table.column("failed").to_pylist() for table in tables):

@@ -1,6 +1,7 @@
 """The table-top rules on floors that are in no list: any tables, positions, destinations, robots.
 
-b+-+-+d      every run ends with everything delivered and every robot in its bay; for one robot the
+b+-+-+d      every run ends with everything delivered and every robot in its parking bay; for one
+robot the
 b|s|s|d      ticks follow from the rules alone and are computed here a second time.
 b+-+-+d
 """
@@ -149,7 +150,7 @@ def test_robots_without_work_stay_parked() -> None:
 
 
 def test_more_robots_than_bays_is_an_error_that_says_so() -> None:
-    with pytest.raises(InputError, match=r"fleet\.robots is 4 but the floor has 3 bays"):
+    with pytest.raises(InputError, match=r"fleet\.robots is 4 but the floor has 3 parking bays"):
         Floor(1, 1, 1, 4, "independent").resolved()
 
 
@@ -157,7 +158,7 @@ def test_more_robots_than_bays_is_an_error_that_says_so() -> None:
 
 
 def lone_robot_ticks(resolved: Resolved, run: Simulation) -> int:
-    """T_total of one independent robot by the rules: nearest load first, ties to the lowest order.
+    """makespan of one independent robot by the rules: nearest load first, ties to the lowest order.
 
     Costs are ticks on (cell, axis); `run` tells the targets of the orders and is not run.
     """

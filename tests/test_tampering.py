@@ -1,4 +1,4 @@
-"""Recordings that somebody altered and sealed anew: `verify` finds it, or it is a label.
+"""Recordings that somebody altered and sealed again: `verify` finds it, or it is a label.
 
 Each tampering changes one thing that a recording says, and puts the file together with right seals.
 """
@@ -24,9 +24,12 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
 RUNS = {
-    "tables": ("tabletop-mini", "stop={when: never, at_most: 2100}"),  # has a state of tick 2,048
-    "depots": ("depots", "stop.at_most=150"),
-    "factory": ("factory", "stop.at_most=150"),
+    "tables": (
+        "tabletop-mini",
+        "stop={when: never, max_duration: 2100}",
+    ),  # has a state of tick 2,048
+    "depots": ("depots", "stop.max_duration=150"),
+    "factory": ("factory", "stop.max_duration=150"),
 }
 
 Tampering = Callable[["Taken"], None]
@@ -120,7 +123,7 @@ for name, value in (
     ("durations.turn", 3),
     ("world.following", False),
     ("stop.when", "delivered"),
-    ("stop.at_most", 900),
+    ("stop.max_duration", 900),
     ("fleet.robots", 2),
     ("measure", {"warm_up": 5}),
     ("layout", {"picture": "b+d\n #s"}),
@@ -131,7 +134,7 @@ set_key("depots", "battery.reserve", 99.0)
 set_key("depots", "battery.drain.move", 9.0)
 set_key("depots", "fleet.kinematics", "differential")
 set_key("depots", "strategy.charging", "threshold")
-set_key("factory", "faults.rate", 0.5)
+set_key("factory", "faults.failure_probability", 0.5)
 set_key("factory", "strategy.zoning", "static")
 for name in ("name", "summary"):
     set_key("tables", name, "another", found=False)
@@ -167,8 +170,8 @@ for place in ("header.robots.charge", "state.robots.charge", "state.robots.slot"
     add_to("depots", place, by=-1)
 for place in (
     *(
-        "header.works.processing_time",
-        "header.works.arrival_tick",
+        "header.jobs.processing_time",
+        "header.jobs.arrival_tick",
         "state.stations.job_done_tick",
         "state.stations.arrival_tick",
     ),

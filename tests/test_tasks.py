@@ -39,10 +39,10 @@ from strategies.allocation.independent import deliver, take_order
 SMALL = """
 name: small
 layout: {generator: racks, rows: 9, columns: 16, block: 3, last_row: 0}
-fleet: {robots: 3, kinematics: omni, start: stands}
+fleet: {robots: 3, kinematics: omni, start: racks}
 orders: {generator: dock-to-rack, count: 40}
 strategy: {allocation: first-come, right_of_way: wait}
-stop: {when: never, at_most: 400}
+stop: {when: never, max_duration: 400}
 measure: {warm_up: 50}
 """
 LINE = """
@@ -54,7 +54,7 @@ layout:
 fleet: {robots: 1, kinematics: omni, start: [[7, 0]]}
 orders: {list: [{from: [0, 1], to: [5, 1]}, {from: [0, 1], to: [2, 1]}, {from: [0, 1], to: [7, 1]}]}
 strategy: {allocation: first-come, right_of_way: wait}
-stop: {when: parked, at_most: 100}
+stop: {when: parked, max_duration: 100}
 measure: {}
 """
 
@@ -153,16 +153,31 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
     figures = metrics_of(simulation)
     assert figures["task_time"] == pytest.approx(34 / 3)
     assert figures["delay"] == 0
-    assert figures["completions"] == 1000 * 3 / simulation.tick
+    assert figures["throughput_per_robot"] == 1000 * 3 / simulation.tick
     assert list(figures) == [name for name in GLOSSARY if name not in NOT_HERE]
 
 
 NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders that come later
-    *("slowed", "alternatives", "lost_in_line", "energy", "charging", "least_charge"),
-    *("repair_energy", "ran_empty"),
-    *("breakdowns", "towed", "out_of_order", "lead_time", "lead_time_p95", "travel", "messages"),
+    *(
+        "slowdown_ticks",
+        "alternative_routes",
+        "lost_queueing",
+        "energy",
+        "charging_share",
+        "min_charge",
+    ),
+    *("repair_energy", "battery_depletions"),
+    *("breakdowns", "towed", "downtime", "lead_time", "lead_time_p95", "distance", "messages"),
     # no parts, no zones
-    *("parts", "part_time", "busiest_station", "busiest", "redesigns", "in_balance", "load_shares"),
+    *(
+        "parts_finished",
+        "part_flow_time",
+        "busiest_station",
+        "busiest_station_utilization",
+        "redesigns",
+        "balanced_share",
+        "shared_orders",
+    ),
 )
 
 
@@ -187,7 +202,7 @@ def test_the_oldest_order_is_taken_first(ran):
 
 def test_every_order_is_looked_at_once_in_a_run(scenario):
     """Five thousand orders, some hundreds of questions: not a million looks."""
-    simulation = Simulation(scenario(SMALL, "orders.count=5000", "stop.at_most=3000"))
+    simulation = Simulation(scenario(SMALL, "orders.count=5000", "stop.max_duration=3000"))
     simulation.run()
     taken = int((simulation.world.orders.dispatched != NIL).sum())
     assert taken > 200
@@ -225,7 +240,7 @@ def test_orders_that_are_given_back_are_taken_again(information, seed):
         simulation = Simulation(resolve("tabletop-mini", settings, seed))
         simulation.run()
         assert simulation.finished
-        assert metrics_of(simulation)["withdrawals"] > 5
+        assert metrics_of(simulation)["retreats"] > 5
         digests.append(simulation.digest)
     assert digests[0] == digests[1]
 
@@ -241,7 +256,7 @@ def test_figures_of_tasks_leave_the_warm_up_out(ran):
     completed = np.count_nonzero(done & (orders.delivered > 50))
     assert 0 < len(times) < completed < np.count_nonzero(done)
     assert figures["task_time"] == pytest.approx(times.mean())
-    assert figures["completions"] == pytest.approx(1000 * completed / (3 * 350))
+    assert figures["throughput_per_robot"] == pytest.approx(1000 * completed / (3 * 350))
     assert figures["delay"] == 0, "any number of robots fit into a cell"
 
 
@@ -255,9 +270,9 @@ layout:
     #|s$s|sss|
     #+---+---+d
 fleet: {robots: 1, kinematics: rail}
-orders: {generator: drawn-loads}
+orders: {generator: picture-loads}
 durations: {move: 2, turn: 5, pick: 3, drop: 4}
-stop: {when: parked, at_most: 2000}
+stop: {when: parked, max_duration: 2000}
 measure: {}
 """
 
@@ -293,7 +308,7 @@ def test_a_differential_robot_alone_in_a_warehouse_is_not_delayed(scenario, rout
 
 
 def test_narrow_aisles_delay(scenario):
-    simulation = Simulation(scenario(SMALL, "layout.capacity=2", "strategy.right_of_way=withdraw"))
+    simulation = Simulation(scenario(SMALL, "layout.capacity=2", "strategy.right_of_way=retreat"))
     simulation.run()
     assert metrics_of(simulation)["delay"] > 0
 
@@ -351,7 +366,7 @@ def test_the_validator_accepts_the_run_and_refuses_a_rack_served_from_its_side(r
         (("warm_up: 50", "warm_up: -1"), 8, "measure.warm_up must be a whole number from 0"),
         (("when: never", "when: nevr"), 7, "(did you mean 'never'?)"),
         (("first-come", "first-cme"), 6, "(did you mean 'first-come'?)"),
-        (("start: stands", "start: stand"), 4, "(did you mean 'stands'?)"),
+        (("start: racks", "start: rack"), 4, "(did you mean 'racks'?)"),
     ],
 )
 def test_bad_values_are_named_with_their_place(scenario, change, line, message):
@@ -368,7 +383,7 @@ layout:
 fleet: {fleet}
 orders: {orders}
 """
-TWO = "{robots: 2, kinematics: omni, start: stands}"
+TWO = "{robots: 2, kinematics: omni, start: racks}"
 TEN = "{generator: dock-to-rack, count: 10}"
 
 
@@ -380,9 +395,9 @@ TEN = "{generator: dock-to-rack, count: 10}"
         ("i~~\n#rs", TWO, TEN.replace("dock-to-rack, count: 10", "full-shelves"), "a destination"),
         ("~~~\nrrr", TWO, TEN, "the orders dock-to-rack need a dock, the floor has none"),
         ("i~~\n###", TWO, TEN, "there is no rack that robots can stand in front of"),
-        ("i~~\n###", TWO.replace("stands", "random"), TEN, "need a rack, the floor has none"),
+        ("i~~\n###", TWO.replace("racks", "random"), TEN, "need a rack, the floor has none"),
         ("i~~r", TWO, TEN, "there is no rack that robots can stand in front of"),
-        ("i~~r", TWO.replace("stands", "random"), TEN, "no rack can be served"),
+        ("i~~r", TWO.replace("racks", "random"), TEN, "no rack can be served"),
         ("i#~\n##r", TWO, TEN, "no dock can be served"),
         ("i..\n#r#", TWO, TEN, "fleet.robots is 2 but in front of racks there is room for 1"),
         (
@@ -406,7 +421,7 @@ def test_where_nothing_ended_there_are_no_times() -> None:
     run.run(until=310)  # ten ticks after the warm-up
     figures = metrics_of(run)
     times = {"task_time", "delay", "delay_p95"}
-    assert not times & set(figures) and "completions" in figures
+    assert not times & set(figures) and "throughput_per_robot" in figures
     nothing = Simulation(resolve("depots", []))
     nothing.run(until=1)
     assert not {"lead_time", "lead_time_p95", "legs_per_order"} & set(metrics_of(nothing))

@@ -64,7 +64,7 @@ def cases(draw: Any, kinematics: tuple[str, ...] = ("omni", "differential")) -> 
         f"{picture}\n~",
         robots=(draw(st.sampled_from(cells)),),
         kinematics=ways_of,
-        zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(MODES)),
         slowdown=draw(st.sampled_from(["zones", "none"])),
         move=move,
         turn=turn,

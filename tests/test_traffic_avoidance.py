@@ -1,4 +1,4 @@
-"""Traffic avoidance: what is foreseen of the others, which plan is chosen, and how it is driven."""
+"""Traffic avoidance: what is predicted of the others, which plan is chosen, and how it is driven."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def size_of(used: Array) -> int:
 def sets_of_the_warehouse(
     precision: float, recall: float, share: float = noise.USED_SHARE
 ) -> tuple[int, int, int]:
-    """Zones used, of those foreseen, and foreseen in all, summed over the tasks of a seed.
+    """Zones used, of those predicted, and predicted in all, summed over the tasks of a seed.
 
     `share`: of the zones that a task uses, as the noise has it.
     """
@@ -180,7 +180,7 @@ def ring(tmp_path: Path, routing: str, picture: str = RING) -> Resolved:
         f"name: ring\nlayout:\n  picture: |\n{rows}\n"
         f"fleet: {{kinematics: omni, robots: {1 + picture.count('B')}}}\n"
         f"orders: {{list: [{{from: [0, 2], to: [10, 2]}}{second}]}}\n"
-        "stop: {when: delivered, at_most: 500}\n"
+        "stop: {when: delivered, max_duration: 500}\n"
     )
     return resolve(str(scenario), [f"strategy.routing={routing}"])
 
@@ -211,7 +211,7 @@ def test_so_nobody_is_in_anybodys_way(tmp_path: Path) -> None:
         simulation = Simulation(ring(tmp_path, routing))
         simulation.run()
         assert simulation.finished
-        lost[routing] = metrics_of(simulation)["blocked"]
+        lost[routing] = metrics_of(simulation)["blocked_share"]
     assert lost["astar"] > 0 == lost["traffic-avoidance"]
 
 
@@ -222,32 +222,32 @@ def test_alternatives_are_counted(tmp_path: Path, information: str) -> None:
         settings = [f"strategy.routing={routing}", f"information={information}"]
         simulation = Simulation(resolve(tmp_path / "ring.yaml", settings))
         simulation.run()
-        assert metrics_of(simulation).get("alternatives") == alternatives
+        assert metrics_of(simulation).get("alternative_routes") == alternatives
 
 
 def fleet(routing: str) -> dict[str, float | int]:
     """The first 200 ticks of 100 robots in the warehouse."""
-    settings = ["fleet.robots=100", "stop.at_most=200", "measure.warm_up=0"]
+    settings = ["fleet.robots=100", "stop.max_duration=200", "measure.warm_up=0"]
     simulation = Simulation(resolve("warehouse-100", [*settings, f"strategy.routing={routing}"]))
     simulation.run()
     return {**metrics_of(simulation), "digest": int(simulation.digest, 16)}
 
 
 def test_a_noisy_crowd_leaves_no_alternative_up_to_six_others() -> None:
-    """About eleven others are foreseen in a zone, so every zone that is not its own is closed."""
+    """About eleven others are predicted in a zone, so every zone that is not its own is closed."""
     noisy = "{name: traffic-avoidance, predictor: noisy, precision: 0.4, recall: 0.84%s}"
     plain, six, twenty = (
-        fleet(name) for name in ("astar", noisy % "", noisy % ", most_threshold: 20")
+        fleet(name) for name in ("astar", noisy % "", noisy % ", max_threshold: 20")
     )
-    assert six["alternatives"] == 0 and six["digest"] == plain["digest"]
-    assert twenty["alternatives"] > 50
+    assert six["alternative_routes"] == 0 and six["digest"] == plain["digest"]
+    assert twenty["alternative_routes"] > 50
 
 
 def test_the_noise_is_that_of_the_trials() -> None:
     """Whatever the zones of a task: the chances are those of precision, recall and the mean share."""
     noisy = "{name: traffic-avoidance, predictor: noisy, precision: 0.4, recall: 0.84%s}"
     chances = []
-    for more in ("", ", used: 0.25"):
+    for more in ("", ", prevalence: 0.25"):
         resolved = resolve("warehouse-100", [f"strategy.routing={noisy % more}"])
         memory = Simulation(resolved).memories[LAYER_ROUTING]
         chances.append(memory.parameters[2:4] / noise.CERTAIN)
@@ -291,7 +291,7 @@ def test_every_scenario_is_driven_to_its_end(name: str, routing: str, informatio
 
 
 def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
-    """Alone in the warehouse: the zones of both legs of its first task, foreseen in tick 1."""
+    """Alone in the warehouse: the zones of both legs of its first task, predicted in tick 1."""
     settings = ["fleet.robots=1", "strategy.routing=traffic-avoidance"]
     simulation = Simulation(resolve("warehouse-100", settings))
     world = simulation.world
@@ -314,10 +314,10 @@ def test_what_is_foreseen_of_a_robot_is_what_it_drives() -> None:
     ("routing", "sentence"),
     [
         ("{name: traffic-avoidance, predictor: noisy}", "needs precision and recall"),
-        ("{name: traffic-avoidance, recall: 0.5}", "are for predictor noisy alone"),
-        ("{name: traffic-avoidance, used: 0.5}", "are for predictor noisy alone"),
+        ("{name: traffic-avoidance, recall: 0.5}", "are for predictor: noisy only"),
+        ("{name: traffic-avoidance, prevalence: 0.5}", "are for predictor: noisy only"),
         ("{name: traffic-avoidance, predictor: exakt}", "did you mean 'exact'"),
-        ("{name: astar, ties: filo}", "did you mean 'fifo'"),
+        ("{name: astar, tie_break: filo}", "did you mean 'fifo'"),
     ],
 )
 def test_bad_parameters_are_one_sentence(

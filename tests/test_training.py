@@ -38,7 +38,7 @@ layout:
 fleet: {robots: 1, kinematics: omni, start: random}
 orders: {generator: dock-to-rack, count: 3}
 strategy: {allocation: first-come, routing: shortest, right_of_way: wait}
-stop: {when: never, at_most: 10}
+stop: {when: never, max_duration: 10}
 """
 
 

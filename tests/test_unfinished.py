@@ -1,7 +1,7 @@
 """No run hangs: two to five robots, both configurations, all strategies, every seed ends.
 
 A part of what `automaton reproduce tabletop --seeds 200` runs. What hangs when a rule is missing:
-head-on meetings without withdrawal, cycles of three without the limit of retries, robots parked on
+head-on meetings without retreat, cycles of three without the limit of retries, robots parked on
 the track, loads that no robot may take.
 """
 
@@ -13,7 +13,7 @@ from automaton.parallel import run_all
 from automaton.scenario.resolve import resolve
 
 SEEDS = range(1001, 1061)  # not those of the reproduction
-LONGEST = 3.5  # times the mean of all seeds: a run that crawls is no run that ends
+LONGEST = 3.5  # times the mean of all seeds: a run that crawls is not a run that ends
 
 
 @pytest.mark.parametrize("allocation", ["independent", "cooperative", "adaptive"])
@@ -24,14 +24,14 @@ def test_every_run_ends(name: str, allocation: str) -> None:
         for robots in (2, 3, 4, 5)
     ]
     for runs in run_all(fleets, SEEDS, workers=1):
-        ticks = [run.metrics["T_total"] for run in runs]
+        ticks = [run.metrics["makespan"] for run in runs]
         assert [run.seed for run in runs if not run.finished] == []
         assert max(ticks) < LONGEST * sum(ticks) / len(ticks)
         assert all(run.metrics["illegal_answers"] == 0 for run in runs)
 
 
 def test_without_withdrawals_runs_do_hang() -> None:
-    """The counter-check: the situations that withdrawals resolve do occur."""
-    waiting = resolve("tabletop-1", ["strategy.right_of_way=wait", "stop.at_most=20000"])
+    """The counter-check: the situations that retreats resolve do occur."""
+    waiting = resolve("tabletop-1", ["strategy.right_of_way=wait", "stop.max_duration=20000"])
     (runs,) = run_all([waiting], SEEDS, workers=1)
     assert sum(not run.finished for run in runs) > len(runs) / 2

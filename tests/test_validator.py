@@ -60,7 +60,7 @@ def test_runs_keep_the_rules(
             f"world.following={following}",
             f"durations.move={move}",
             f"strategy.allocation={allocation}",
-            "stop.at_most=1500",
+            "stop.max_duration=1500",
         )
     )
     assert [str(violation) for violation in report.violations] == []
@@ -123,7 +123,7 @@ def test_two_robots_meet_between_two_cells(spans: tuple[int, int], late: int) ->
     rows = [(1, CHANGE_DURATION, 0, spans[0]), (late + 1, CHANGE_DURATION, 1, spans[1])]
     found = rules(played(head, *begun, changes=rows))
     swap = ["swap"] if late < spans[0] else []
-    assert [rule for rule in found if rule not in ("capacity", "pace")] == swap
+    assert [rule for rule in found if rule not in ("capacity", "move time")] == swap
     assert ("capacity" in found) == (late < spans[0] - 1), "until then A holds the cell"
     passing = header(floor.replace(".~~", "~~~"), [(0, 0), (1, 0)])
     assert "swap" not in rules(played(passing, *begun, changes=rows))
@@ -216,7 +216,7 @@ def test_without_following_a_cell_must_be_empty_when_the_tick_begins() -> None:
 
 
 def test_robots_leave_and_enter_their_bays() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     report = played(
         head, {0: LEFT_PARKING_BAY | E}, {0: W | ENTERED_PARKING_BAY}, {0: LEFT_PARKING_BAY | S}
     )
@@ -224,13 +224,13 @@ def test_robots_leave_and_enter_their_bays() -> None:
 
 
 def test_bays_are_left_only_onto_an_empty_home_cell() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     report = played(head, {0: LEFT_PARKING_BAY | S}, {1: LEFT_PARKING_BAY | E, 0: N})
     assert rules(report) == ["bay"]
 
 
 def test_nobody_follows_a_robot_that_came_out_of_its_bay() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     assert rules(
         played(head, {1: LEFT_PARKING_BAY | E}, {1: N}, {1: W, 0: LEFT_PARKING_BAY | S})
     ) == ["bay"]
@@ -238,7 +238,7 @@ def test_nobody_follows_a_robot_that_came_out_of_its_bay() -> None:
 
 
 def test_a_robot_in_its_bay_does_nothing() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     assert rules(played(head, {0: E})) == ["bay"]
     assert played(head, {0: EXECUTED_BAY_BLOCKED}).valid
     assert rules(played(head, {0: LEFT_PARKING_BAY | E}, {0: EXECUTED_BAY_BLOCKED})) == ["bay"]
@@ -246,9 +246,9 @@ def test_a_robot_in_its_bay_does_nothing() -> None:
 
 
 def test_a_robot_parks_at_its_own_home_only() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     assert rules(played(head, {0: LEFT_PARKING_BAY | S | ENTERED_PARKING_BAY})) == ["bay"]
-    early = header(BAYS, "bays", 2, durations={"move": 2})
+    early = header(BAYS, "parking-bays", 2, durations={"move": 2})
     assert rules(played(early, {0: LEFT_PARKING_BAY | E}, {}, {0: W | ENTERED_PARKING_BAY})) == [
         "bay"
     ]
@@ -256,7 +256,7 @@ def test_a_robot_parks_at_its_own_home_only() -> None:
 
 
 def test_a_robot_with_an_order_does_not_park() -> None:
-    head = header(BAYS, "bays", 2)
+    head = header(BAYS, "parking-bays", 2)
     given = [(1, CHANGE_ORDER_RESERVED, 0, 0)]
     assert rules(
         played(head, {0: LEFT_PARKING_BAY | E}, {0: W | ENTERED_PARKING_BAY}, changes=given)
@@ -264,11 +264,11 @@ def test_a_robot_with_an_order_does_not_park() -> None:
 
 
 def test_a_bay_holds_one_robot() -> None:
-    head = copy.deepcopy(header(BAYS, "bays", 2))
+    head = copy.deepcopy(header(BAYS, "parking-bays", 2))
     for name in ("bay", "home"):
         head["robots"][name][1] = head["robots"][name][0]
     assert rules(played(head, {})) == ["bay"]
-    head = copy.deepcopy(header(BAYS, "bays", 2))
+    head = copy.deepcopy(header(BAYS, "parking-bays", 2))
     head["robots"]["home"][1] += 1
     assert rules(played(head, {})) == ["bay"]
 
@@ -291,7 +291,7 @@ STATES = [
 
 @pytest.mark.parametrize("name", STATES)
 def test_a_recorded_state_that_differs_from_the_replay(name: str) -> None:
-    recording = recorded("tabletop-mini", "stop.at_most=300")
+    recording = recorded("tabletop-mini", "stop.max_duration=300")
     frames = copy.deepcopy(list(recording.frames))
     part, field = name.split(".")
     state = [content for kind, content in frames if kind == KEYFRAME][-1]
@@ -319,7 +319,7 @@ def test_a_tick_lost_to_an_illegal_answer_does_not_tell_whether_a_robot_is_parke
 ) -> None:
     """Robot 0 delivers the order and leaves the floor; robot 1 rests, or is about to leave."""
     orders = {"list": [{"from": [1, 2], "to": [5, 2]}]}
-    fleet = {"robots": 2, "kinematics": "omni", "start": [(1, 1), (0, 0)], "when_done": "leave"}
+    fleet = {"robots": 2, "kinematics": "omni", "start": [(1, 1), (0, 0)], "when_idle": "leave"}
     head = header(FLOOR, "", orders=orders, fleet=fleet)
     way = [
         {0: EXECUTED_PICK},

@@ -36,9 +36,13 @@ FLOOR = """\
 c..t
 ...t
 """
-ORDERS = {"list": [{"from": [3, 0], "to": [3, 1]}, {"from": [3, 1], "to": [3, 0], "at": 5}]}
-BATTERY = {"start": 25.0, "drain": {"move": 10.0, "pick": 1.0, "wait": 0.5}, "charge": 4.0}
-FAULTS = {"list": [{"robot": 0, "at": 3}], "tow_after": 4, "repair": 2}
+ORDERS = {"list": [{"from": [3, 0], "to": [3, 1]}, {"from": [3, 1], "to": [3, 0], "release": 5}]}
+BATTERY = {
+    "initial_charge": 25.0,
+    "drain": {"move": 10.0, "pick": 1.0, "wait": 0.5},
+    "charge_rate": 4.0,
+}
+FAULTS = {"list": [{"robot": 0, "at": 3}], "tow_after": 4, "repair_time": 2}
 
 
 def floor(*starts: tuple[int, int], **parts: Any) -> dict[str, Any]:
@@ -95,7 +99,7 @@ def out(*later: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
         (out(), None),
         (out((7, CHANGE_STATUS, 0, STATUS_TOWED), (9, CHANGE_STATUS, 0, STATUS_UP)), None),
         ([(2, CHANGE_STATUS, 0, STATUS_FAILED)], "breaks down although nothing says so"),
-        (out((4, CHANGE_STATUS, 0, STATUS_FAILED)), "goes out of order although it is already"),
+        (out((4, CHANGE_STATUS, 0, STATUS_FAILED)), "goes down although it is already"),
         (out((6, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
         (out((8, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
         ([(7, CHANGE_STATUS, 0, STATUS_TOWED)], "is towed at another time than it must be"),
@@ -119,7 +123,7 @@ def test_robots_fail_are_towed_and_come_back_when_the_scenario_says(changes, say
 
 def test_a_robot_out_of_order_does_nothing() -> None:
     report = played(floor(faults=FAULTS), {}, {}, {}, {0: E}, changes=out())
-    assert rules(report) == ["energy"] and "although it is out of order" in texts(report)
+    assert rules(report) == ["energy"] and "although it is down" in texts(report)
 
 
 def test_a_towed_robot_is_in_nobody_s_way() -> None:
@@ -163,7 +167,7 @@ def test_a_load_lies_in_a_spare_slot_until_it_is_picked_up() -> None:
     station = [row if row[1] != CHANGE_LOAD_LEFT else (3, CHANGE_LOAD_LEFT, 0, 1) for row in LEFT]
     head = floor((3, 0), (1, 1), faults=FAULTS)
     report = played(head, {0: EXECUTED_PICK}, {0: W}, {}, changes=[*PICK_UP, *station])
-    assert "leaves no load, or in a slot that is no spare one" in texts(report)
+    assert "leaves no load, or in a slot that is not a spare one" in texts(report)
     twice = left_load(
         {1: E}, {1: EXECUTED_PICK}, {1: EXECUTED_PICK}, changes=[*taken(5), *taken(6)]
     )
@@ -187,7 +191,7 @@ def failing() -> Recording:
     """Four robots, one of which fails; recorded with its keyframes."""
     settings = [
         "orders.count=40",
-        "faults={list: [{robot: 2, at: 850}], tow_after: 90, repair: 200}",
+        "faults={list: [{robot: 2, at: 850}], tow_after: 90, repair_time: 200}",
     ]
     run, recorder = recorded_run(resolve("depots", settings), seed=3)
     assert run.finished and run.world.tally.failures.sum() > 0

@@ -40,9 +40,9 @@ def lengths(*rows: tuple[int, int, int]) -> list[tuple[int, int, int, int]]:
 def test_a_robot_alone() -> None:
     assert played(slow((2, 1)), {0: E}, {0: E}).valid
     report = played(slow((2, 1)), {0: E}, changes=lengths((1, 0, 2)))
-    assert rules(report) == ["pace"]
+    assert rules(report) == ["move time"]
     assert str(report.violations[0]) == (
-        "tick 1: pace: robot 0 at (2, 1): its move is recorded with 2 ticks and must take 1: "
+        "tick 1: move time: robot 0 at (2, 1): its move is recorded with 2 ticks and must take 1: "
         "zone 2 holds 1 robot when it starts"
     )
 
@@ -52,9 +52,13 @@ def test_two_robots_and_a_third_that_comes_later() -> None:
     both = {0: E, 1: E, 2: E}
     told = lengths((1, 0, 2), (1, 1, 2), (2, 2, 3))
     assert played(head, both, {2: E}, {}, {}, changes=told).valid
-    assert rules(played(head, both, {2: E}, changes=told[:2])) == ["pace"]
-    assert rules(played(head, both, {2: E}, changes=[*told[:2], *lengths((2, 2, 2))])) == ["pace"]
-    assert rules(played(head, both, changes=lengths((1, 0, 2), (1, 1, 2), (1, 2, 3)))) == ["pace"]
+    assert rules(played(head, both, {2: E}, changes=told[:2])) == ["move time"]
+    assert rules(played(head, both, {2: E}, changes=[*told[:2], *lengths((2, 2, 2))])) == [
+        "move time"
+    ]
+    assert rules(played(head, both, changes=lengths((1, 0, 2), (1, 1, 2), (1, 2, 3)))) == [
+        "move time"
+    ]
 
 
 def test_who_leaves_counts_until_it_arrives() -> None:
@@ -62,40 +66,42 @@ def test_who_leaves_counts_until_it_arrives() -> None:
     head = slow((2, 1), (4, 1))
     two = lengths((1, 0, 2), (2, 1, 2))
     assert played(head, {0: W}, {1: E}, changes=two).valid
-    assert rules(played(head, {0: W}, {1: E}, changes=two[:1])) == ["pace"]
+    assert rules(played(head, {0: W}, {1: E}, changes=two[:1])) == ["move time"]
     assert played(head, {0: W}, {}, {1: E}, changes=two[:1]).valid
 
 
 def test_intersections_are_free_or_zones() -> None:
     start = [(1, 1), (2, 1), (3, 1)]
     assert played(slow(*start), {0: W}).valid
-    assert played(slow(*start, zones="with-intersections"), {0: N}).valid
+    assert played(slow(*start, traffic_zones="with-intersections"), {0: N}).valid
 
 
 def test_lanes() -> None:
-    head = slow((2, 1), (5, 1), zones="directed")
+    head = slow((2, 1), (5, 1), traffic_zones="directed")
     assert played(head, {1: W}).valid, "both look east"
-    assert rules(played(slow((2, 1), (5, 1)), {1: W})) == ["pace"]
-    assert rules(played(head, {1: E})) == ["pace"]
+    assert rules(played(slow((2, 1), (5, 1)), {1: W})) == ["move time"]
+    assert rules(played(head, {1: E})) == ["move time"]
     assert played(head, {1: E}, changes=lengths((1, 1, 2))).valid
 
 
 def test_a_robot_out_of_its_bay_is_in_no_zone_yet_but_counts_itself() -> None:
     floor = "b....\n#s##d"
-    head = header(floor, "bays", 1, world=SLOW)
+    head = header(floor, "parking-bays", 1, world=SLOW)
     assert played(head, {0: LEFT_PARKING_BAY | E}).valid
-    assert rules(played(head, {0: LEFT_PARKING_BAY | E}, changes=lengths((1, 0, 2)))) == ["pace"]
+    assert rules(played(head, {0: LEFT_PARKING_BAY | E}, changes=lengths((1, 0, 2)))) == [
+        "move time"
+    ]
 
 
 def test_without_slow_zones_every_move_takes_its_duration() -> None:
     head = header(CORNER, [(2, 1)], durations={"move": 2})
     assert played(head, {0: E}, {}, {0: E}).valid
-    assert rules(played(head, {0: E}, changes=lengths((1, 0, 3)))) == ["pace"]
-    assert rules(played(head, {0: E}, {0: E}, changes=lengths((1, 0, 1)))) == ["pace"]
+    assert rules(played(head, {0: E}, changes=lengths((1, 0, 3)))) == ["move time"]
+    assert rules(played(head, {0: E}, {0: E}, changes=lengths((1, 0, 1)))) == ["move time"]
 
 
 def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
-    head = header(CORNER, [(2, 1)], world={"extra_tick": 0.5})
+    head = header(CORNER, [(2, 1)], world={"extra_tick_probability": 0.5})
     pace = Pace(head["floor"], head["seed"], [1] * len(head["robots"]["home"]))
     late = [tick for tick in range(1, 40) if pace.draw(tick, 0) < 2**31]
     assert 5 < len(late) < 35
@@ -106,9 +112,9 @@ def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
             for ticks in (1, 2, 3)
         ]
         assert verdicts == [
-            [["pace"], []][tick not in late],
-            [["pace"], []][tick in late],
-            ["pace"],
+            [["move time"], []][tick not in late],
+            [["move time"], []][tick in late],
+            ["move time"],
         ]
 
 
@@ -136,7 +142,12 @@ def test_its_zones_are_those_of_the_world(data: st.DataObject) -> None:
 @pytest.fixture(scope="module")
 def good() -> Recording:
     return recorded(
-        *("crossing", "world.slowdown=zones", "world.extra_tick=0.2", "stop.at_most=120"),
+        *(
+            "crossing",
+            "world.slowdown=zones",
+            "world.extra_tick_probability=0.2",
+            "stop.max_duration=120",
+        ),
     )
 
 
@@ -151,7 +162,7 @@ def test_a_tampered_length_is_named(good: Recording) -> None:
     tick, _, robot, length = ticks["changes"][moves[3]].tolist()
     ticks["changes"][moves[3], 3] += 1
     first = validate_stored(Recording(good.header, frames, complete=True)).violations[0]
-    assert (first.tick, first.rule, first.robots) == (tick, "pace", (robot,))
+    assert (first.tick, first.rule, first.robots) == (tick, "move time", (robot,))
     assert f"is recorded with {length + 1} ticks and must take {length}: zone" in first.text
     assert "when it starts and chance adds" in first.text
 
@@ -160,4 +171,4 @@ def test_a_scenario_that_claims_to_be_quick(good: Recording) -> None:
     head = copy.deepcopy(good.header)
     head["scenario"]["world"]["slowdown"] = "none"
     violations = validate_stored(Recording(head, good.frames[1:], complete=True)).violations
-    assert {violation.rule for violation in violations} >= {"pace"}
+    assert {violation.rule for violation in violations} >= {"move time"}

@@ -23,7 +23,7 @@ from automaton.simulation import Simulation
 
 @pytest.fixture(scope="module")
 def good() -> Recording:
-    resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.at_most=1000"])
+    resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.max_duration=1000"])
     memory = MemoryRecorder(resolved, 4)
     Simulation(resolved, 4, on_record=memory).run()
     return memory.recording()
@@ -106,7 +106,7 @@ def test_a_run_that_ends_sooner_when_made_again(good: Recording) -> None:
     recording, _ = altered(good)
     conditions = next(frame.content for frame in recording.frames if frame.kind == CONDITIONS)
     for part in (recording.header, conditions):
-        part["scenario"]["stop"]["at_most"] = 700
+        part["scenario"]["stop"]["max_duration"] = 700
     difference = verify_recording(recording).difference
     assert difference is not None
     assert str(difference) == "tick 700: end differs: made again, the run ends here"
@@ -199,7 +199,7 @@ def test_what_is_no_recording_ends_with_2(
 
 
 def test_a_recording_of_an_unfinished_run_is_complete(tmp_path: Path) -> None:
-    resolved = resolve("tabletop-mini", ["stop.at_most=50"])
+    resolved = resolve("tabletop-mini", ["stop.max_duration=50"])
     with Recorder(tmp_path / "run.rec", resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run()
     found = verify_recording(stored.read_recording(tmp_path / "run.rec"))

@@ -15,7 +15,7 @@ FRAMES = 60
 FRAMES_OF_NOBODY = 20
 ANSWER = "\x1b[?2026;2$y"  # of a terminal: it goes through the viewer's loop, and means nothing
 ANSWERS = 200
-LINES = 4  # below the map: what the mouse is over, figures, time, keys
+LINES = 4  # below the map: what the mouse is over, metrics, time, keys
 
 LIMITS = [  # robots, size of the floor, bytes per frame at most
     ({**fleet(100), "width": 198}, 2_500),

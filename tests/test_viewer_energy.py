@@ -41,7 +41,7 @@ from tui.widgets.robots import Robots
 from tui.widgets.signs import ASCII as PLAIN_SIGNS
 from tui.widgets.why import Why
 
-FAULTS = "faults={rate: 0.0003, tow_after: 60, repair: 100}"
+FAULTS = "faults={failure_probability: 0.0003, tow_after: 60, repair_time: 100}"
 CHARGER_CELL = resolve("depots").floor_plan.cell(4, 0)
 
 
@@ -50,13 +50,13 @@ Found = Callable[[Snapshot], Any]
 
 def living(tick: int) -> View:
     """Four robots in a small depot with one charger."""
-    return moment(tick, "depots", "battery.start=40", FAULTS)
+    return moment(tick, "depots", "battery.initial_charge=40", FAULTS)
 
 
 @cache
 def first(holds: Found, after: int = 0) -> int:
     """The first tick of that run in which something holds."""
-    run = LiveRun(resolve("depots", ["battery.start=40", FAULTS]), 1)
+    run = LiveRun(resolve("depots", ["battery.initial_charge=40", FAULTS]), 1)
     for tick in range(after + 1, 5_000):
         run.show(tick, 99)
         if holds(take_snapshot(run.shown)):
@@ -85,14 +85,14 @@ def is_sent(now: Snapshot) -> bool:
 
 
 def is_held(now: Snapshot) -> bool:
-    """Somebody stands in line, and who holds the charger does not charge."""
+    """Somebody queues, and who holds the charger does not charge."""
     line = line_before(now, CHARGER_CELL)
     there = now.robots.cell == CHARGER_CELL
     return bool(line and there.any() and not charging_at(now, CHARGER_CELL))
 
 
 def in_line() -> tuple[View, int, int, int]:
-    """A moment in which one robot charges and two stand in line: who charges, the first, the second."""
+    """A moment in which one robot charges and two queue: who charges, the first, the second."""
     view = living(first(is_line_of_two))
     (holder,) = charging_at(view.snapshot, CHARGER_CELL)
     one, two = line_before(view.snapshot, CHARGER_CELL)
@@ -105,7 +105,7 @@ def in_percent(view: View, name: str, robot: int) -> float:
 
 def drained(tick: int) -> View:
     """Nobody charges, nobody tows."""
-    settings = ("battery.start=20", "strategy.charging=none", "faults={tow_after: null}")
+    settings = ("battery.initial_charge=20", "strategy.charging=none", "faults={tow_after: null}")
     return moment(tick, "depots", *settings, "strategy.allocation=independent")
 
 
@@ -125,13 +125,13 @@ def test_a_robot_in_line_tells_its_battery_its_place_and_its_plan(width: int) ->
     said_then = shown(Inspector(), selected(view, two), width)
     for words in (
         f"⋅ {in_percent(view, 'charge', two):.1f} %",
-        f"charging up to {in_percent(view, 'level', two):.0f} %, place 2 of 2 in line",
+        f"charging up to {in_percent(view, 'level', two):.0f} %, place 2 of 2 in the queue",
         "condition in order",
         "goal to charge at (4, 0)",
         "ahead order 7, order 3, order 11",
     ):
         assert words in said_then
-    assert "place 1 of 2 in line" in shown(Inspector(), of_robot(view, one), width)
+    assert "place 1 of 2 in the queue" in shown(Inspector(), of_robot(view, one), width)
 
 
 def test_a_bar_shows_how_full_a_battery_is() -> None:
@@ -145,7 +145,7 @@ def test_the_plan_of_a_robot_comes_with_the_snapshot_when_it_is_selected() -> No
     robot = int(np.argmax(view.snapshot.robots.order_queue_length))
     many = int(view.snapshot.robots.order_queue_length[robot])
     assert f"ahead {many} orders" in shown(Inspector(), of_robot(view, robot))
-    run = LiveRun(resolve("depots", ["battery.start=40", FAULTS]), 1)
+    run = LiveRun(resolve("depots", ["battery.initial_charge=40", FAULTS]), 1)
     run.show(view.snapshot.tick, 99)
     i = run.shown.world.robots.at_index[robot]
     order_queue = take_snapshot(run.shown, robot).order_queue.tolist()
@@ -183,7 +183,7 @@ def test_out_of_order_since_when_and_until_when() -> None:
 def test_an_empty_battery_says_what_it_lacks() -> None:
     empty = shown(Inspector(), of_robot(drained(100), 0), WIDE)
     assert "since tick 61: the battery of robot 0 holds 2.0 %, less than its next" in empty
-    assert "operation takes; nobody tows it" in empty
+    assert "operation takes; it is not towed" in empty
 
 
 def test_a_robot_without_battery_and_faults_says_nothing_of_them() -> None:
@@ -197,14 +197,14 @@ def test_a_charger_tells_who_charges_who_waits_and_who_comes() -> None:
     assert "cell (4, 0) charger" in said_then
     charge, level = (in_percent(view, name, holder) for name in ("charge", "level"))
     assert f"charges robot {holder} at {charge:.0f} %, up to {level:.0f} %, " in said_then
-    queue = said_then.partition("in line ")[2]
+    queue = said_then.partition("queue ")[2]
     for robot in (one, two):
         charge, level = (in_percent(view, name, robot) for name in ("charge", "level"))
         assert f"robot {robot} at {charge:.0f} %, up to {level:.0f} %" in queue
     assert queue.index(f"robot {one}") < queue.index(f"robot {two}")
     sent = living(first(is_sent))
     coming = shown(Inspector(), of_cell(sent, 4, 0), WIDE)
-    assert "charges nobody" in coming and "away" in coming
+    assert "charges no robot" in coming and "away" in coming
     assert f"sent here robot {sent_to(sent.snapshot, CHARGER_CELL)[0]}" in coming
 
 
@@ -232,7 +232,7 @@ def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
     assert "order 199 will come; no strategy knows it yet" in told[2] and "lead" not in told[2]
 
 
-# Table, find, figures, why.
+# Table, find, metrics, why.
 
 
 def test_the_table_has_columns_for_batteries_and_plans() -> None:
@@ -253,7 +253,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
         await click(pilot, robots, "ahead")
         ahead = np.argsort(-fleet.order_queue_length, kind="stable").tolist()
         assert [int(row.split()[0]) for row in said(robots)[1:5]] == ahead
-        assert sum("in line" in row for row in said(robots)) == 2
+        assert sum("queues" in row for row in said(robots)) == 2
 
     on_stage(robots, story, 110, 20)
 
@@ -267,7 +267,7 @@ def test_robots_are_found_by_their_condition() -> None:
     low = np.flatnonzero((fleet.charge < 200_000) & (fleet.load != NIL)).tolist()
     assert list(find("battery < 20 and loaded", view).robots) == low
     view, _, one, two = in_line()
-    assert list(find("in line", view).robots) == sorted([one, two])
+    assert list(find("queueing", view).robots) == sorted([one, two])
     assert find("empty", drained(100)).robots == (0, 1, 2)
 
 
@@ -277,13 +277,13 @@ def test_figures_tell_of_batteries_and_robots_out_of_order() -> None:
     for width in (NARROW, WIDE):
         said_then = shown(Figures(), view, width, 100)
         assert f"mean battery {charge.mean():.0f} %, least {charge.min():.0f} %" in said_then
-        assert "at chargers 1, 2 in line" in said_then and "batteries" in said_then
-        assert "out of order 0 robots, 0 towed" in said_then
-        assert "out of order 1 robot, 0 towed" in shown(Figures(), out, width, 100)
+        assert "at chargers 1, 2 queue" in said_then and "batteries" in said_then
+        assert "down 0 robots, 0 towed" in said_then
+        assert "down 1 robot, 0 towed" in shown(Figures(), out, width, 100)
     towed = living(first(is_towed))
-    assert "out of order 0 robots, 1 towed" in shown(Figures(), towed, WIDE, 100)
+    assert "down 0 robots, 1 towed" in shown(Figures(), towed, WIDE, 100)
     plain = shown(Figures(), moment(600), WIDE, 100)
-    assert "battery" not in plain and "out of order" not in plain
+    assert "battery" not in plain and "down" not in plain
 
 
 def test_lost_time_names_charger_empty_and_broken() -> None:
@@ -299,18 +299,14 @@ def test_why_tells_the_line_before_a_charger() -> None:
     view, holder, one, two = in_line()
     line, charges = explain(view.snapshot, view.floor_plan, two).lines
     level = in_percent(view, "level", holder)
-    assert (
-        f"robot {two} stands in line: robot {holder} charges at (4, 0) up to {level:.0f} %" in line
-    )
+    assert f"robot {two} queues: robot {holder} charges at (4, 0) up to {level:.0f} %" in line
     assert line.endswith(f" to go; robot {one} came before it")
     assert charges.startswith(f"robot {holder} charges up to {level:.0f} %, ")
     assert f"robot {holder} charges at (4, 0) up to" in shown(Why(), of_robot(view, two), WIDE)
     held = living(first(is_held)).snapshot
     (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
     waiting = line_before(held, CHARGER_CELL)[0]
-    assert (
-        f"in line: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
-    )
+    assert f"queues: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
 
 
 @pytest.mark.parametrize(

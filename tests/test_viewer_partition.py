@@ -76,7 +76,7 @@ def test_a_station_tells_its_zone_its_work_and_its_line(factory: View) -> None:
     part, left = stations.part[in_service[at]], stations.job_done_tick[at] - AT
     assert f"station {at + 1} of 18, in zone {service_zones.design.zone[at] + 1}" in said
     assert f"works on part {part}, {left} ticks left" in said
-    assert f"in line {len(line_of(factory, at))} part" in said
+    assert f"queue {len(line_of(factory, at))} part" in said
     done = int(np.count_nonzero((stations.station == at) & (stations.completion_tick != NIL)))
     assert f"so far {done} part" in said
 
@@ -180,7 +180,7 @@ def test_robots_that_stand_still_say_why_and_for_how_long(factory: View) -> None
     assert "stands still while the zones are redesigned" in link.text
 
 
-# Find, the table, the figures
+# Find, the table, the metrics
 
 
 def test_stations_and_zones_are_found_by_number(factory: View) -> None:

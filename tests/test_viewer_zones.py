@@ -146,7 +146,7 @@ def test_the_tie_rule_of_the_scenario_decides_what_is_explored(run: Simulation) 
     robot = busiest(run)
     counts = [np.count_nonzero(explored(run.world, paths_of(run, t), robot)) for t in (FIFO, 1)]
     assert counts[0] >= counts[1]
-    fifo = resolve("tabletop-1", ["strategy.routing={name: astar, ties: fifo}"])
+    fifo = resolve("tabletop-1", ["strategy.routing={name: astar, tie_break: fifo}"])
     assert TIES[ties_of(fifo.scenario)] == "fifo"
     assert TIES[ties_of(resolve("tabletop-1").scenario)] == "larger_g"
 
@@ -272,11 +272,11 @@ def test_driving_slowly_is_told_beside_lost_time_and_is_no_wait(crowded: View) -
     lost = crowded.snapshot.robots.lost
     robot = int(np.argmax(lost[:, CAUSE_REDUCED_SPEED]))
     ticks = int(lost[robot, CAUSE_REDUCED_SPEED])
-    row = shown(Why(), of_robot(crowded, robot)).partition("s driving slowly ")[2]
+    row = shown(Why(), of_robot(crowded, robot)).partition("s reduced speed ")[2]
     assert row.split()[1:3] == [str(ticks), f"{100 * ticks / 300:.0f}"]
-    assert "s driving slowly" in shown(Figures(), crowded, 56, 90)
+    assert "s reduced speed" in shown(Figures(), crowded, 56, 90)
     assert f"slowed by {ticks} ticks" in shown(Inspector(), of_robot(crowded, robot))
-    found = find(f"slowed >= {ticks}", crowded).robots
+    found = find(f"slowdown_ticks >= {ticks}", crowded).robots
     assert found == tuple(np.flatnonzero(lost[:, CAUSE_REDUCED_SPEED] >= ticks).tolist())
 
 

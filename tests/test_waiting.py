@@ -1,4 +1,4 @@
-"""Why a robot waits, told on floors where exactly that happens; circles; where time was lost."""
+"""Why a robot waits, told on floors where exactly that happens; wait cycles; where time was lost."""
 
 from __future__ import annotations
 
@@ -88,13 +88,13 @@ def test_at_work() -> None:
     assert floor.cause("A") == "none"  # it drives south
     robots.heading[floor.index("A")] = 0
     floor.tick()
-    assert floor.why("A") == ("worker ahead", "B", (1, 1)), "B turns"
+    assert floor.why("A") == ("working ahead", "B", (1, 1)), "B turns"
 
 
 def test_passing() -> None:
     floor = Staged("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
     assert floor.cause("B") == "none"
-    assert floor.why("A") == ("driver ahead", "B", (1, 0)), "a long move holds both cells"
+    assert floor.why("A") == ("driving ahead", "B", (1, 0)), "a long move holds both cells"
 
 
 def test_in_the_way_of_a_robot_with_nothing_to_do() -> None:
@@ -113,7 +113,7 @@ def test_in_the_way_of_a_parked_robot() -> None:
 def test_lost_contest() -> None:
     floor = Staged("A.B", {"A": "E", "B": "W"}).tick()
     loser, winner = ("A", "B") if floor.cause("B") == "none" else ("B", "A")
-    assert floor.why(loser) == ("lost contest", winner, (1, 0))
+    assert floor.why(loser) == ("vertex conflict", winner, (1, 0))
 
 
 def test_lane() -> None:
@@ -138,11 +138,11 @@ def test_who_turns_in_an_aisle_holds_both_lanes() -> None:
     floor.tick(2)
     floor.send("B", "W")
     floor.tick()
-    assert floor.cause("A") == "none" and floor.why("B") == ("worker ahead", "A", (1, 0))
+    assert floor.cause("A") == "none" and floor.why("B") == ("working ahead", "A", (1, 0))
 
 
 def test_bay() -> None:
-    floor = Staged("b.\nb.", start="bays")
+    floor = Staged("b.\nb.", start="parking-bays")
     robots = floor.world.robots
     home = int(robots.home[0])
     robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, home
@@ -156,20 +156,20 @@ def test_wait_drawn() -> None:
     floor = Staged("AB.", {"A": "E"}, waits=(9, 9, 9, 9, 255)).tick()
     floor.send("B", "E")
     floor.tick()  # B has left while A still waits
-    assert floor.why("A") == ("wait drawn", "", (1, 0))
+    assert floor.why("A") == ("random wait", "", (1, 0))
 
 
 def test_just_freed() -> None:
     floor = Staged("AB.", {"A": "E", "B": "E"}, following=False).tick()
     assert floor.cause("B") == "none"
-    assert floor.why("A") == ("just freed", "", (1, 0))
+    assert floor.why("A") == ("following conflict", "", (1, 0))
 
 
 def test_withdrawal() -> None:
     floor = Staged(
         "A..", {"A": "E"}, strategies={"right_of_way": Answers(A=(CMD_RETREAT, 2))}
     ).tick()
-    assert floor.why("A") == ("withdrawal", "", None)
+    assert floor.why("A") == ("retreat", "", None)
 
 
 def test_no_order() -> None:
@@ -180,7 +180,7 @@ def test_no_place() -> None:
     floor = Staged("A$d")
     robots = floor.world.robots
     robots.load[0] = robots.order[0] = 0
-    assert floor.tick().why("A") == ("no place", "", None)
+    assert floor.tick().why("A") == ("no drop-off slot", "", None)
 
 
 def test_no_route() -> None:
@@ -192,11 +192,11 @@ def test_no_route() -> None:
 
 def test_illegal_answer() -> None:
     floor = Staged("A#.", strategies={"right_of_way": Answers(A=(CMD_STEP, 0))}).tick()
-    assert floor.why("A") == ("illegal answer", "", None)
+    assert floor.why("A") == ("illegal decision", "", None)
 
 
 def test_in_line_before_a_charger() -> None:
-    battery = Battery(drain=Drain(move=1.0), charge=1.0, start=50.0)
+    battery = Battery(drain=Drain(move=1.0), charge_rate=1.0, initial_charge=50.0)
     floor = Staged("A.Bc", {"A": "EEE", "B": "E"}, battery=battery)
     for name in "AB":
         i = floor.index(name)
@@ -210,7 +210,7 @@ def test_in_line_before_a_charger() -> None:
 
 
 def test_an_empty_battery() -> None:
-    battery = Battery(drain=Drain(move=10.0), charge=1.0, start=15.0)
+    battery = Battery(drain=Drain(move=10.0), charge_rate=1.0, initial_charge=15.0)
     floor = Staged("A..", {"A": "EE"}, battery=battery).tick()
     assert floor.cause("A") == "none"
     assert floor.tick().why("A") == ("empty battery", "", None)
@@ -234,7 +234,7 @@ def test_driving_slowly_is_lost_time_but_no_wait() -> None:
             CAUSES[cause].name: observation.lost[i, cause]
             for cause in np.flatnonzero(observation.lost[i])
         }
-        assert told == {"driving slowly": 1}
+        assert told == {"reduced speed": 1}
         floor.tick()
 
 
@@ -295,7 +295,7 @@ def test_who_stands_before_a_turn_does_not_wait_for_itself() -> None:
     )
     floor.world.robots.heading[:] = 0
     floor.tick()
-    assert floor.why("A") == ("wait drawn", "", (0, 0))
+    assert floor.why("A") == ("random wait", "", (0, 0))
     assert floor.ring("A") == 0 and floor.events() == []
 
 
@@ -322,7 +322,7 @@ def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
     assert faded[cell] == lost_ticks_by_cell[LOST_LATELY] // 4
 
 
-# Circles
+# Wait cycles
 
 
 def test_a_ring_of_four_that_cannot_turn() -> None:

@@ -42,7 +42,7 @@ def test_without_a_terminal_the_figures_come_as_text(
 
 
 def test_a_run_that_does_not_finish_exits_like_run(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["watch", "tabletop-mini", "--no-record", "--set", "stop.at_most=100"]) == 1
+    assert main(["watch", "tabletop-mini", "--no-record", "--set", "stop.max_duration=100"]) == 1
     assert "NOT FINISHED after 100 cycles" in capsys.readouterr().out
 
 
@@ -68,15 +68,15 @@ def test_a_branch_is_named_and_reported_under_its_own_settings(
 ) -> None:
     waits = "strategy.right_of_way=wait"
     one = record(tmp_path / "one.rec", waits, until=300)
-    two = branch(one, tmp_path / "two.rec", 140, "strategy.right_of_way=withdraw")
+    two = branch(one, tmp_path / "two.rec", 140, "strategy.right_of_way=retreat")
     assert main(["replay", str(one), str(two), "--plain"]) == 0
     first, second = capsys.readouterr().out.split("branched off from tick 140")
-    assert "right of way wait" in first and "right of way withdraw" not in first
-    assert second.startswith(" right_of_way=withdraw\n") and "right of way withdraw" in second
+    assert "right of way wait" in first and "right of way retreat" not in first
+    assert second.startswith(" right_of_way=retreat\n") and "right of way retreat" in second
     assert "right of way wait" not in second
     title = "tabletop-mini, 3 robots, seed 1, right_of_way=wait"
     assert recorded(one).titles == (f"one.rec: {title}",)
-    changed = ", from tick 140 right_of_way=withdraw"
+    changed = ", from tick 140 right_of_way=retreat"
     assert recorded(two).titles == (f"two.rec: {title}{changed}",)
     parent, child = recorded(one, two).heads
     assert parent.own == "one.rec: right_of_way=wait"
@@ -87,7 +87,7 @@ def test_what_differs_between_two_runs_comes_first(tmp_path: Path) -> None:
     one = record(tmp_path / "one.rec", until=50)
     two = record(tmp_path / "two.rec", "strategy.right_of_way=wait", "seed=3", until=50)
     heads = recorded(one, two).heads
-    assert heads[0] == ("one.rec: right_of_way=withdraw, seed 1", "tabletop-mini, 3 robots")
+    assert heads[0] == ("one.rec: right_of_way=retreat, seed 1", "tabletop-mini, 3 robots")
     assert heads[1] == ("two.rec: right_of_way=wait, seed 3", "tabletop-mini, 3 robots")
     assert recorded(one, one).heads[0] == ("one.rec", "tabletop-mini, 3 robots, seed 1")
 
@@ -118,7 +118,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
         (["watch", "tabletop-mini", "--speed", "fast"], "'fast' is not a speed"),
         (["watch", "tabletop-mini", "--at", "-1"], "--at"),
         (["watch", "tabletop-mini", "--fps", "0"], "'0' is not a frame rate: allowed are 1 to 120"),
-        (["watch", "tabletop-mini", "--record", str(text)], "is no recording, so it is not"),
+        (["watch", "tabletop-mini", "--record", str(text)], "is not a recording, so it is not"),
         (["watch", "tabletop-mini", "--record", "/nowhere/x.rec"], "there is no such folder"),
         (["replay", str(text)], "this is not a recording of automaton"),
         (["replay", str(small), str(large)], "floors of different sizes cannot be compared"),

@@ -1,4 +1,4 @@
-"""Why a robot waits: queues, head-on, circles and bays, and where its time went."""
+"""Why a robot waits: queues, head-on, wait cycles and parking bays, and where its time went."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tui.widgets.why import Why
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
 
-# The bays share their home, in which robot 0 picks up a load.
+# The parking bays share their home, in which robot 0 picks up a load.
 SHARED_HOME = """
 name: shared-home
 layout:
@@ -50,7 +50,8 @@ def test_a_queue_is_told_back_to_the_robot_that_works(width: int) -> None:
         "robot 4 has waited 5 ticks: queue robot 3 holds (0, 3) and waits itself",
         "because robot 3 has waited 5 ticks: queue robot 2 holds (0, 2) and waits itself",
         "because robot 2 has waited 5 ticks: queue robot 1 holds (0, 1) and waits itself",
-        "because robot 1 has waited 5 ticks: worker ahead robot 0 holds (0, 0) while it works there",
+        "because robot 1 has waited 5 ticks: working ahead robot 0 holds (0, 0) while it works "
+        "there",
         "but robot 0 turns",
     ]
     places = [said_then.index(words) for words in chain]
@@ -62,7 +63,7 @@ def test_head_on_names_the_rule_and_the_circle_is_shown_as_such() -> None:
     said_then = shown(Why(), of_robot(deadlocked(), 3))
     assert "robot 1 holds (8, 1) and wants to come the other way" in said_then
     assert "rule: two robots never swap over one edge" in said_then
-    assert "a circle: robot 2 -> robot 1 -> robot 2; none of them can go first" in said_then
+    assert "a wait cycle: robot 2 -> robot 1 -> robot 2; none of them can go first" in said_then
 
 
 def test_the_members_of_a_circle_are_in_the_colour_of_faults() -> None:
@@ -70,7 +71,7 @@ def test_the_members_of_a_circle_are_in_the_colour_of_faults() -> None:
     on_stage(why, _noop)
     made = why.written(of_robot(deadlocked(), 3), 80)
     faults = "".join(span.text for spans in made for span in spans if span.look == "fault")
-    assert "a circle" in faults and "head-on" in faults
+    assert "a wait cycle" in faults and "head-on" in faults
     assert "queue" not in faults  # robots 3 and 4 are not members
 
 
@@ -80,8 +81,11 @@ def test_a_robot_in_its_bay_is_told_who_holds_its_home(tmp_path: Path) -> None:
     view = moment(10, str(file))
     (robot,) = np.flatnonzero(view.snapshot.robots.cause == 8).tolist()
     said_then = shown(Why(), of_robot(view, robot), WIDE)
-    assert f"robot {1 - robot} holds (1, 1), so robot {robot} cannot leave its bay" in said_then
-    assert "rule: a robot leaves its bay when its home cell was empty" in said_then
+    assert (
+        f"robot {1 - robot} holds (1, 1), so robot {robot} cannot leave its parking bay"
+        in said_then
+    )
+    assert "rule: a robot leaves its parking bay when its home cell was empty" in said_then
 
 
 def test_lost_time_is_split_by_cause_the_greatest_first() -> None:

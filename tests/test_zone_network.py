@@ -124,7 +124,7 @@ def spoilt_files():
 def test_what_is_no_network_is_refused_in_a_sentence(tmp_path, name, content):
     path = tmp_path / "spoilt.npz"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"spoilt\.npz is no file of a zone network$"):
+    with pytest.raises(InputError, match=r"spoilt\.npz is not a file of a zone network$"):
         load_network(path)
 
 
@@ -187,7 +187,7 @@ def test_the_shipped_network_is_small_and_says_where_it_comes_from(warehouse):
 @pytest.mark.parametrize(
     ("scenario", "overrides"),
     [
-        ("warehouse-100", ["world.zones=directed"]),
+        ("warehouse-100", ["world.traffic_zones=directed"]),
         ("warehouse-100", ["layout={generator: racks, preset: L1}"]),
         ("tabletop-1", []),
     ],

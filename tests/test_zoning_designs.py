@@ -80,7 +80,7 @@ def path(*cells: Any) -> list[list[int]]:
         (zones({}), "zone 1 has no list `stations`, such as stations: [1, 4]"),
         (zones({"stations": []}), "zone 1 has no station"),
         (zones({"stations": [1], "path": []}), "zone 1 has stations and segments, found 'path'"),
-        (zones({"stations": [1], "segments": "ab"}), "the segments of zone 1 are no list"),
+        (zones({"stations": [1], "segments": "ab"}), "the segments of zone 1 are not a list"),
         (zones(ONE, {"stations": [4, 6]}), "zone 2: stations are 1 to 5, found 6"),
         (zones(ONE, {"stations": [3, 4, 5]}), "station 3 is in zone 1 and in zone 2"),
         (
@@ -105,11 +105,12 @@ def path(*cells: Any) -> list[list[int]]:
         ),
         (
             zones(ONE, {**TWO, "segments": [path((2, 0), (8, 3))]}),
-            "segment 1 of zone 2: (2, 0) is no station, crossing, corner or dead end of this floor",
+            "segment 1 of zone 2: (2, 0) is not a station, crossing, corner or dead end of this "
+            "floor",
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (8, 2))]}),
-            "segment 1 of zone 2 is no path: no straight way leads from (0, 3) to (8, 2)",
+            "segment 1 of zone 2 is not a path: no straight way leads from (0, 3) to (8, 2)",
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (0, 0))]}),

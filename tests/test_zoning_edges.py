@@ -25,9 +25,9 @@ layout:
     =##=##=
     t==t==t
 fleet: {robots: 2, kinematics: omni}
-orders: {parts: [{route: [1, 4, 2], count: 3}, {route: [3], count: 2}], work: 2}
-strategy: {zoning: static, allocation: shortest-job, right_of_way: {name: withdraw, give_way: true}}
-stop: {when: delivered, at_most: 2000}
+orders: {parts: [{route: [1, 4, 2], count: 3}, {route: [3], count: 2}], processing_time: 2}
+strategy: {zoning: static, allocation: shortest-job, right_of_way: {name: retreat, idle_give_way: true}}
+stop: {when: delivered, max_duration: 2000}
 """
 METHODS = ("static", "annealing", "genetic", "decentralized")
 
@@ -50,7 +50,10 @@ def test_parts_that_are_carried_nowhere_need_no_zone(file: Path, method: str) ->
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_visit_stays_in_the_zone_of_its_station(file: Path, method: str) -> None:
-    settings = [f"strategy.zoning={method}", "orders={generator: visits, count: 9, interval: 10}"]
+    settings = [
+        f"strategy.zoning={method}",
+        "orders={generator: visits, count: 9, mean_interarrival_time: 10}",
+    ]
     run = Simulation(resolve(file, settings))
     run.run()
     assert run.finished and set(run.world.orders.state.tolist()) == {ORDER_DELIVERED}
@@ -72,7 +75,7 @@ def test_each_robot_needs_a_station_to_serve(
     ):
         assert main(command) == 2, command
         said = capsys.readouterr().err
-        assert "there are 7 robots and 6 stations; take fewer robots" in said, command
+        assert "there are 7 robots and 6 stations; use fewer robots" in said, command
     assert not file.with_name("results").exists(), "nothing is begun"
 
 

@@ -112,7 +112,7 @@ def test_a_zone_without_flow_has_its_base_to_handle() -> None:
 
 
 def test_what_drives_past_a_tip_counts_as_its_own() -> None:
-    # From 1 to 3 past 2. The tip 1 is the start of 1-2 and 1-3; station 2 is no tip.
+    # From 1 to 3 past 2. The tip 1 is the start of 1-2 and 1-3; station 2 is not a tip.
     assert loads_on_the_line({(0, 2): 2}, 0) == (2 * 8 + 2 * 8) / 4 + 2
     empty = (4 * 2 * 1 + 4 * 2 * 2) / 4  # (inflow 2 at stations 2 and 3) x (outflow 4 of 1) / 4
     assert loads_on_the_line({(0, 2): 2}, 1) == (2 * 4 + 2 * 8) / 4 + 4 + empty * 4 / 4

@@ -1,4 +1,4 @@
-"""Which robot takes a part, and where it sets it down: the cases one by one, on the logged design.
+"""Which robot takes a part, and where it drops it: the cases one by one, on the logged design.
 
 Zones: 0 has WS 9 10 7 6 3 15, 1 has WS 2 4 1 5, 2 the others; transfer stations between 0 and 1 are
 WS 2 5 4, between 0 and 2 WS 15 9 6 3, between 1 and 2 none.

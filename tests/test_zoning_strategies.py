@@ -110,7 +110,7 @@ def test_whoever_is_stored_where_decides_the_same() -> None:
 def test_without_zones_any_robot_takes_any_order() -> None:
     run = factory("strategy.zoning=none")
     assert run.finished and not len(run.world.service_zones.queue)
-    assert (run.world.orders.legs == 1).all(), "nothing is set down on its way"
+    assert (run.world.orders.legs == 1).all(), "nothing is dropped on its way"
 
 
 def test_an_order_into_another_zone_is_set_down_at_a_transfer_station() -> None:
@@ -146,7 +146,7 @@ def test_robots_serve_the_queues_of_their_own_zones_alone() -> None:
 
 def test_one_robot_is_never_out_of_balance() -> None:
     run = factory(
-        "strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.at_most=20000"
+        "strategy.zoning=annealing", "fleet={robots: 1, start: random}", "stop.max_duration=20000"
     )
     assert run.counted["redesigns"] == run.counted["ticks_in_balance"] == 0
     assert (run.world.orders.delivered >= 0).sum() > 50
@@ -308,7 +308,7 @@ def test_sharing_near_the_own_zone_makes_ddz_as_fast_as_central_zones() -> None:
     alone = [hours(factory(ddz(), seed=seed)) for seed in seeds]
     sharing = [factory(ddz(", sharing: true"), seed=seed) for seed in seeds]
     assert np.mean([hours(run) for run in sharing]) < np.mean(alone)
-    assert all(run.counted["load_shares"] > 0 for run in sharing)
+    assert all(run.counted["shared_orders"] > 0 for run in sharing)
 
 
 def test_orders_that_end_near_a_transfer_station_are_brought_there_directly() -> None:
@@ -321,7 +321,7 @@ def test_orders_that_end_near_a_transfer_station_are_brought_there_directly() ->
 
 @pytest.mark.parametrize("method", ["annealing", "decentralized"])
 def test_the_zone_of_a_broken_robot_is_served_by_another_one(method: str) -> None:
-    faults = "faults={list: [{robot: 1, at: 3000}], tow_after: 200, repair: 6000}"
+    faults = "faults={list: [{robot: 1, at: 3000}], tow_after: 200, repair_time: 6000}"
     run = Simulation(resolve("factory", (*METHODS[method], faults)))
     world = run.world
     run.run(until=3400)
@@ -335,8 +335,8 @@ def test_the_zone_of_a_broken_robot_is_served_by_another_one(method: str) -> Non
 
 def test_what_is_missing_in_the_batteries_counts_as_load() -> None:
     """A robot with little charge has more to do, so negotiation gives its zone less."""
-    battery = "battery={drain: {move: 0.001}, charge: 0.01, start: [10, 100, 100]}"
-    full = "battery={drain: {move: 0.001}, charge: 0.01, start: 100}"
+    battery = "battery={drain: {move: 0.001}, charge_rate: 0.01, initial_charge: [10, 100, 100]}"
+    full = "battery={drain: {move: 0.001}, charge_rate: 0.01, initial_charge: 100}"
     loads = []
     for given in (battery, full):
         run = Simulation(resolve("factory", (ddz(), given)))
@@ -359,7 +359,7 @@ def test_zoning_runs_on_other_floors(scenario: str, more: tuple[str, ...], metho
     zoning = f"strategy.zoning={{name: {method}, groups: 12}}"
     if scenario == "depots":
         more = (*more, "fleet.start=[[2, 0], [6, 0], [4, 10]]")
-    settings = (zoning, "strategy.allocation=shortest-job", "stop.at_most=60000", *more)
+    settings = (zoning, "strategy.allocation=shortest-job", "stop.max_duration=60000", *more)
     run = Simulation(resolve(scenario, settings))
     run.run()
     assert run.finished, f"{scenario}: {metrics_of(run)['delivered']} delivered in {run.tick}"

@@ -1,4 +1,4 @@
-"""When central zoning looks, shares, and designs anew: told in seconds, a tick being one."""
+"""When central zoning looks, shares, and designs again: told in seconds, a tick being one."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ def watched(
     monkeypatch.setattr(monitored, "share", share)
     monkeypatch.setattr(monitored, "balance", lambda _: value(now))
     monkeypatch.setattr(repairing, "record_flow", flow)
-    run = Simulation(resolve("factory", [f"{ZONING}{more}}}", SECONDS, "orders.work=10"]))
+    run = Simulation(
+        resolve("factory", [f"{ZONING}{more}}}", SECONDS, "orders.processing_time=10"])
+    )
     while run.tick < until:
         run.run(until=run.tick + 1)
         if run.tick > 1 and run.world.clock[CLOCK_ZONES_REDESIGNED] == run.tick:
@@ -83,7 +85,7 @@ def test_after_more_than_a_quarter_of_an_hour_new_zones_are_made(
     log = watched(monkeypatch, 2500, lambda _: BAD)
     begun = FIRST + 901  # more than 15 minutes after the look that found it out of balance
     effect = begun + 200
-    again = effect + 60  # the next look: the timer starts anew
+    again = effect + 60  # the next look: the timer starts again
     assert log.flows == [begun, again + 901]
     assert log.redesigns == [effect, again + 901 + 200]
     assert [look for look in log.looks if effect < look < effect + 130] == [again, again + 60]

@@ -225,7 +225,7 @@ def test_a_recorded_day_keeps_the_rules() -> None:
 @pytest.mark.parametrize("method", ["static", "decentralized"])
 def test_the_zone_of_a_broken_tug_is_served_as_far_as_others_can(method: str) -> None:
     """Its heavy orders wait until it is back; the others of its zone do not."""
-    faults = "faults={list: [{robot: 0, at: 4000}], tow_after: 100, repair: 9000}"
+    faults = "faults={list: [{robot: 0, at: 4000}], tow_after: 100, repair_time: 9000}"
     simulation = day(method, faults)
     orders = simulation.world.orders
     heavy = orders.weight > 10
@@ -236,8 +236,10 @@ def test_the_zone_of_a_broken_tug_is_served_as_far_as_others_can(method: str) ->
 
 def test_orders_that_a_substitute_cannot_carry_go_to_an_able_robot() -> None:
     """Two tugs: when one breaks down, the other one gets its heavy orders, whoever gets its zone."""
-    types = "fleet.types=[{name: tug, robots: 2, pace: 2}, {name: shuttle, payload: 10}]"
-    faults = "faults={list: [{robot: 0, at: 4000}], tow_after: 100, repair: 9000}"
+    types = (
+        "fleet.types=[{name: tug, robots: 2, move_time_factor: 2}, {name: shuttle, payload: 10}]"
+    )
+    faults = "faults={list: [{robot: 0, at: 4000}], tow_after: 100, repair_time: 9000}"
     start = "fleet.start=[[28, 128], [72, 90], [52, 0]]"
     orders = day("static", types, faults, start).world.orders
     heavy = orders.weight > 10

@@ -88,7 +88,7 @@ def floor_of(resolved: Resolved) -> Floor:
     """The floor for the pictures."""
     cells = resolved.floor_plan.slots()
     endless = (resolved.floor_plan.kind.reshape(-1)[cells] != SHELF).astype(np.uint8)
-    traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.zones)
+    traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
     return Floor(
         resolved.floor_plan,
@@ -97,5 +97,5 @@ def floor_of(resolved: Resolved) -> Floor:
         HEADINGS[scenario.fleet.kinematics],
         traffic_zones,
         battery=scenario.battery is not None,
-        faults=bool(scenario.faults.listed or scenario.faults.rate),
+        faults=bool(scenario.faults.listed or scenario.faults.failure_probability),
     )

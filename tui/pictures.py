@@ -119,7 +119,7 @@ class Pictures:
     def take_zones(self, resolved: Resolved) -> bool:
         """After a branch of the only run: whether it has other zones."""
         traffic_zones = self.floors[0].traffic_zones
-        other = traffic_zones is None or traffic_zones.mode != resolved.scenario.world.zones
+        other = traffic_zones is None or traffic_zones.mode != resolved.scenario.world.traffic_zones
         if other:
             self.floors[0] = floor_of(resolved)
         return other
@@ -185,7 +185,7 @@ def _corner(camera: Camera) -> Corner:
 
 
 def robot_cell(shot: Shot, choice: Choice) -> int:
-    """Where the selected robot is, its bay included, or NIL."""
+    """Where the selected robot is, its parking bay included, or NIL."""
     robots = shot.snapshots[choice.side].robots
     if not 0 <= choice.robot < len(robots):
         return NIL

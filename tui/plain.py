@@ -1,4 +1,4 @@
-"""A run as plain text, for pipes, dumb terminals and screen readers: figures, then the report."""
+"""A run as plain text, for pipes, dumb terminals and screen readers: metrics, then the report."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _held(run: Run) -> Resolved:
 def _outcome(run: Run, still: np.ndarray) -> Outcome:
     front = run.front
     stop = _held(run).scenario.stop
-    finished = front.finished or (stop.when == "never" and front.tick >= stop.at_most)
+    finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
     state = front.world.orders.state
     return Outcome(
         finished=finished,

@@ -50,7 +50,7 @@ def checked_target(path: Path) -> Path:
     if path.exists():
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise InputError("is no recording, so it is not replaced by one", str(path))
+                raise InputError("is not a recording, so it is not replaced by one", str(path))
     return path
 
 

@@ -1,4 +1,4 @@
-"""What the player shows: a moment of one or two runs, how it goes on, and the figures so far."""
+"""What the player shows: a moment of one or two runs, how it goes on, and the metrics so far."""
 
 from __future__ import annotations
 

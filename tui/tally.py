@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # it needs Numba
 
 
 class Tally(NamedTuple):
-    """Robots that work, are held up, and wait for each other in a circle; orders."""
+    """Robots that work, are held up, and form a wait cycle; orders."""
 
     working: int
     waiting: int

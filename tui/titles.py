@@ -1,6 +1,6 @@
 """What a run is called: scenario, fleet, seed and settings; beside another one the difference first.
 
-tabletop-mini, 3 robots, seed 1, right_of_way=wait, from tick 140 right_of_way=withdraw
+tabletop-mini, 3 robots, seed 1, right_of_way=wait, from tick 140 right_of_way=retreat
 """
 
 from __future__ import annotations

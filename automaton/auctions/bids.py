@@ -70,7 +70,7 @@ def sum_of_arrivals(work, battery, fleet, scratch, r, order, length):
 
 @kernel
 def award(work, battery, fleet, scratch, r, task):
-    """Insert the task into robot r's list as its bid foresaw; returns the position, NIL: not at all."""
+    """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
     position, cost = insertion_quote(work, battery, fleet, scratch, r, task)
     if cost >= INF:
         return np.int64(NIL)

@@ -143,7 +143,7 @@ def charge_for_list(view, out, site, k, tasks):
 
 @kernel
 def charge_when_idle(view, out, site, k, home, idle_below):
-    """Decision k: a robot without orders charges where nobody is, or before it cannot any more.
+    """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
 
     It is about to drive home, or is there: from there it must still get to a charger.
     """
@@ -162,7 +162,7 @@ def charge_when_idle(view, out, site, k, home, idle_below):
     now = charge - reach[0]
     filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
     at_home = energy[0, home] == 0
-    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to anybody else
+    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to any other robot
     worth_it = not at_home or filled >= low  # else it would be back as empty as it is
     if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, out, k, nearest, BATTERY_FULL, 1)

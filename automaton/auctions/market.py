@@ -84,7 +84,7 @@ class Plan(Struct):
     arrival: Array  # (S,) int64 units on arrival
     level: Array  # (S,) int64 units on leaving
     duration: Array  # (S,) int64 ticks of charging
-    waited: Array  # (S,) int64 ticks in line before it
+    waited: Array  # (S,) int64 ticks in the queue before it
     figures: Array  # (FIGURES,) int64: see below
 
 
@@ -119,7 +119,7 @@ class Scratch(Struct):
     high: Array  # (T,) int64
     bidders: Array  # (T,) int32: robots with a finite bid
     keenest: Array  # (T,) int32: the robot with the lowest
-    stale: Array  # (T,) uint8: 1 = the five above are to be found anew
+    stale: Array  # (T,) uint8: 1 = the five above are to be found again
     sold: Array  # (T,) int32: who won the item, or NIL
     count: Array  # (COUNTS,) int64
     plan: Plan

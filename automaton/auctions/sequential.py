@@ -1,7 +1,7 @@
 """Auctions of single items: sequential (SSI), by order of arrival, and parallel.
 
 Items are tasks: items[:count] by arrival. Robots keep the lists that they have; settle_all first.
-Who won an item is in scratch.sold, by number of the item; NIL: nobody can do it.
+Who won an item is in scratch.sold, by number of the item; NIL: no robot can do it.
 
 Messages are counted as the architecture would send them: an announcement for each robot that hears
 of an item, each bid once, and an award for each item sold.

@@ -42,7 +42,7 @@ def mark_planned(view, out):
 
 @kernel
 def is_for_sale(view, out, order):
-    """Whether an order waits, and nobody has it or plans to do it."""
+    """Whether an order waits, and no robot has it or plans to do it."""
     orders = view.orders
     return (
         orders.state[order] == ORDER_WAITING
@@ -53,7 +53,7 @@ def is_for_sale(view, out, order):
 
 @kernel
 def find_items(view, allocation, since, out):
-    """Orders for sale, by their coming, into out; returns (how many, where to begin next time).
+    """Orders for sale, in release order, into out; returns (how many, where to begin next time).
 
     `since`: entries of orders.release_sequence before it are all delivered.
     """
@@ -95,7 +95,7 @@ def open_session(view, out, workspace, site, sellable, count):
             fleet.length[r] = k + 1
             tasks += 1
         taking_part += 1
-    for r in range(taking_part, fleet.place.shape[0]):  # out of order: no list, no bids
+    for r in range(taking_part, fleet.place.shape[0]):  # down: no list, no bids
         fleet.length[r] = 0
         fleet.ready[r] = 0
         fleet.heard[r, :] = 0
@@ -138,7 +138,7 @@ def enter_plans(view, out, site, robots, memory, due, batch):
 def hear(view, site, robots, count, center, radius):
     """Who hears of each item: robots within so many cells of its center, NIL: of where it lies.
 
-    radius NIL: everybody. Distances are Chebyshev's, from where robots are.
+    radius NIL: all robots. Distances are Chebyshev's, from where robots are.
     """
     width = view.grid.width
     for r in range(robots):

@@ -201,7 +201,7 @@ def ticks_to_level(view, j):
 
 @kernel
 def line_ahead(view, i):
-    """Ticks of charging of those that charge at the charger of robot i, or stand in line before it."""
+    """Ticks of charging of those that charge at the charger of robot i, or queue before it."""
     robots = view.robots
     ticks = np.int64(0)
     for j in range(robots.cell.shape[0]):

@@ -47,7 +47,7 @@ def lowest(scratch, robots):
 
 @kernel
 def note_bid(scratch, r, k, bid):
-    """Enter robot r's bid for item k; the item is surveyed anew only if that can matter."""
+    """Enter robot r's bid for item k; the item is surveyed again only if that can matter."""
     old = scratch.bid[r, k]
     scratch.bid[r, k] = bid
     among = min(old, bid) <= scratch.second[k] or scratch.keenest[k] == r
@@ -91,7 +91,7 @@ def urgency(scratch, robots, k, winner):
 
 @kernel
 def most_urgent(scratch, robots, open_items, winner):
-    """(item, robot) by DIFFERENCE, FEWEST or REGRET; (NIL, NIL) if nobody bids."""
+    """(item, robot) by DIFFERENCE, FEWEST or REGRET; (NIL, NIL) if no robot bids."""
     item, most = np.int64(NIL), np.int64(-INF)
     for i in range(open_items):
         k = np.int64(scratch.left[i])

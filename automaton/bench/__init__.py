@@ -26,12 +26,12 @@ PARTS: Final[dict[str, Part]] = {
     "congestion": Part(
         "automaton.bench.congestion", True, "routes searched in time, three warehouses"
     ),
-    "zones": Part("automaton.bench.slow_zones", True, "slow zones, and the network that foresees"),
+    "zones": Part("automaton.bench.slow_zones", True, "slow zones, and the network that predicts"),
     "auctions": Part(
         "automaton.bench.auctions", True, "auctions with and without charging, the optimum"
     ),
     "zoning": Part(
-        "automaton.bench.zoning", False, "days of a factory in zones, zones designed anew; a minute"
+        "automaton.bench.zoning", False, "days of a factory in zones, zones redesigned; a minute"
     ),
     "layers": Part("automaton.bench.layers", True, "a layer that is asked every tick"),
     "loop": Part("automaton.bench.loop", True, "the loop with an idle fleet; the digest"),

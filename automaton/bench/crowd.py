@@ -72,8 +72,8 @@ def idle_crowd(robots: int) -> Simulation:
     """Robots that have nothing to do and are asked in every tick whether they give way."""
     side = round((1.02 * robots) ** 0.5)
     resolved = scene(open_floor(side, -(-102 * robots // (100 * side))), robots)
-    parameters = lookup.parameters_type("right_of_way", "withdraw")(give_way=True)
-    strategies = resolved.strategies | {"right_of_way": StrategyChoice("withdraw", parameters)}
+    parameters = lookup.parameters_type("right_of_way", "retreat")(idle_give_way=True)
+    strategies = resolved.strategies | {"right_of_way": StrategyChoice("retreat", parameters)}
     simulation = Simulation(replace(resolved, strategies=strategies))
     simulation.run(1)
     return simulation

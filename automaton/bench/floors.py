@@ -10,7 +10,7 @@ from automaton.strategy import lookup
 from automaton.world.cells import ALL_EXITS, FLOOR, UNLIMITED
 from automaton.world.floor_plan import FloorPlan, bordered, make_floor_plan
 
-NEVER_ENDS = Stop(when="never", at_most=2_000_000_000)
+NEVER_ENDS = Stop(when="never", max_duration=2_000_000_000)
 IDLE = "automaton.bench.strategies:Idle"
 
 
@@ -31,7 +31,7 @@ def mixed_floor(width: int, height: int) -> FloorPlan:
 
 
 def scene(floor_plan: FloorPlan, robots: int) -> Resolved:
-    """Omnidirectional robots in random cells of a floor, no orders, nobody asked for decisions."""
+    """Omnidirectional robots in random cells of a floor, no orders, no robot asked for decisions."""
     scenario = Scenario(
         name="bench",
         layout={},

@@ -52,7 +52,7 @@ def plan_avoiding(
 
 @kernel
 def plan_in_time(view: World, workspace: Workspace, memory: Memory, beta: int) -> None:
-    """Plan the way of every robot to its stand anew, each seeing the plans of those before it."""
+    """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
     for i in range(view.robots.cell.shape[0]):
         if view.robots.goal_cell[i] != NIL:
             forget(memory, i)

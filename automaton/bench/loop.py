@@ -35,13 +35,13 @@ def prepare_digest(digests: int = DIGESTS) -> Sample:
 
 
 def idle_fleet(zoning: str = "none") -> Simulation:
-    """Five robots that stay in their bays for ever, with a strategy for zoning if wanted."""
+    """Five robots that stay in their parking bays for ever, with a strategy for zoning if wanted."""
     settings = (
         "fleet.robots=5",
         f"strategy.allocation={IDLE}",
         f"strategy.zoning={zoning}",
         "stop.when=never",
-        "stop.at_most=2000000000",
+        "stop.max_duration=2000000000",
     )
     simulation = Simulation(resolve("tabletop-1", settings))
     simulation.run(1)

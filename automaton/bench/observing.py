@@ -16,7 +16,7 @@ ROBOTS, SIDE, TICKS = 10_000, 1000, 100
 
 
 def measurements() -> list[Measurement]:
-    """A fleet in which nobody waits, and one in which robots are in each other's way."""
+    """A fleet in which no robot waits, and one in which robots are in each other's way."""
     return [
         Measurement("observing, all on the way", NS_PER_ROBOT_AND_TICK, prepare),
         Measurement(

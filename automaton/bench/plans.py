@@ -1,8 +1,8 @@
 """What a plan costs on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
 
 A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
-avoidance plan chooses among the candidates for both legs, with what is foreseen of five others given,
-and writes the routes.
+avoidance plan chooses among the candidates for both legs, with what is predicted of five others
+given, and writes the routes.
 """
 
 from __future__ import annotations

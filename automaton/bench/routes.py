@@ -1,7 +1,7 @@
 """The loop itself, driving: long routes are given beforehand and no layer is asked.
 
 >>>>>v    Each pair of rows is a ring; all its robots drive round clockwise,
-^<<<<<    so that nobody is in anybody's way and every robot moves in every tick.
+^<<<<<    so that no robot is in any other robot's way and every robot moves in every tick.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ def measurements() -> list[Measurement]:
 
 def prepare_fleet(rule: str, robots: int = ROBOTS, ticks: int = TICKS) -> Sample:
     """A sampler: ns per robot and tick; each sample is a run of its own."""
-    settings = (f"world.slowdown={rule}", f"fleet.robots={robots}", f"stop.at_most={ticks}")
+    settings = (f"world.slowdown={rule}", f"fleet.robots={robots}", f"stop.max_duration={ticks}")
     resolved = resolve(SCENARIO, (*settings, "measure.warm_up=0", "strategy.routing=astar"))
 
     def sample() -> float:

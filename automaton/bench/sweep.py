@@ -63,7 +63,7 @@ class LastingPool(LocalPool):
 
 def study(runs: int = RUNS, ticks: int = TICKS) -> Study:
     """Runs of one point: fork trucks in the 100 x 100 warehouse."""
-    levels: dict[str, Any] = {"stop.at_most": ticks, "orders.count": ticks}
+    levels: dict[str, Any] = {"stop.max_duration": ticks, "orders.count": ticks}
     return Study(name="bench", scenario="warehouse-100", listed=(levels,), replications=runs)
 
 

@@ -119,7 +119,7 @@ def prepare_growth(sizes: Mapping[int, Callable[[], Sample]], each: int) -> Samp
 
 
 def prepare_run(scenario: str, settings: tuple[str, ...], hours: float = HOURS) -> Sample:
-    """A sampler: seconds of a run, its world built anew."""
+    """A sampler: seconds of a run, its world built again."""
     resolved = resolve(scenario, (*settings, *PARTS))
     until = round(3600 * hours / unit(resolved.scenario.units.tick).size)
     return lambda: cpu_seconds(lambda: Simulation(resolved).run(until))
@@ -233,10 +233,13 @@ def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:
             },
             "fleet": {"robots": robots, "kinematics": "omni", "start": "random"},
             "units": {"tick": "0.635055 s", "cell": "2.5 ft"},
-            "durations": {"pick": 4, "drop": 4, "delay": 8},
-            "orders": {"parts": [{"route": route, "count": 5} for route in routes], "work": 100},
+            "durations": {"pick": 4, "drop": 4, "handling_jitter": 8},
+            "orders": {
+                "parts": [{"route": route, "count": 5} for route in routes],
+                "processing_time": 100,
+            },
             "strategy": {"zoning": kind, "allocation": "shortest-job", "right_of_way": "wait"},
-            "stop": {"when": "never", "at_most": FLEET_TICKS},
+            "stop": {"when": "never", "max_duration": FLEET_TICKS},
         },
         Scenario,
     )

@@ -24,7 +24,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
     "explain": ("automaton.commands.explain", "say why a robot waits in a tick of a recording"),
-    "fork": ("automaton.commands.fork", "go on from a tick of a recording with other settings"),
+    "branch": ("automaton.commands.branch", "continue a recording from a tick with other settings"),
     "cast": ("automaton.commands.cast", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "show the viewer in a browser"),
     "report": ("automaton.commands.report", "report on the results of a sweep"),

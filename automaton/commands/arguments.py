@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from automaton.scenario.doubts import doubts
 from automaton.scenario.resolve import Resolved
+from automaton.scenario.scenario_warnings import scenario_warnings
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,11 +39,11 @@ def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def tell_doubts(resolved: Resolved) -> None:
-    """Say on stderr what is allowed but hardly meant."""
+def print_warnings(resolved: Resolved) -> None:
+    """Print a warning for settings that are legal but probably mistakes."""
     sys.stdout.flush()  # keeps the order where both streams meet
-    for doubt in doubts(resolved):
-        print(f"automaton: {resolved.scenario.name}: warning: {doubt}", file=sys.stderr)
+    for warning in scenario_warnings(resolved):
+        print(f"automaton: {resolved.scenario.name}: warning: {warning}", file=sys.stderr)
 
 
 def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int]:

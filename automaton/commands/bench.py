@@ -123,7 +123,7 @@ def print_figures(figures: Sequence[Figure], repeat: int) -> None:
     for figure in figures:
         values = (number(value) for value in (figure.median, figure.low, figure.high))
         table.add_row(figure.name, *values, figure.unit)
-    out.width = max(out.width, 120)  # a table of figures is no text to be folded
+    out.width = max(out.width, 120)  # a table of figures is not text to be folded
     print_table(out, table)
     out.print()
     out.print(f"{count(repeat, 'sample')} each; {machine()}", soft_wrap=True)

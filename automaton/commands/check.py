@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from automaton.commands.arguments import add_settings_argument, tell_doubts
+from automaton.commands.arguments import add_settings_argument, print_warnings
 from automaton.errors import InputError
 from automaton.experiments.plan import check_study
 from automaton.experiments.study import shipped_studies
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
                 export_matrix(resolved, args.matrix)
             check_files(resolved, document_of(file, args.settings))
             print(described(resolved))
-            tell_doubts(resolved)
+            print_warnings(resolved)
         except InputError as error:
             if args.debug:
                 raise
@@ -101,7 +101,7 @@ def export_matrix(resolved: Resolved, path: Path) -> None:
     """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
     text = write_matrix(resolved.floor_plan)
     if os.path.exists(path) and not os.path.isfile(path):
-        raise refusal("this is no ordinary file", path)
+        raise refusal("this is not a regular file", path)
     with written(path) as file:
         file.write(text.encode())
 

@@ -68,7 +68,7 @@ def shown_at(recorded: RecordedRun, at: int) -> RecordedRun:
 
 
 def chain_lines(found: Explanation) -> list[str]:
-    """A sentence for each robot of the chain, with its rule, and the circle if there is one."""
+    """A sentence for each robot of the chain, with its rule, and the wait cycle if there is one."""
     lines = []
     for link, text in zip(found.chain, found.lines, strict=False):
         alone = len(found.chain) == 1 and not link.cause
@@ -124,7 +124,9 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         "tick": args.at,
         "waits": bool(found.chain[0].cause),
         "chain": links,
-        "circle": [] if found.cycle == NIL else [link.robot for link in found.chain[found.cycle :]],
+        "wait_cycle": []
+        if found.cycle == NIL
+        else [link.robot for link in found.chain[found.cycle :]],
         "lost": {CAUSES[cause].name: taken for cause, taken in lost_by_cause(snapshot, args.robot)},
         "lines": found.lines,
     }

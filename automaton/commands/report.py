@@ -96,7 +96,7 @@ def form_of(form: str | None, out: Path | None) -> str:
         return form or "text"
     if out.suffix.lower() not in SUFFIXES:
         known = ", ".join(SUFFIXES)
-        raise InputError(f"--out {out}: its name says no format ({known}); say --format")
+        raise InputError(f"--out {out}: its name ends with no known format ({known}); use --format")
     return SUFFIXES[out.suffix.lower()]
 
 

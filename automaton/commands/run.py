@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from automaton.commands.arguments import (
     add_scenario_arguments,
     add_timeout_argument,
-    tell_doubts,
+    print_warnings,
     whole,
 )
 from automaton.errors import InputError
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from automaton.headless import run_once
 
     resolved = resolve(args.scenario, args.settings, args.seed)
-    tell_doubts(resolved)
+    print_warnings(resolved)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
         outcome = run_once(
             resolved, on_record, on_window, args.until, args.picture, args.strategy_timeout
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     if outcome.finished or outcome.stopped:
         return 0
     sys.stdout.flush()
-    limit = resolved.scenario.stop.at_most
+    limit = resolved.scenario.stop.max_duration
     name = resolved.scenario.name
     print(
         f"automaton: {name} did not finish within {limit:,} ticks: {outcome.trouble}",
@@ -96,7 +96,7 @@ def progress(resolved: Resolved) -> Iterator[Any]:
     if not sys.stderr.isatty():
         yield None
         return
-    limit = resolved.scenario.stop.at_most
+    limit = resolved.scenario.stop.max_duration
     watched: list[Simulation] = []
     over = threading.Event()
 
@@ -136,14 +136,15 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 
 
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
-    """The run as one object; times are in ticks, `in_units` translates them."""
+    """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
+    scenario."""
     from automaton.translation import translated, units_of
 
     tick, cell = units_of(resolved)
     told = translated(outcome.metrics, tick, cell)
     if cell is not None:
         feet = [cell.of(robot["moves"]) for robot in outcome.robots]
-        told["travel_by_robot"] = {"value": feet, "unit": cell.name}
+        told["distance_by_robot"] = {"value": feet, "unit": cell.name}
     return {
         "scenario": resolved.scenario.name,
         "seed": resolved.scenario.seed,
@@ -152,14 +153,14 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "ticks": outcome.ticks,
         "orders": outcome.orders,
         "delivered": outcome.delivered,
-        "circles": [list(circle) for circle in outcome.circles],
-        "ran_out": None if outcome.ran_out is None else outcome.ran_out._asdict(),
+        "wait_cycles": [list(circle) for circle in outcome.circles],
+        "orders_exhausted": None if outcome.ran_out is None else outcome.ran_out._asdict(),
         "digest": outcome.digest,
         "wall_s": None if outcome.wall_s is None else round(outcome.wall_s, 6),
         "metrics": outcome.metrics,
         "robots": outcome.robots,
         **({"types": list(outcome.types)} if outcome.types else {}),
-        **({"in_units": told} if told else {}),
+        **({"metrics_in_units": told} if told else {}),
         **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
-        **({"zones": outcome.zones.splitlines()} if outcome.zones else {}),
+        **({"service_zones": outcome.zones.splitlines()} if outcome.zones else {}),
     }

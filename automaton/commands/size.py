@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.commands.arguments import add_scenario_arguments, tell_doubts, whole
+from automaton.commands.arguments import add_scenario_arguments, print_warnings, whole
 from automaton.errors import WorkerDied
 
 if TYPE_CHECKING:
@@ -42,27 +42,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton size`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
-    add("--target", required=True, metavar="T", help="such as 'T_total<=3000', 'T_total<=5h'")
+    add("--target", required=True, metavar="T", help="such as 'makespan<=3000', 'makespan<=5h'")
     add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
     add(
-        "--share",
+        "--success-share",
         type=positive_share,
         metavar="P",
-        help="of runs that must meet it (.95; of a steady state the mean must, unless P is given)",
+        help="share of the runs that must meet it (.95; of a steady state the mean must, unless "
+        "P is given)",
     )
     add(
         "--mean",
         action="store_true",
         default=None,
-        help="the mean must meet it, whatever the share of runs",
+        help="the mean must meet it, whatever the share of the runs",
     )
     add(
-        "--zone",
+        "--indifference",
         type=positive,
         metavar="Z",
-        help="share +- Z may be judged either way (.02); with --mean in its unit (1 %% of the target)",
+        help="indifference zone: a share within P +- Z may be judged either way (.02); with "
+        "--mean in its unit (1 %% of the target)",
     )
-    add("--error", type=positive, default=0.05, metavar="E", help="of all verdicts together (.05)")
+    add(
+        "--alpha",
+        type=positive,
+        default=0.05,
+        metavar="A",
+        help="error probability of all verdicts (.05)",
+    )
     add(
         "--budget",
         type=whole("a number of runs", 1),
@@ -94,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     with Rounds(args.workers, conducted_with_use) as rounds:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
         asked = asked_of(args, fleets)
-        tell_doubts(fleets.base)
+        print_warnings(fleets.base)
         session = session_of(fleets, Checked(fleets, asked, tell_progress))
         cut: BaseException | None = None
         try:
@@ -123,9 +131,9 @@ def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
         target,
         robots,
         strategies,
-        args.share,
-        args.zone,
-        args.error,
+        args.success_share,
+        args.indifference,
+        args.alpha,
         args.budget,
         args.mean,
         fleets.warm_up,
@@ -144,7 +152,7 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     from automaton.run_report import console
     from automaton.sizing.report import print_answer
 
-    limit = scenario.stop.at_most
+    limit = scenario.stop.max_duration
     ends = f"A run that does not finish within {limit:,} ticks fails."
     if not fleets.ends_with_orders:
         ends = f"Every run lasts {limit:,} ticks."

@@ -1,6 +1,6 @@
 """Do the runs of a study and keep their rows in a folder; the same command again goes on.
 
-Exit code 0: all runs are done; 1: some gave no figures, now or before; 2: bad input;
+Exit code 0: all runs are done; 1: some gave no metrics, now or before; 2: bad input;
 130: stopped by Ctrl-C; 143: by SIGTERM.
 """
 
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "lacks, and count no others",
     )
     parser.add_argument(
-        "--retry-failed", action="store_true", help="try again also the runs that gave no figures"
+        "--retry-failed", action="store_true", help="try again also the runs that gave no metrics"
     )
     add_timeout_argument(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
@@ -218,9 +218,9 @@ def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
             "study": swept.store.study.name,
             "out": str(args.out),
             "runs": begun.runs,
-            "found": begun.done,
+            "existing": begun.done,
             **tally._asdict(),
-            "without_figures": swept.failed,
+            "failed": swept.failed,
             "wall_s": round(seconds, 3),
         }
         print(json.dumps(found, indent=2))
@@ -233,7 +233,7 @@ def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
             print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
     if swept.failed:
         sys.stdout.flush()
-        what = f"{count(swept.failed, 'run')} gave no figures; the column `failed` says why"
+        what = f"{count(swept.failed, 'run')} failed; the column `failed` says why"
         note(f"{what}, --retry-failed tries again")
 
 

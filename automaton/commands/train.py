@@ -50,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         dest="settings",
         metavar="KEY=VALUE",
-        help="change a value of the scenario, such as world.zones=directed; may be repeated",
+        help="change a value of the scenario, such as world.traffic_zones=directed; may be "
+        "repeated",
     )
     add("--loss", metavar="LOSS", help=f"{alternatives(LOSSES)} ({default.loss})")
     add("--weighting", metavar="W", help=f"{alternatives(WEIGHTINGS)} ({default.weighting})")

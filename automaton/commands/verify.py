@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Verify and report."""
-    recording = read_recording(args.file)  # what is no recording is refused before Numba is loaded
+    recording = read_recording(args.file)  # refuse other files before Numba is loaded
     from automaton.recording.verification import verify_recording
 
     try:

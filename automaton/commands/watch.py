@@ -40,7 +40,7 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="no characters beyond ASCII in the map")
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
-    add("--plain", action="store_true", help="figures as text, no screen")
+    add("--plain", action="store_true", help="metrics as text, no screen")
 
 
 def speed(text: str) -> float:

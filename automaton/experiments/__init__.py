@@ -2,9 +2,9 @@
 
     from automaton.experiments import simulate, size, sweep
 
-    simulate("tabletop-1", **{"fleet.robots": 3}).metrics["T_total"]
+    simulate("tabletop-1", **{"fleet.robots": 3}).metrics["makespan"]
     sweep("tabletop-fleet", out="results").to_pandas()
-    size("tabletop-1", "T_total<=2400", robots=(1, 6)).robots
+    size("tabletop-1", "makespan<=2400", robots=(1, 6)).robots
 
 Importing this needs no Numba; `sweep` and the table of `size` need pyarrow (extra `experiments`).
 """
@@ -104,16 +104,17 @@ def size(
     robots: str | int | tuple[int, int] | list[int],
     *,
     strategies: str | Sequence[str] | None = None,
-    share: float | None = None,
+    success_share: float | None = None,
     mean: bool | None = None,
-    zone: float | None = None,
-    error: float = 0.05,
+    indifference: float | None = None,
+    alpha: float = 0.05,
     budget: int = 20_000,
     seed: int | None = None,
     workers: int | None = None,
     **overrides: Any,
 ) -> Sized:
-    """The smallest fleet that meets a target such as "T_total<=2400", as `automaton size` finds it.
+    """The smallest fleet that meets a target such as "makespan<=2400", as `automaton size` finds
+    it.
 
     `robots`: the smallest and the largest fleet that may be an answer, as (1, 6) or "1..6", or one
     alone; `strategies`: as "a,b" or ["a", "b"]; the others are the options of the command.
@@ -130,7 +131,17 @@ def size(
     with Rounds(workers, conducted_with_use) as rounds:
         fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
         wanted = read_target(target, fleets.tick)
-        asked = question(wanted, fleet, compared, share, zone, error, budget, mean, fleets.warm_up)
+        asked = question(
+            wanted,
+            fleet,
+            compared,
+            success_share,
+            indifference,
+            alpha,
+            budget,
+            mean,
+            fleets.warm_up,
+        )
         session = session_of(fleets, Checked(fleets, asked))
         session.go()
     return sized(session, fleets.base.scenario.name, fleets.seed)

@@ -107,7 +107,9 @@ class DaskCluster:
 def address_in(file: str) -> str:
     """The address in a file of a scheduler, which may just be writing it. Raises InputError."""
     if not Path(file).is_file():
-        raise InputError("is no address, such as tcp://host:8786, and no file of a scheduler", file)
+        raise InputError(
+            "is not an address, such as tcp://host:8786, and no file of a scheduler", file
+        )
     for _ in range(GLANCES):
         try:
             found = json.loads(Path(file).read_bytes())["address"]
@@ -117,7 +119,7 @@ def address_in(file: str) -> str:
             time.sleep(GLANCE_S)
         else:
             return str(found)
-    raise InputError("is no file of a Dask scheduler: it names no address", file)
+    raise InputError("is not a file of a Dask scheduler: it names no address", file)
 
 
 def run_and_tell(chunk: Chunk, topic: str) -> list[Row]:

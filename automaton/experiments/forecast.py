@@ -88,7 +88,7 @@ def done_in(folder: Path, plan: Plan, retry_failed: bool, recompute: bool = Fals
 def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
     """Seconds of a run, whether it was cut off and reckoned from its beginning, bytes of its row."""
     resolved = plan.scenarios[point]
-    limit = resolved.scenario.stop.at_most
+    limit = resolved.scenario.stop.max_duration
     begun = time.perf_counter()
     with strategies_blamed(resolved):
         simulation = Simulation(resolved)

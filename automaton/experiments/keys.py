@@ -25,7 +25,7 @@ from automaton.strategy import lookup
 
 DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 4
+FORMAT: Final = 5
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -56,7 +56,7 @@ class PlannedPoint(msgspec.Struct, frozen=True):
     levels: Levels
     fingerprint: str  # of the resolved scenario, floor included
     windows: Windows
-    warm_up: int  # ticks that the figures of its rows leave out
+    warm_up: int  # ticks that the metrics of its rows leave out
 
 
 class Declared(msgspec.Struct, frozen=True):
@@ -168,7 +168,7 @@ def by_content(data: Any, contents: Mapping[str, str]) -> Any:
 
 
 def plugins_of(resolved: Resolved) -> set[str]:
-    """The modules of a scenario's strategies that are no built-ins."""
+    """The modules of a scenario's strategies that are not built-ins."""
     places = (lookup.place(layer, choice.name) for layer, choice in resolved.strategies.items())
     modules = {place.partition(":")[0] for place in places if place}
     return {module for module in modules if module.partition(".")[0] not in PACKAGES}
@@ -204,7 +204,7 @@ def plugin_sources(plugin: str) -> Sources:
 
 
 def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
-    """Names as seen from a folder, with something first; links that lead nowhere are no files."""
+    """Names as seen from a folder, with something first; links that lead nowhere are not files."""
     return {
         first + path.relative_to(root).as_posix(): _content(path)
         for path in files
@@ -257,7 +257,7 @@ def read_manifest(folder: Path) -> Manifest | None:
         content = path.read_bytes()
         form = msgspec.json.decode(content, type=Form).format
         if form != FORMAT:
-            raise InputError(f"is of format {form}, not {FORMAT}: take another folder", str(path))
+            raise InputError(f"is of format {form}, not {FORMAT}: use another folder", str(path))
         manifest = msgspec.json.decode(content, type=Manifest)
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -267,7 +267,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     if manifest.checksum != checksum_of(plain):
         raise InputError(
             "is damaged: it is not what was written; remove it, and the sweep of the same study into "
-            "this folder writes it anew and keeps the rows",
+            "this folder writes it again and keeps the rows",
             str(path),
         )
     return plain

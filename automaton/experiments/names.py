@@ -19,7 +19,7 @@ COLUMNS: Final = {
     "replication": "int",  # from 0
     "seed": "int",
     "finished": "bool",
-    "failed": "text",  # why there are no figures; null: there are
+    "failed": "text",  # why there are no metrics; null: there are
     "ticks": "int",
     "orders": "int",
     "delivered": "int",
@@ -38,15 +38,15 @@ def check_factor(key: str) -> str | None:
     first = key.split(".")[0]
     parts = key.split(".")
     if "" in parts:
-        return f"'{key}' is no key of a scenario, such as fleet.robots"
+        return f"'{key}' is not a key of a scenario, such as fleet.robots"
     if first in FIXED_KEYS and len(parts) == 1:
         why = "the seeds follow from the study's" if key == "seed" else "it changes no run"
-        return f"{key} is no factor: {why}"
+        return f"{key} is not a factor: {why}"
     names = Scenario.__struct_fields__
     if first not in names:
         return f"unknown key '{first}'{nearest(first, names)}; allowed: {', '.join(names)}"
     if key in COLUMNS:
-        return f"{key} as a whole is no factor; vary a part of it, such as {key}.count"
+        return f"{key} as a whole is not a factor; vary a part of it, such as {key}.count"
     return None
 
 

@@ -170,7 +170,7 @@ def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
 
 def shortest(scenarios: tuple[Resolved, ...]) -> int:
     """Ticks of the shortest runs of a study of steady states."""
-    return min(resolved.scenario.stop.at_most for resolved in scenarios)
+    return min(resolved.scenario.stop.max_duration for resolved in scenarios)
 
 
 def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
@@ -221,7 +221,7 @@ def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, .
     if ticks // window < FEWEST_OBSERVATIONS:
         text = (
             f"warm_up: mser-5 needs {FEWEST_OBSERVATIONS} windows in a run, there are "
-            f"{ticks // window} of {window:,} ticks in stop.at_most {ticks:,}"
+            f"{ticks // window} of {window:,} ticks in stop.max_duration {ticks:,}"
         )
         where = ("window",) if study.window else ("warm_up",)
         raise document.error(where, text)
@@ -239,7 +239,7 @@ def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...])
     point = next(
         point
         for point, resolved in zip(study.points, scenarios, strict=True)
-        if resolved.scenario.stop.at_most == ticks
+        if resolved.scenario.stop.max_duration == ticks
     )
     text = (
         f"the largest warm-up is left out of the runs of all points: the first {cut:,} ticks, but runs "

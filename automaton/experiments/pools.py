@@ -141,7 +141,7 @@ class GivenExecutor:
 
     def renew(self) -> None:
         raise InputError(
-            "a worker of the executor died, and only who made it can begin it anew; "
+            "a worker of the executor died, and only its creator can restart it; "
             "what is done is kept"
         )
 

@@ -137,7 +137,7 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 
 def reason(text: str) -> str:
-    """Why a run has no figures, as a row keeps it: not too long, and text that files can hold."""
+    """Why a run has no metrics, as a row keeps it: not too long, and text that files can hold."""
     return one_line(text.encode(errors="replace").decode(), LONGEST_REASON)
 
 

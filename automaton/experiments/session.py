@@ -42,7 +42,7 @@ class Swept(NamedTuple):
     store: Store
     begun: Begun
     tally: Tally
-    failed: int  # runs without figures, those that failed in earlier sweeps included
+    failed: int  # runs without metrics, those that failed in earlier sweeps included
 
 
 def sweep_into(
@@ -128,7 +128,7 @@ def opened(
     """The folder's results, if they are of this plan; whether its analysis was another one.
 
     What was declared before stays in the manifest where any of its runs count. Raises InputError if
-    the results follow from anything else, unless they are to be computed anew.
+    the results follow from anything else, unless they are to be computed again.
     """
     manifest = plan.manifest
     before = read_manifest(folder)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 STUDY_FILE: Final = "study.yaml"
 ROWS: Final = "rows"
-KEY_COLUMNS: Final = ["key", "failed"]  # which run a row is of, and why it has no figures
+KEY_COLUMNS: Final = ["key", "failed"]  # which run a row is of, and why it has no metrics
 ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
 
 
@@ -80,8 +80,8 @@ class Store:
         """All valid rows, each run once, by point and replication.
 
         Rows of other code or of another floor are left out, as are files that are damaged. Of a run
-        that failed and was tried again with success, the row with figures is taken. A row belongs to
-        the point that its key follows from, whatever point the study had when it was written.
+        that failed and was tried again with success, the row with metrics is taken. A row belongs
+        to the point that its key follows from, whatever point the study had when it was written.
         """
         pa = arrow()
         schema = self.schema
@@ -108,12 +108,12 @@ class Store:
         return done | failed if with_failed else done
 
     def failed(self) -> set[str]:
-        """The keys of the runs that failed: no row has figures of them."""
+        """The keys of the runs that failed: no row has metrics of them."""
         done, failed = self._done_and_failed()
         return failed - done
 
     def _done_and_failed(self) -> tuple[set[str], set[str]]:
-        """The keys of this study's rows with figures, and of those without."""
+        """The keys of this study's rows with metrics, and of those without."""
         expected = self.manifest.keys()
         found: tuple[set[str], set[str]] = set(), set()
         for _, table in self._tables(KEY_COLUMNS):
@@ -198,7 +198,7 @@ def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
 
 
 def done_and_failed(table: pa.Table) -> tuple[set[str], set[str]]:
-    """The keys of a table's rows with figures, and of those without; it has KEY_COLUMNS."""
+    """The keys of a table's rows with metrics, and of those without; it has KEY_COLUMNS."""
     found: tuple[set[str], set[str]] = set(), set()
     columns = (table.column(name).to_pylist() for name in KEY_COLUMNS)
     for key, failed in zip(*columns, strict=True):

@@ -19,7 +19,7 @@ from automaton.errors import InputError, nearest
 from automaton.experiments.names import check_factor, column_type
 from automaton.scenario.document import Document, parse
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDY_KEYS, read_text, shipped
-from automaton.scenario.schema import Line, Part, Text
+from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.validation import shown, validated
 
 STUDY_WANTED: Final = (
@@ -49,12 +49,12 @@ def plain(value: Any) -> Any:
     raise InputError(f"a study holds numbers, text, lists and mappings, found {shown(value)}")
 
 
-class Analysis(Part, frozen=True, kw_only=True):
+class Analysis(ConfigSection, frozen=True, kw_only=True):
     """What will be asked of the runs; declared before they are made."""
 
     metrics: Annotated[
-        tuple[Text, ...],
-        Meta(min_length=1, description="Metrics that are reported, such as T_total."),
+        tuple[NonEmptyText, ...],
+        Meta(min_length=1, description="Metrics that are reported, such as makespan."),
     ]
     paired: Annotated[
         bool | None,
@@ -107,13 +107,13 @@ class Point(NamedTuple):
     levels: Levels  # by factor
 
 
-class Study(Part, frozen=True, kw_only=True):
+class Study(ConfigSection, frozen=True, kw_only=True):
     """A study of automaton: scenarios, what varies in them, how often each is run."""
 
-    name: Annotated[Line, Meta(description="The name in tables.")]
-    summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
+    name: Annotated[SingleLine, Meta(description="The name in tables.")]
+    summary: Annotated[SingleLine | None, Meta(description="One line for `automaton list`.")] = None
     scenario: Annotated[
-        Text | tuple[Text, ...],
+        NonEmptyText | tuple[NonEmptyText, ...],
         Meta(description="The scenario that varies, by path or shipped name, or several."),
     ]
     factors: Annotated[
@@ -328,12 +328,12 @@ def _check_baseline(document: Document, study: Study, analysis: Analysis) -> Non
         if key not in (*names, *several):
             known = ", ".join((*names, *several))
             hint = nearest(key, names)
-            text = f"the baseline names '{key}', which is no factor{hint}; there are {known}"
+            text = f"the baseline names '{key}', which is not a factor{hint}; there are {known}"
             raise document.error(keys, text)
         levels = study.levels(key)
         if not any(_same(level, known) for known in levels):
             found = ", ".join(shown(known) for known in levels)
-            text = f"the baseline has {key} {shown(level)}, which is none of its levels: {found}"
+            text = f"the baseline has {key} {shown(level)}, which is not one of its levels: {found}"
             raise document.error(keys, text)
 
 

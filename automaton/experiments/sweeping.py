@@ -38,7 +38,7 @@ class Tally(NamedTuple):
     """What a sweep did."""
 
     done: int  # runs of which rows were written
-    failed: int  # of these gave no figures
+    failed: int  # of these gave no metrics
     unfinished: int  # of these reached their limit
     repeated: int  # runs begun a second time, since a worker died
 

@@ -228,7 +228,7 @@ class Writer:
 
 
 def _with_figures(paths: list[Path]) -> set[str]:
-    """The keys of rows with figures in files; a run that failed and then did not has such a row."""
+    """The keys of rows with metrics in files; a run that failed and then did not has such a row."""
     found: set[str] = set()
     for path in paths:
         with contextlib.suppress(Damaged, FileNotFoundError):
@@ -260,11 +260,12 @@ def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> S
 
 
 def check_free(folder: Path, copies: Copies) -> None:
-    """Raises InputError if a folder that is no folder of results yet has other files in their place."""
+    """Raises InputError if a folder that is not a folder of results yet has other files in their
+    place."""
     with _told(folder):
         for place, content in copies.items():
             if (folder / place).exists() and not holds(folder / place, content):
-                text = f"holds another file {place} than the study: take another folder"
+                text = f"holds another file {place} than the study: use another folder"
                 raise InputError(text, str(folder))
 
 

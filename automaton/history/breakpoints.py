@@ -1,12 +1,12 @@
 """Breakpoints: conditions on the state after a tick at which a run is to be stopped.
 
-deadlock           a circle of waiting robots has lasted too long
-circular wait      a circle of waiting robots has closed
+deadlock           a wait cycle has lasted too long
+wait cycle         a wait cycle has closed
 delivered [7]      a load was delivered (load 7)
-zones redesigned   stations came into another zone
-stuck > 50         a robot has waited for more than 50 ticks
+zones redesigned   stations came into another service zone
+stalled > 50       a robot has waited for more than 50 ticks
 loaded and x > 3   any condition on one robot, of the names in FIELDS
-battery < 20       the same: in line, charging, empty, broken
+battery < 20       the same: queueing, charging, empty, broken
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "load": "the load it carries, or -1",
     "order": "the order it works on, or -1",
     "waiting": "ticks that it has waited; 0 if it does not",
-    "slowed": "ticks that its moves took longer so far, in slow zones and by chance",
+    "slowdown_ticks": "ticks that its moves took longer so far, in slow zones and by chance",
     "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAITS),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",
@@ -57,15 +57,14 @@ FIELDS: Final = {  # name: what it is, of one robot
     "steps": "cells of its route that are left",
     "battery": "percent in its battery; 100 where there are no batteries",
     "charging": "whether it charges",
-    "in_line": "whether it stands in line before a charger; also written in line",
-    "empty": "whether it stands out of order for want of energy",
-    "broken": "whether it stands out of order for a fault",
+    "queueing": "whether it queues before a charger",
+    "empty": "whether it is down without charge",
+    "broken": "whether it is down because of a fault",
     "towed": "whether it was towed and is not back",
     "ahead": "orders in the list that was announced to it",
 }
-NAMES: Final = (*FIELDS, "deadlock", "delivered", "stuck", "zones redesigned")
+NAMES: Final = (*FIELDS, "deadlock", "delivered", "stalled", "zones redesigned")
 LONGEST: Final = 200  # characters
-TWO_WORDS: Final = re.compile(r"(?<!['\"\w])in line\b")  # as people say in_line
 NAMED: Final = {"cause": WAITS, "action": list(ACTION_NAMES)}
 COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
     ast.Lt: np.less,
@@ -89,7 +88,7 @@ def breakpoint_of(text: str) -> Breakpoint:
     words = " ".join(text.split())
     if len(words) > LONGEST:
         raise InputError(_too_long(words))
-    if words in ("deadlock", "circular wait"):
+    if words in ("deadlock", "wait cycle"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
         return Breakpoint(
             words, lambda run, plan: _members(run, run.observation.wait_cycle_ticks == ticks)
@@ -100,8 +99,8 @@ def breakpoint_of(text: str) -> Breakpoint:
     if delivered:
         load = None if delivered[1] is None else int(delivered[1])
         return Breakpoint(words, lambda run, plan: _delivering(run, load))
-    stuck = re.fullmatch(r"stuck ?> ?(\d+)", words)
-    return Breakpoint(words, _predicate(f"waiting > {stuck[1]}" if stuck else words))
+    stalled = re.fullmatch(r"stalled ?> ?(\d+)", words)
+    return Breakpoint(words, _predicate(f"waiting > {stalled[1]}" if stalled else words))
 
 
 def _members(run: Simulation, mask: Array) -> Array:
@@ -137,11 +136,11 @@ def robots_where(text: str, snapshot: Snapshot, floor_plan: FloorPlan) -> Array:
     """Identities of the robots for which a condition of this language holds. Raises InputError."""
     words = " ".join(text.split())
     fleet = snapshot.robots
-    if words in ("deadlock", "circular wait"):
+    if words in ("deadlock", "wait cycle"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
         return np.flatnonzero(fleet.wait_cycle_ticks >= ticks)
-    stuck = re.fullmatch(r"stuck ?> ?(\d+)", words)
-    evaluate = _condition(f"waiting > {stuck[1]}" if stuck else words)
+    stalled = re.fullmatch(r"stalled ?> ?(\d+)", words)
+    evaluate = _condition(f"waiting > {stalled[1]}" if stalled else words)
     fields = _fields(
         fleet, np.arange(len(fleet)), fleet, snapshot.tick, floor_plan, fleet.route_length
     )
@@ -156,10 +155,11 @@ def _condition(text: str) -> Callable[[Fields], Any]:
     if len(text) > LONGEST:
         raise InputError(_too_long(text))
     try:
-        tree = ast.parse(TWO_WORDS.sub("in_line", text), mode="eval").body
+        tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError):
         raise InputError(
-            f"'{text}' is no condition; write one such as deadlock, delivered 7, stuck > 50, "
+            f"'{text}' is not a condition; expected one such as deadlock, delivered 7, stalled > "
+            "50, "
             "or waiting > 20 and loaded"
         ) from None
     return _compiled(tree)
@@ -184,7 +184,7 @@ def _compiled(node: ast.expr) -> Callable[[Fields], Any]:
     if isinstance(node, ast.Name):
         return _operand(node, None)
     raise InputError(
-        f"'{ast.unparse(node)}' is no condition on a robot; allowed are comparisons of "
+        f"'{ast.unparse(node)}' is not a condition on a robot; allowed are comparisons of "
         f"{', '.join(FIELDS)} with numbers, joined by and, or, not"
     )
 
@@ -217,7 +217,8 @@ def _code_of(word: str, comparison: ast.Compare | None) -> int:
             names = NAMED[side.id]
             if word not in names:
                 raise InputError(
-                    f"'{word}' is no {side.id}{nearest(word, names)}; there are {', '.join(names)}"
+                    f"'{word}' is not a known {side.id}{nearest(word, names)}; there are "
+                    f"{', '.join(names)}"
                 )
             return names.index(word)
     raise InputError(f"'{word}' can be compared with cause and action only")
@@ -254,7 +255,7 @@ def _fields(
         "load": robots.load,
         "order": robots.order,
         "waiting": np.where(is_waiting(observation.cause), tick - observation.since, 0),
-        "slowed": observation.lost[:, CAUSE_REDUCED_SPEED],
+        "slowdown_ticks": observation.lost[:, CAUSE_REDUCED_SPEED],
         "cause": observation.cause.astype(np.int64),
         "action": robots.action.astype(np.int64),
         "busy": robots.busy.astype(np.int64),
@@ -264,7 +265,7 @@ def _fields(
         "steps": steps,
         "battery": robots.charge / BATTERY_PERCENT,
         "charging": charging(robots).astype(np.int64),
-        "in_line": in_line(robots).astype(np.int64),
+        "queueing": in_line(robots).astype(np.int64),
         "empty": (robots.status == STATUS_DEPLETED).astype(np.int64),
         "broken": (robots.status == STATUS_FAILED).astype(np.int64),
         "towed": (robots.status >= STATUS_TOWED).astype(np.int64),

@@ -1,4 +1,4 @@
-"""Charging as a viewer tells it: who is at a charger, who stands in line, and for how long."""
+"""Charging as a viewer tells it: who is at a charger, who queues, and for how long."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
 
 
 def in_line(robots: Robots | Fleet) -> Array:
-    """(n,) bool: who stands in line before a charger; who drives into it does not any more."""
+    """(n,) bool: who queues before a charger; who drives into it does not any more."""
     entering = (robots.claim == robots.goal_cell) | (robots.cell == robots.goal_cell)
     found: Array = (robots.ticket != 0) & ~entering
     return found
@@ -53,7 +53,7 @@ def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
 
 
 def line_before(snapshot: Snapshot, cell: int) -> list[int]:
-    """The robots that stand in line before the charger in a cell, who came first first."""
+    """The robots that queue before the charger in a cell, in arrival order."""
     fleet = snapshot.robots
     standing = np.flatnonzero(in_line(fleet) & (fleet.goal_cell == cell))
     found: list[int] = standing[np.argsort(fleet.ticket[standing])].tolist()
@@ -78,7 +78,7 @@ def up_to(snapshot: Snapshot, robot: int) -> str:
 
 
 def in_line_words(snapshot: Snapshot, robot: int, place: str) -> str:
-    """Why a robot stands in line before the charger at `place`."""
+    """Why a robot queues before the charger at `place`."""
     cell = int(snapshot.robots.goal_cell[robot])
     standing = line_before(snapshot, cell)
     before = standing[: standing.index(robot)] if robot in standing else []
@@ -91,4 +91,4 @@ def in_line_words(snapshot: Snapshot, robot: int, place: str) -> str:
     if not said and blocker != NIL:
         enters = int(snapshot.robots.claim[blocker]) == cell
         said.append(f"robot {blocker} {'drives into' if enters else 'holds'} {place}")
-    return f"robot {robot} stands in line" + (": " if said else "") + "; ".join(said)
+    return f"robot {robot} queues" + (": " if said else "") + "; ".join(said)

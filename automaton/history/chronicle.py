@@ -1,6 +1,6 @@
-"""What happened in a run, as far as it is known: its events, and a few figures over time.
+"""What happened in a run, as far as it is known: its events, and a few metrics over time.
 
-Both are bounded, however long a run gets: of the figures, every second row is let go where there
+Both are bounded, however long a run gets: of the metrics, every second row is let go where there
 are too many, of the events the oldest ones.
 """
 
@@ -76,14 +76,14 @@ class Growing:
 
 
 class Curve(NamedTuple):
-    """Figures over time: row k tells of tick (k + 1) * every."""
+    """Metrics over time: row k tells of tick (k + 1) * every."""
 
     rows: Array  # (N, CURVE_COLUMNS) int32; columns in world.waiting
     every: int  # ticks, a power of two
     ticks: int  # how far it tells
 
     def at(self, ticks: Array, column: int) -> Array:
-        """A figure at these ticks, or at the last ticks before them of which there is a row.
+        """A metric at these ticks, or at the last ticks before them of which there is a row.
 
         0 before the first row.
         """
@@ -161,7 +161,7 @@ class Chronicle:
 
     @property
     def deadlocks(self) -> Array:
-        """(N,) int32: the last ticks at which a circle had lasted too long."""
+        """(N,) int32: the last ticks at which a wait cycle had lasted too long."""
         ticks: Array = self._deadlocks.log.rows[:, 0]
         return ticks
 

@@ -49,8 +49,8 @@ class Explanation(NamedTuple):
         lines = [link.text for link in self.chain]
         if self.cycle != NIL:
             members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]
-            circle = " -> ".join([*members, members[0]])
-            lines.append(f"a circle: {circle}; none of them can go first")
+            cycle = " -> ".join([*members, members[0]])
+            lines.append(f"a wait cycle: {cycle}; none of them can go first")
         return lines
 
 
@@ -75,7 +75,7 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
     cell = None if wanted == NIL else floor_plan.xy(wanted)
     because = cause.text.format(
         robot=f"robot {robot}",
-        blocker="nobody" if blocker == NIL else f"robot {blocker}",
+        blocker="no robot" if blocker == NIL else f"robot {blocker}",
         cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
     )
     if code == CAUSE_CHARGER_QUEUE and cell is not None:
@@ -90,12 +90,12 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
 
 
 def out_of_order(snapshot: Snapshot, robot: int) -> str:
-    """What is wrong with a robot that is out of order, and what becomes of it; "" of others."""
+    """What is wrong with a robot that is down, and what becomes of it; "" of others."""
     fleet = snapshot.robots
     status = int(fleet.status[robot])
     status_until = int(fleet.status_until[robot])
     left = count(status_until - snapshot.tick, "tick")
-    towing = "nobody tows it" if status_until == NIL else f"it is towed in {left}"
+    towing = "it is not towed" if status_until == NIL else f"it is towed in {left}"
     if status == STATUS_DEPLETED:
         charge = percent(float(fleet.charge[robot]) / BATTERY_FULL)
         takes = "less than its next operation takes"
@@ -119,8 +119,8 @@ def doing(snapshot: Snapshot, robot: int) -> str:
         "move": "drives",
         "turn": "turns",
         "pick": f"picks up load {fleet.load[robot]}",
-        "drop": "sets its load down",
-        "try_drop": "tries to set its load down",
+        "drop": "drops its load",
+        "try_drop": "tries to drop its load",
         "charge": "has charged",
     }
     if charging(fleet)[robot]:

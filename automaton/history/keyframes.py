@@ -1,7 +1,7 @@
 """Keyframes in memory: states of a run to which one can go back.
 
 A state is kept as what differs from the state at tick 0, so that on a large floor only the cells
-count that somebody came to.
+count that was reached.
 """
 
 from __future__ import annotations

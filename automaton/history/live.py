@@ -63,7 +63,7 @@ class LiveRun(Run):
 
     @property
     def end(self) -> int | None:
-        limit = self.resolved.scenario.stop.at_most
+        limit = self.resolved.scenario.stop.max_duration
         if self._failed or self._front.finished or self._front.tick >= limit:
             return self._front.tick
         return None

@@ -114,7 +114,7 @@ class Paths:
 def ties_of(scenario: Scenario) -> int:
     """The tie rule of the routing strategy if it has one, otherwise that of A* by default."""
     routing = scenario.strategy.routing
-    name = routing.get("ties") if isinstance(routing, Mapping) else None
+    name = routing.get("tie_break") if isinstance(routing, Mapping) else None
     return TIES.index(name) if name in TIES else LARGER_G
 
 
@@ -124,7 +124,8 @@ def driven(offset: Array, start: int, steps: Array) -> Array:
 
 
 def explored(world: World, paths: Paths, robot: int) -> Array:
-    """(C,) int32: 1 in cells found by the search from where a robot is to its stand, 2 on the path.
+    """(C,) int32: 1 in cells found by the search from where a robot is to its goal cell, 2 on the
+    path.
 
     All are 0 for a robot that is on no way, or for NIL.
     """

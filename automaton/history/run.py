@@ -152,7 +152,7 @@ class Run:
             self._at = self._past.tick
 
     def metrics(self) -> dict[str, float | int]:
-        """The figures of the run up to the tick that is shown."""
+        """The metrics of the run up to the tick that is shown."""
         return metrics_of(self.shown)
 
     def resolved_at(self, tick: int) -> Resolved:

@@ -1,4 +1,4 @@
-"""What a viewer sees of a run after a tick: copies, by identity, that nobody changes any more."""
+"""What a viewer sees of a run after a tick: copies, by identity, that do not change any more."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         route=_route(simulation, selected),
         layer=layer,
         order_queue=_plan(simulation, selected),
-        curve=world.rules.curve,  # nobody writes to it
+        curve=world.rules.curve,  # it is never written to
         heat=_heat(simulation, layer),
         flow=observation.flow.copy() if layer == "flow" else None,
         lost_in_zone=observation.lost_in_zone.copy(),

@@ -139,7 +139,7 @@ def batch_allocation(world, batch):
 
 @kernel
 def is_on_its_way(world, i):
-    """Whether robot i has a plan, whatever it does now, that can still be made anew."""
+    """Whether robot i has a plan, whatever it does now, that can still be made again."""
     robots = world.robots
     if robots.goal_cell[i] == NIL or robots.need[i] & NEED_ROUTE or robots.retreat_moves[i]:
         return False
@@ -148,7 +148,7 @@ def is_on_its_way(world, i):
 
 @kernel
 def batch_routing(world, batch):
-    """Robots with a new goal or a plan to be made anew, once they are free to drive.
+    """Robots with a new goal or a plan to be made again, once they are free to drive.
 
     A strategy that asked for this tick gets all that are on their way too: REASON_PERIODIC.
     """
@@ -178,7 +178,7 @@ def batch_routing(world, batch):
 
 @kernel
 def batch_right_of_way(world, batch):
-    """Robots whose retries are used up, and robots in a withdrawal: they ask for every step."""
+    """Robots whose retries are used up, and robots in a retreat: they ask for every step."""
     robots, clock = world.robots, world.clock
     batch.count[0] = 0
     due = is_due(world, LAYER_RIGHT_OF_WAY)

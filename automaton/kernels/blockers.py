@@ -40,7 +40,7 @@ from automaton.world.observation import (
 )
 from automaton.world.state import ACTION_MOVE, CLOCK_TICK, GOAL_NONE, NIL
 
-REQUESTED = -2  # value of scratch.holder: somebody waits for it
+REQUESTED = -2  # value of scratch.holder: a robot waits for it
 
 
 @kernel
@@ -106,7 +106,7 @@ def place_holders(world, observation):
 
 @kernel
 def hold(world, observation, cell, direction, i):
-    """Robot i holds its lane of a limited cell: enter it if somebody seeks it."""
+    """Robot i holds its lane of a limited cell: enter it if a robot seeks it."""
     word = np.int64(world.traffic.occupancy[U(cell)])
     entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
     if (word >> CAPACITY_SHIFT) & 3 and observation.scratch.holder[U(entry)] == REQUESTED:
@@ -115,7 +115,7 @@ def hold(world, observation, cell, direction, i):
 
 @kernel
 def enter_blocker(world, observation, i):
-    """Robot i is kept by the holder of what it waits for; by nobody, the cause is another one."""
+    """Robot i is kept by the holder of what it waits for; by no robot, the cause is another one."""
     entry = np.int64(observation.scratch.entry[U(i)])
     if entry == NIL:
         return

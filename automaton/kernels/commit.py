@@ -58,7 +58,7 @@ from automaton.world.state import (
     RETRY_NONE,
 )
 
-MAX_COMMAND_TICKS = 10_000  # of one pause or withdrawal
+MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
 
 
 @kernel
@@ -86,7 +86,7 @@ def commit_allocation(world, record, batch, decisions):
         i = np.int64(batch.robot[k])
         command = out.command[k]
         if robots.status[i] > STATUS_EXHAUSTED:
-            continue  # it went out of order in this tick
+            continue  # it went down in this tick
         if command == CMD_TAKE_ORDER:
             take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]))
         elif command == CMD_DROP_AT:
@@ -142,7 +142,7 @@ def commit_order_queues(world, batch, out):
 
 @kernel
 def leave_floor(world, i, ask_again):
-    """Robot i parks where it stands, unless it is busy or on a withdrawal."""
+    """Robot i parks where it stands, unless it is busy or on a retreat."""
     robots = world.robots
     if robots.busy[i] or robots.retreat_moves[i]:
         stay_idle(world, i, ask_again)
@@ -173,13 +173,13 @@ def stay_idle(world, i, ask_again):
 
 @kernel
 def may_have(reserved_by, identity):
-    """Whether something reserved by `by` (NIL: nobody) is free for a robot."""
+    """Whether something reserved by `by` (NIL: no robot) is free for a robot."""
     return reserved_by == NIL or reserved_by == identity
 
 
 @kernel
 def take(world, record, i, order, goal_cell):
-    """Reserve a waiting order for robot i and send it to the stand."""
+    """Reserve a waiting order for robot i and send it to the goal cell."""
     robots, orders = world.robots, world.orders
     legal = robots.load[i] == NIL and 0 <= order < orders.state.shape[0]
     legal = legal and orders.state[order] == ORDER_WAITING
@@ -207,7 +207,7 @@ def take(world, record, i, order, goal_cell):
 
 @kernel
 def choose_slot(world, record, i, slot, goal_cell, try_drop):
-    """Reserve the slot where robot i will set its load down."""
+    """Reserve the slot where robot i will drop its load."""
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
     if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
@@ -301,7 +301,7 @@ def commit_right_of_way(world, record, batch, decisions):
 
 @kernel
 def step(world, i, direction):
-    """One move, or the turn before it, now; outside a withdrawal the route is planned anew after it.
+    """One move, or the turn before it, now; outside a retreat the route is planned again after it.
 
     A robot that is parked on the floor leaves its place.
     """
@@ -325,7 +325,7 @@ def step(world, i, direction):
 
 @kernel
 def pause(world, record, i, ticks):
-    """Wait; during a withdrawal this gives it up, and the plan is made anew around the robots."""
+    """Wait; during a retreat this gives it up, and the plan is made again around the robots."""
     robots = world.robots
     begin(world, i, ACTION_WAIT, ticks)
     robots.executed[i] = EXECUTED_WAIT
@@ -339,7 +339,7 @@ def pause(world, record, i, ticks):
 
 @kernel
 def retreat(world, record, i, moves, return_order):
-    """Begin a withdrawal; the tick of the decision executes nothing."""
+    """Begin a retreat; the tick of the decision executes nothing."""
     robots = world.robots
     count_lost_tick(world, i, ACTION_RETREAT)
     robots.busy[i] = 1

@@ -122,7 +122,7 @@ def leave_parking_bays(world):
 
 @kernel
 def halt_robots(world, record):
-    """Robots that zoning halts wait from now on until it lets them go; who is out of order does not."""
+    """Robots that zoning halts wait from now on until it lets them go; who is down does not."""
     robots, tick = world.robots, world.clock[CLOCK_TICK]
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -167,7 +167,7 @@ def drive(world, record):
 
 @kernel
 def drive_without_route(world, record, i):
-    """The rarer cases: a step of right of way, arrival at the stand, nothing to do."""
+    """The rarer cases: a step of right of way, arrival at the goal cell, nothing to do."""
     robots = world.robots
     direction = np.int64(robots.step[i])
     if direction != NO_STEP:
@@ -188,13 +188,13 @@ def drive_without_route(world, record, i):
     elif robots.retreat_moves[i] == 0 and robots.cell[i] == robots.goal_cell[i]:
         do_goal(world, record, i)
     elif robots.retreat_moves[i] == 0 and robots.goal_cell[i] != NIL:
-        if robots.need[i] & NEED_ROUTE == 0:  # the route ended before the stand: go on from here
+        if robots.need[i] & NEED_ROUTE == 0:  # the route ended before: go on
             request_route(world, i, REASON_NEW_GOAL)
 
 
 @kernel
 def do_goal(world, record, i):
-    """At its stand, robot i begins what it came for."""
+    """At its goal cell, robot i begins what it came for."""
     robots = world.robots
     flags = np.int64(robots.executed[i])
     goal_type = robots.goal_type[i]
@@ -216,11 +216,11 @@ def do_goal(world, record, i):
 def handling_time(world, record, i, action):
     """Ticks of a pick or a drop that begins now, delay included."""
     ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
-    if world.rules.delay:
+    if world.rules.handling_jitter:
         identity = np.int64(world.robots.identity[i])
         tick = world.clock[CLOCK_TICK]
         ticks += random_between(
-            0, world.rules.delay, world.rules.seed, STREAM_HANDLING, tick, identity
+            0, world.rules.handling_jitter, world.rules.seed, STREAM_HANDLING, tick, identity
         )
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
     return ticks
@@ -267,7 +267,7 @@ def apply_move_outcomes(world, record):
             world.tally.operations[U(i), U(ACTION_MOVE), U(loaded)] += 1
             world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += move_ticks
             if move_ticks != usual:
-                world.tally.slowed[U(i)] += move_ticks - usual
+                world.tally.slowdown_ticks[U(i)] += move_ticks - usual
                 record_change(
                     world.clock, record, CHANGE_DURATION, robots.identity[U(i)], move_ticks
                 )
@@ -297,7 +297,7 @@ def apply_move_outcomes(world, record):
 
 @kernel
 def park_if_home(world, i):
-    """A robot at home with nothing to do is in its bay, off the floor, or parked, from now on."""
+    """A robot at home with nothing to do is in its parking bay, off the floor, or parked, from now on."""
     robots = world.robots
     home = np.int64(robots.home[i])
     if robots.goal_type[i] != GOAL_PARK or robots.cell[i] != home or robots.retreat_moves[i]:
@@ -320,7 +320,7 @@ def park_if_home(world, i):
 
 @kernel
 def handle_at_once(world, record, i):
-    """A robot whose move ends at its stand handles its load in the same tick, if that takes none."""
+    """A robot whose move ends at its goal cell handles its load in the same tick, if that takes none."""
     robots, duration = world.robots, world.rules.duration[world.robots.type[i]]
     picks = robots.goal_type[i] == GOAL_PICK and duration[ACTION_PICK] == 0
     drops = robots.goal_type[i] == GOAL_DROP and duration[ACTION_DROP] == 0
@@ -347,7 +347,7 @@ def handle_at_once(world, record, i):
 
 @kernel
 def after_step(world, i):
-    """A step that right of way asked for was made; after the last one of a withdrawal plan anew."""
+    """A step that right of way asked for was made; after the last one of a retreat plan again."""
     robots = world.robots
     if robots.retreat_moves[i]:
         robots.retreat_moves[i] -= 1

@@ -1,7 +1,7 @@
 """Energy: what operations take from batteries, charging, and the lines before chargers.
 
 An operation is paid when it begins. A robot that lacks what its next one takes is exhausted: it
-does nothing in this tick and is out of order from the next one on (automaton.kernels.faults).
+does nothing in this tick and is down from the next one on (automaton.kernels.faults).
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ def has_energy_for(world, i, action):
         return True
     ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
     if action == ACTION_PICK or action == ACTION_DROP:
-        ticks += world.rules.delay
+        ticks += world.rules.handling_jitter
     if world.robots.charge[i] < energy_cost(world, i, action, ticks):
         exhaust(world, i)
         return False
@@ -55,7 +55,7 @@ def charge_gain(world, charge):
 
 @kernel
 def charge_up(world, i):
-    """One tick of charging at the robot's stand; it is free when its level is reached."""
+    """One tick of charging at the robot's goal cell; it is free when its level is reached."""
     robots = world.robots
     first = robots.action[i] != ACTION_CHARGE
     robots.ticket[i] = 0

@@ -177,7 +177,7 @@ def note_action(world, observation, i, identity, action):
 
 @kernel
 def note_status(world, observation, i, identity):
-    """The events of a robot that goes out of order, is towed, or comes back."""
+    """The events of a robot that goes down, is towed, or comes back."""
     status = np.int64(world.robots.status[i])
     observation.status_before[i] = status
     if status == STATUS_DEPLETED or status == STATUS_FAILED:
@@ -233,7 +233,7 @@ def close_cycle(world, observation, first):
     for _ in range(members):
         observation.wait_cycle_ticks[i] = (
             youngest + 1
-        )  # with another robot in it, it is another circle
+        )  # with another robot in it, it is another wait cycle
         i = np.int64(robots.at_index[observation.blocker[i]])
     if youngest == 0:
         event(world, observation, EVENT_WAIT_CYCLE, name, NIL, members)

@@ -1,8 +1,8 @@
-"""Robots that go out of order, are towed, and come back.
+"""Robots that go down, are towed, and come back.
 
 An empty battery or a fault takes a robot out where it stands. Its orders are given back; its load
 becomes a waiting order in its cell, to be picked up from the cells beside it. It holds its cell
-until it is towed; where nobody repairs robots, it is gone.
+until it is towed; where robots are not repaired, it is gone.
 """
 
 import numpy as np
@@ -115,7 +115,7 @@ def tow_and_repair(world, record):
 
 @kernel
 def take_all_out(world, record):
-    """Robots that fail and whose operation is over, or that lacked energy, go out of order."""
+    """Robots that fail and whose operation is over, or that lacked energy, go down."""
     robots = world.robots
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -130,7 +130,7 @@ def take_all_out(world, record):
 
 @kernel
 def take_out(world, record, i, status):
-    """Robot i is out of order: what it had to do goes back, its load lies in its cell."""
+    """Robot i is down: what it had to do goes back, its load lies in its cell."""
     robots = world.robots
     become(world, record, i, status)
     return_orders(world, record, i)

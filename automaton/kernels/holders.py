@@ -1,7 +1,7 @@
 """Which robot holds a cell: `traffic.holder`, for strategies that look robots up by cell.
 
 It is entered right before a layer whose strategy says `holders = True` is asked, from what that
-strategy sees, and removed after: nobody else pays for it, and nothing of it outlasts a decision.
+strategy sees, and removed after: no other robot pays for it, and nothing of it outlasts a decision.
 """
 
 import numpy as np

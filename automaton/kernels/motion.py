@@ -3,7 +3,7 @@
 Executed is the greatest set of intents in which every cell has room for its best-ranked claimants,
 counting what members of the set give up; queues follow and rings rotate by themselves.
 
-One word per cell, so that one load tells all: bits 0-3 say that somebody claims the cell travelling
+One word per cell, so that one load tells all: bits 0-3 say that a robot claims the cell travelling
 E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E
 or S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a
 cell without limit keeps both. Bits 8-15 repeat grid.cell_flags. A *resource* is a cell of capacity
@@ -28,7 +28,7 @@ from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import NIL
 
 LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
-ENTERED = 8  # it left its bay this tick: nobody may follow into its cell
+ENTERED = 8  # it left its parking bay this tick: no robot may follow into its cell
 NO_TURN = 8  # without LIVE: a turn that found the other lane held
 MOVED = 16  # outcomes
 REFUSED = 32
@@ -43,7 +43,7 @@ ROOM_TAKEN_BITS = (
 AHEAD = 16  # robots whose cells are fetched in advance
 
 INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
-INTENT_OWN = 1  # the held resource if somebody may follow, then its entry, or NIL
+INTENT_OWN = 1  # the held resource if a robot may follow, then its entry, or NIL
 INTENT_ROBOT = 2
 INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
 INTENT_CELL = 4  # where it stands

@@ -1,7 +1,7 @@
 """What is watched in every tick of an observed run: who waits for whom and why, events, heat maps.
 
 After motion, one pass over the robots finds who got on and who waits for which cell; whoever drives
-or works costs no more than this. Only when somebody waits, further passes over those who do: who
+or works costs no more than this. Only when a robot waits, further passes over those who do: who
 holds the cells that are waited for; who kept whom from swapping; the cause, which depends on what
 the blocker does; cycles of robots that wait for each other. Nothing here writes to the world.
 """
@@ -166,7 +166,7 @@ def count_move(world, observation, i, direction):
     """Enter a move of robot i into the map of moves."""
     robots = world.robots
     entered = np.int64(robots.claim[U(i)])
-    if entered == NIL:  # it has arrived; one that moved home may be in its bay already
+    if entered == NIL:  # it has arrived; one that moved home may be in its parking bay already
         entered = np.int64(robots.cell[U(i)])
         if entered == NIL:
             entered = np.int64(robots.home[U(i)])
@@ -184,7 +184,7 @@ def end_wait(observation, i):
 
 @kernel
 def note_wait(world, observation, i, cause):
-    """Robot i lost this tick; a wait for an order and a wait on the way begin anew."""
+    """Robot i lost this tick; a wait for an order and a wait on the way begin again."""
     before = np.int64(observation.cause[U(i)])
     if before == CAUSE_NOT_WAITING or (before == CAUSE_NO_ORDER) != (cause == CAUSE_NO_ORDER):
         observation.since[U(i)] = world.clock[CLOCK_TICK] - 1

@@ -65,7 +65,7 @@ def energy_cost(world, i, action, ticks):
 
 @kernel
 def exhaust(world, i):
-    """The battery of robot i lacks what it needs: it is out of order from the next tick on."""
+    """The battery of robot i lacks what it needs: it is down from the next tick on."""
     if world.robots.status[i] == STATUS_UP:
         world.clock[CLOCK_ROBOTS_DOWN] += 1
     if world.robots.status[i] <= STATUS_EXHAUSTED:
@@ -181,7 +181,8 @@ def drop_route(robots, i):
 
 @kernel
 def first_cell(robots, i):
-    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its bay by."""
+    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its
+    parking bay by."""
     if robots.claim[i] != NIL:
         return np.int64(robots.claim[i])
     return np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
@@ -242,7 +243,7 @@ def pick_up(world, record, i, ticks):
 
 @kernel
 def leave_queue(world, order):
-    """An order waits anew somewhere: zoning is to say in whose queue it is."""
+    """An order waits again somewhere: zoning is to say in whose queue it is."""
     request_zoning(world)
     if world.service_zones.queue.shape[0]:
         former = np.int64(world.service_zones.queue[order])
@@ -257,7 +258,7 @@ def leave_queue(world, order):
 
 @kernel
 def visit(world, record, i, order, ticks):
-    """The order lies where it has to go: with the robot's coming it is done."""
+    """The order lies where it has to go: it is done when the robot arrives."""
     world.robots.order[i] = NIL
     world.orders.state[order] = ORDER_DELIVERED
     world.orders.delivered[order] = world.clock[CLOCK_TICK]
@@ -274,7 +275,7 @@ def empty_slot(world, slot):
     slots.content[slot] = NIL
     if slot >= slots.first_spare:
         slots.cell[slot] = NIL
-        slots.unbounded[slot] = 1  # no shelf: nobody sets a load down there
+        slots.unbounded[slot] = 1  # no shelf: no robot drops a load there
         for direction in range(4):
             slots.access[slot, direction] = NIL
 

@@ -1,4 +1,4 @@
-"""Orders that become known in the course of a run."""
+"""Orders that are released in the course of a run."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-"""From which cell a robot picks up and sets down, as the shipped allocations have it.
+"""From which cell a robot picks up and drops, as the shipped allocations have it.
 
 A load is picked up from the right of its shelf where the floor allows it (the table-top robots stand
-at (x + 1, y)), and set down from the left: so loads travel to the right. Whoever foresees where a
+at (x + 1, y)), and dropped from the left: so loads travel to the right. Whatever predicts where a
 robot will go reckons with the same cells.
 """
 
@@ -27,7 +27,7 @@ def pickup_cell(view, robot_type, slot):
 
 @kernel
 def dropoff_cell(view, robot_type, slot):
-    """The cell from which robots of a type set a load down, NIL if there is none."""
+    """The cell from which robots of a type drop a load, NIL if there is none."""
     one = view.slots.reachable.shape[0] == 1
     for direction in FROM_LEFT_FIRST:
         cell = np.int64(view.slots.access[slot, direction])
@@ -43,7 +43,7 @@ def can_bring(view, robot_type, order, slot):
         return False
     accessible = view.slots.accessible
     if accessible.shape[0] == 1:
-        return True  # there are no orders but for slots that somebody serves
+        return True  # there are no orders but for slots that a robot serves
     return (
         accessible[robot_type, view.orders.current_slot[order]] != 0
         and accessible[robot_type, slot] != 0

@@ -2,7 +2,8 @@
 
 A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is
 what the zone held when the tick began, each robot counted in the cell that it stands in or leaves,
-the mover always included. Cells in no zone slow nobody down. A tick more, by a draw, comes on top.
+the mover always included. Cells in no zone slow no robot down. A tick more, by a draw, comes on
+top.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ MAX_MOVE_TICKS = 65_535  # what robots.busy and traffic.move_ticks can hold
 
 @kernel
 def count_robots(grid, robots, zone_occupancy):
-    """crowd[zone] = robots in it; call before anything moves or leaves its bay."""
+    """crowd[zone] = robots in it; call before anything moves or leaves its parking bay."""
     zone_occupancy[:] = 0
     for i in range(robots.cell.shape[0]):
         cell = np.int64(robots.cell[U(i)])

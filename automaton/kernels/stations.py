@@ -1,7 +1,7 @@
-"""Stations that work on parts, one at a time, in the sequence of their coming.
+"""Stations that work on parts, one at a time, in arrival order.
 
-A part comes to a station when its order is delivered there; the order for its next way becomes known
-in the tick in which the work on it is done.
+A part comes to a station when its order is delivered there; the order for its next way is released
+in the tick in which its job is done.
 """
 
 import numpy as np
@@ -46,7 +46,7 @@ def come(world, work, tick):
 
 @kernel
 def work_at_stations(world):
-    """Parts enter that come in this tick; work that is done ends, and the next one begins."""
+    """Parts enter that come in this tick; jobs that are done end, and the next ones begin."""
     stations, clock = world.stations, world.clock
     while clock[CLOCK_NEXT_PART] < stations.part_arrivals.shape[0]:
         work = np.int64(stations.part_arrivals[clock[CLOCK_NEXT_PART]])
@@ -85,7 +85,7 @@ def make_known(world, order):
 
 @kernel
 def deliver(world, order, ticks):
-    """A load is where it has to go when its robot has set it down, in so many ticks.
+    """A load is where it has to go when its robot has dropped it, in so many ticks.
 
     The station begins to work on its part, or lines it up.
     """

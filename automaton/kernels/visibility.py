@@ -19,7 +19,7 @@ from automaton.kernels.motion import CLAIMS, FLAGS_SHIFT, U
 from automaton.world.state import ACTION_COUNT, NEVER, NIL, NO_STEP, ORDER_UNRELEASED
 from automaton.zoning.paths import copy_segment
 
-HIDDEN = -2  # design.held: the point belongs to somebody out of sight
+HIDDEN = -2  # design.held: the point belongs to a robot out of sight
 
 
 @kernel
@@ -101,7 +101,7 @@ def mask_world(world, visible_world, i):
                 i, action, loaded
             ]
             visible_world.tally.ticks[i, action, loaded] = world.tally.ticks[i, action, loaded]
-    visible_world.tally.slowed[i] = world.tally.slowed[i]
+    visible_world.tally.slowdown_ticks[i] = world.tally.slowdown_ticks[i]
 
 
 @kernel
@@ -165,7 +165,7 @@ def mask_zones(world, visible_world, i):
 
 @kernel
 def hide_segments(design):
-    """Segments look as if nobody owned them."""
+    """Segments look as if no robot owned them."""
     for segment in range(design.segments[0]):
         for k in range(design.points[segment]):
             design.path[segment, k] = NIL
@@ -296,7 +296,7 @@ def hide_robot(visible_world, j):
     r.step[j] = NO_STEP
     visible_world.tally.operations[j] = 0
     visible_world.tally.ticks[j] = 0
-    visible_world.tally.slowed[j] = 0
+    visible_world.tally.slowdown_ticks[j] = 0
     if visible_world.service_zones.wake.shape[0]:
         visible_world.service_zones.halt[j] = NIL
         visible_world.service_zones.wake[j] = NIL

@@ -270,7 +270,7 @@ def adopt(design, given):
 
 @kernel
 def enqueue_order(world, out, k):
-    """Entry k of the decisions: an order that nobody has taken comes into a queue."""
+    """Entry k of the decisions: an order that no robot has taken comes into a queue."""
     service_zones, orders = world.service_zones, world.orders
     order, queue, next_slot = (
         np.int64(out.order[k]),

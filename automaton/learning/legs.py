@@ -66,7 +66,7 @@ def site_of(resolved: Resolved) -> Site:
         fleet.kinematics,
         durations.move,
         durations.turn,
-        resolved.scenario.world.zones,
+        resolved.scenario.world.traffic_zones,
     )
     if floor.grid.traffic_zone_count == 0:
         raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")

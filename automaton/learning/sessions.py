@@ -37,7 +37,9 @@ class Session:
         resolved = resolve(scenario, overrides)
         site = site_of(resolved)
         data = data_of(site, settings.legs, settings.seed)
-        return cls(resolved.scenario.name, resolved.scenario.world.zones, site, data, settings)
+        return cls(
+            resolved.scenario.name, resolved.scenario.world.traffic_zones, site, data, settings
+        )
 
     def train_network(
         self, keep: tuple[str, ...], out: Path, told: Told | None = None

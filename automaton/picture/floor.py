@@ -48,7 +48,7 @@ class Drawing(NamedTuple):
 
 
 def floor_picture(floor_plan: FloorPlan) -> str:
-    """The floor, one character per cell, bays at x = -1 in a column of their own.
+    """The floor, one character per cell, parking bays at x = -1 in a column of their own.
 
     Raises InputError for a floor that no picture can express.
     """
@@ -94,7 +94,7 @@ def floor_drawing(floor_plan: FloorPlan) -> Drawing:
         letters[index] = mark_of(symbols[index])
     text = letters[shown]
     if first and "b" in text[:, 0] and set(text[:, 0]) <= {"b", "#"}:
-        # Bays at x = 0 that would be taken for the column x = -1.
+        # Parking bays at x = 0 that would be taken for the column x = -1.
         text[text[:, 0] == "b", 0] = _new_mark(legend)
         legend.append((_new_mark(legend), Symbol(BAY)))
     for letter, cell in enumerate(floor_plan.starts):

@@ -64,7 +64,7 @@ def read_order(text: str) -> tuple[int, Facts]:
     """Number and values that an order's line gives. Raises InputError."""
     match = LINE.fullmatch(text)
     if match is None:
-        raise InputError(f"'{text}' is no line about an order, such as order 7 waits on (3, 4)")
+        raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
     facts = read_facts(GROUPS, match["facts"], f"order {match['number']}")
     if "state" not in facts:
         raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")

@@ -129,7 +129,9 @@ def write_route(steps: Iterable[int], at: int) -> str:
 def read_route(text: str) -> tuple[list[int], int]:
     """Directions of a route and how many of them are driven. Raises InputError."""
     if not re.fullmatch(r"(\d*[eswn])*(\d*[ESWN])*", text):
-        raise InputError(f"'{text}' is no route; small letters eswn are driven, ESWN are to come")
+        raise InputError(
+            f"'{text}' is not a route; small letters eswn are driven, ESWN are to come"
+        )
     runs = re.findall(r"(\d*)([eswnESWN])", text)
     letters = "".join(letter * int(count or 1) for count, letter in runs)
     return ["ESWN".index(letter) for letter in letters.upper()], sum(map(str.islower, letters))

@@ -1,7 +1,7 @@
 """A text as a world: the exact state that `picture_of` has drawn, ready to go on.
 
 Restored is all that a digest covers, so a run continues with the same digests if its strategies
-keep no memory of their own: a strategy's memory starts anew, and so does what is
+keep no memory of their own: a strategy's memory starts again, and so does what is
 counted for metrics: tallies, and when and from where an order was taken.
 """
 
@@ -213,7 +213,7 @@ def set_reservations(world: World) -> None:
 
 def set_occupancy(world: World, resolved: Resolved) -> None:
     """Let every robot hold its cell, and the one that a long move or a turn claims."""
-    durations, mode = resolved.scenario.durations, resolved.scenario.world.zones
+    durations, mode = resolved.scenario.durations, resolved.scenario.world.traffic_zones
     kinematics = resolved.scenario.fleet.kinematics
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, mode)
     robots, occupancy = world.robots, world.traffic.occupancy
@@ -259,7 +259,7 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
 
 
 def restore_closed_loop(world: World, tick: int) -> None:
-    """When orders became known: for each delivery one in the tick after it, in their sequence."""
+    """When orders were released: for each delivery one in the tick after it, in their sequence."""
     orders, first = world.orders, world.rules.in_system
     later = orders.release_sequence[first:]
     before = np.sort(orders.delivered[(orders.delivered != NIL) & (orders.delivered < tick)])

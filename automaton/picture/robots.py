@@ -90,16 +90,16 @@ DOING = {  # of each action: while it lasts, and when it is over
     "move": ("moves", "moved"),
     "turn": ("turns", "turned"),
     "pick": ("picks up", "picked up"),
-    "drop": ("sets down", "set down"),
-    "try_drop": ("tries to set down", "tried to set down"),
+    "drop": ("drops", "dropped"),
+    "try_drop": ("tries to drop", "tried to drop"),
     "wait": ("waits", "waited"),
     "charge": ("charges", "charged"),
     "blocked": ("is blocked", "was blocked"),
-    "withdraw": ("decides to withdraw", "decided to withdraw"),
-    "bay_blocked": ("is kept in its bay", "was kept in its bay"),
+    "retreat": ("decides to retreat", "decided to retreat"),
+    "bay_blocked": ("is kept in its parking bay", "was kept in its parking bay"),
     "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
-    "in_line": ("stands in line", "stood in line"),
-    "out_of_order": ("is out of order", "went out of order"),
+    "queueing": ("queues", "queued"),
+    "down": ("is down", "went down"),
 }
 
 TASK = (
@@ -123,10 +123,10 @@ REASON = (
 GROUPS = (
     tuple(Phrase(f"{name}bound", travel=d) for d, name in enumerate(DIRECTIONS)),
     TASK,
-    (Phrase("will try to set down first", try_drop=1),),
+    (Phrase("will try to drop first", try_drop=1),),
     ACTION,
     (Phrase("claims {claim}"),),
-    (Phrase("withdraws {retreat_moves} more step(s)"),),
+    (Phrase("retreats {retreat_moves} more step(s)"),),
     (Phrase("failed {failed_retries} time(s)"),),
     (
         Phrase("then retries", retry_state=RETRY_WAITED),
@@ -169,7 +169,7 @@ HEADINGS = {
 OFF = "off the floor at"
 LINE = re.compile(
     r"(?P<name>[A-Z]|\d+) "
-    r"(?P<place>\(-?\d+, -?\d+\)|in its bay|off the floor at \(\d+, \d+\))"
+    r"(?P<place>\(-?\d+, -?\d+\)|in its parking bay|off the floor at \(\d+, \d+\))"
     r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
     r"(?:; route (?P<route>\w+))?(?:; plan (?P<plan>[\d ]+))?"
 )
@@ -223,7 +223,7 @@ def _place(facts: Facts) -> str:
     """Where a robot is."""
     if facts["cell"] is not None:
         return str(facts["cell"])
-    return f"{OFF} {facts['left']}" if facts["left"] else "in its bay"
+    return f"{OFF} {facts['left']}" if facts["left"] else "in its parking bay"
 
 
 def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
@@ -276,7 +276,7 @@ def read_robot(text: str, tick: int) -> RobotLine:
     """What a robot's line gives. Raises InputError."""
     match = LINE.fullmatch(text)
     if match is None:
-        raise InputError(f"'{text}' is no line about a robot, such as A (2, 3) vertical, moved")
+        raise InputError(f"'{text}' is not a line about a robot, such as A (2, 3) vertical, moved")
     facts = read_facts(GROUPS, match["facts"] or "", f"robot {match['name']}")
     place = match["place"]
     facts["cell"] = pair(place) if place.startswith("(") else None
@@ -293,4 +293,4 @@ def _heading(words: str) -> int:
     for names in HEADINGS.values():
         if words in names:
             return names.index(words)
-    raise InputError(f"'{words}' is no direction; there are {', '.join(DIRECTIONS)}")
+    raise InputError(f"'{words}' is not a direction; there are {', '.join(DIRECTIONS)}")

@@ -1,7 +1,7 @@
 """The zones that robots serve and the work at stations, as text below the picture of a world.
 
 zone 1 (d): 3* 6 7 9* 10 15*; robot 0, 4.2 minutes of work       * a transfer station
-station 9, zone 1, to zone 3: part 12, 45 ticks left; in line 14, 17; 8 done
+station 9, zone 1, to zone 3: part 12, 45 ticks left; queue 14, 17; 8 done
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def zones_told(world: World, lines: list[str]) -> list[str]:
         if line.startswith("zone "):
             zone = int(line.split()[1]) - 1
             server = int(world.service_zones.server[zone])
-            who = "nobody" if server == NIL else f"robot {server}"
+            who = "no robot" if server == NIL else f"robot {server}"
             line += f"; {who}, {work[zone]:.1f} minutes of work"
         told.append(line)
     uneven = unevenness(work)
@@ -68,7 +68,7 @@ def station_line(world: World, station: int) -> str:
     if works[1:]:
         named = [str(stations.part[work]) for work in works[1 : 1 + NAMED]]
         more = f" and {len(works) - 1 - NAMED} more" if len(works) - 1 > NAMED else ""
-        said.append(f"in line {', '.join(named)}{more}")
+        said.append(f"queue {', '.join(named)}{more}")
     done = (stations.station == station) & (stations.completion_tick != NIL)
     return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
 

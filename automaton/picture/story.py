@@ -64,7 +64,9 @@ class Story:
         traffic.intent[:] = 0
         for name, direction in wants.items():
             if direction not in DIRECTIONS:
-                raise InputError(f"'{direction}' is no direction; try {alternatives(DIRECTIONS)}")
+                raise InputError(
+                    f"'{direction}' is not a direction; try {alternatives(DIRECTIONS)}"
+                )
             i = self._index(name)
             if robots.busy[i]:
                 raise InputError(f"robot {name} is still on its way")
@@ -111,7 +113,7 @@ def _scenario(story: Story, following: bool, move: int, slow: str) -> Resolved:
         orders=Orders(generator="full-shelves"),
         world=WorldRules(
             following=following,
-            zones=slow or "undirected",  # type: ignore[arg-type]
+            traffic_zones=slow or "undirected",  # type: ignore[arg-type]
             slowdown="zones" if slow else "none",
         ),
     )

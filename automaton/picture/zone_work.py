@@ -48,7 +48,7 @@ def minutes_of_zones(
 
 
 def work_of_each(world: World) -> Array:
-    """(Z,) minutes of work of each zone, at the pace of the robot that serves it.
+    """(Z,) minutes of work of each zone, at the speed of the robot that serves it.
 
     A tick is a second where the scenario does not say.
     """

@@ -118,16 +118,16 @@ class Admission:
             raise Unsound("its slots are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:
-        """As many orders and works as the scenario has, before a world is built for them."""
-        orders, works = counted(self.scenario, self.floor_plan)
-        for name, wanted in (("orders", orders), ("works", works)):
+        """As many orders and jobs as the scenario has, before a world is built for them."""
+        orders, jobs = counted(self.scenario, self.floor_plan)
+        for name, wanted in (("orders", orders), ("jobs", jobs)):
             if self.sizes[name] != wanted:
                 raise Unsound(f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}")
         coming = header["orders"].get("release_sequence")
-        stream = self.scenario.orders.stream
+        arrivals = self.scenario.orders.arrivals
         if (
-            stream is not None
-            and stream.closed is not None
+            arrivals is not None
+            and arrivals.closed_loop is not None
             and (coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming))))
         ):
             raise Unsound("its orders do not come one after another")
@@ -191,17 +191,17 @@ def scenario_of(given: Content) -> Scenario:
 
 
 def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
-    """How many orders and how many works at stations a scenario has."""
+    """How many orders and how many jobs at stations a scenario has."""
     orders = scenario.orders
     if orders.parts is not None:
-        works = sum(kind.count * len(kind.route) for kind in orders.parts)
-        return works - sum(kind.count for kind in orders.parts), works
+        jobs = sum(kind.count * len(kind.route) for kind in orders.parts)
+        return jobs - sum(kind.count for kind in orders.parts), jobs
     if orders.listed is not None:
         return len(orders.listed), 0
     if orders.count is not None:
         return orders.count, 0
     shelves = floor_plan.kind == SHELF
-    drawn = shelves & (floor_plan.loads == 1) if orders.generator == "drawn-loads" else shelves
+    drawn = shelves & (floor_plan.loads == 1) if orders.generator == "picture-loads" else shelves
     return int(np.count_nonzero(drawn)), 0
 
 
@@ -213,7 +213,7 @@ def check_layout(layout: Content) -> None:
 
 
 def check_plan(floor_plan: FloorPlan) -> None:
-    """A floor that a generator may have built: nobody drives off it. Raises Unsound, InputError."""
+    """A floor that a generator may have built: no robot drives off it. Raises Unsound, InputError."""
     kinds = np.array([kind.drivable for kind in CELL_KINDS])
     drivable = kinds[floor_plan.kind]
     inside = np.zeros_like(drivable)
@@ -225,7 +225,7 @@ def check_plan(floor_plan: FloorPlan) -> None:
         if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
             raise Unsound("a cell of its floor has an exit to where no robot can stand")
     if not np.array_equal(floor_plan.bays, bays_of(floor_plan.kind)):
-        raise Unsound("its bays are not those of its floor")
+        raise Unsound("its parking bays are not those of its floor")
     cells = drivable.reshape(-1)
     if not all(0 <= cell < cells.size and cells[cell] for cell in floor_plan.starts):
         raise Unsound("robots are drawn where none can stand")
@@ -245,7 +245,7 @@ def check_ticks(payload: Payload, content: Content) -> None:
 
 
 def check_digest(text: str) -> None:
-    """Raises Unsound for what is no digest."""
+    """Raises Unsound for what is not a digest."""
     if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
         raise Unsound("its digest is not 16 hex digits")
 

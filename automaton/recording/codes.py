@@ -15,7 +15,7 @@ EXECUTED_DROP: Final = 8
 EXECUTED_TRY_DROP: Final = 9
 EXECUTED_WAIT: Final = 10  # its length stands in a CHANGE_DURATION row
 EXECUTED_BLOCKED: Final = 11  # a refused move that lost this tick
-EXECUTED_RETREAT: Final = 12  # a withdrawal was decided; nothing else happens
+EXECUTED_RETREAT: Final = 12  # a retreat was decided; nothing else happens
 EXECUTED_BAY_BLOCKED: Final = 13  # the home cell was held
 EXECUTED_ILLEGAL: Final = 14  # an illegal answer lost this tick
 EXECUTED_CHARGE: Final = 15  # a tick at a charger
@@ -23,7 +23,7 @@ ACTION_MASK: Final = 15
 LEFT_PARKING_BAY: Final = 16  # flag: it was placed on its home cell before the motion of this tick
 ENTERED_PARKING_BAY: Final = 32  # flag: at the end of this tick it is parked
 PICKED_ON_ARRIVAL: Final = 64  # flag: as it arrived, at the end of this tick, it took its load
-DROPPED_ON_ARRIVAL: Final = 128  # flag: likewise, it set its load down
+DROPPED_ON_ARRIVAL: Final = 128  # flag: likewise, it dropped its load
 
 # record.changes: rows (tick, code, subject, value).
 CHANGE_ORDER_RESERVED: Final = 1  # order, identity of the robot that has it now or NIL

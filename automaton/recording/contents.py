@@ -134,7 +134,7 @@ class _Header(_Frame):
     floor: _FLOOR  # type: ignore[valid-type]
     robots: _part("Robots", ("home", "bay", "cell", "heading", "charge"))  # type: ignore[valid-type]
     orders: _ORDERS  # type: ignore[valid-type]
-    works: _part("Works", ("processing_time", "arrival_tick"))  # type: ignore[valid-type]
+    jobs: _part("Jobs", ("processing_time", "arrival_tick"))  # type: ignore[valid-type]
     slots: _part("Slots", ("cell",), ("first_spare", int))  # type: ignore[valid-type]
     files: _Named | UnsetType = UNSET
 
@@ -322,8 +322,8 @@ HEADER_ARRAYS: Final = {
     "orders.release_tick": Range("i4", ("orders",), 0, NUMBER),
     "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
     "orders.weight": Range("i4", ("orders",), 0, NUMBER),
-    "works.processing_time": Range("i4", ("works",), 0, NUMBER),
-    "works.arrival_tick": Range("i4", ("works",), -1, NUMBER),
+    "jobs.processing_time": Range("i4", ("jobs",), 0, NUMBER),
+    "jobs.arrival_tick": Range("i4", ("jobs",), -1, NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (5,), 0, NUMBER),

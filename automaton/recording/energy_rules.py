@@ -1,7 +1,7 @@
 """The rules of batteries and faults, checked on committed actions: charges worked out a second time.
 
 What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
-paid as long as there is something left. A robot out of order does nothing until it is towed, which
+paid as long as there is something left. A robot that is down does nothing until it is towed, which
 happens exactly when the scenario says so, and comes back with the charge that it says.
 """
 
@@ -72,11 +72,11 @@ class Energy:
             return
         drain = self.battery["drain"]
         self.rates = {
-            name: (units(rate), units(rate * drain["loaded"]))
+            name: (units(rate), units(rate * drain["loaded_factor"]))
             for name, rate in drain.items()
-            if name != "loaded"
+            if name != "loaded_factor"
         }
-        given = self.battery["charge"]
+        given = self.battery["charge_rate"]
         curve = given if isinstance(given, list | tuple) else ((0, given),)
         self.curve = [(units(since), units(rate)) for since, rate in curve]
 
@@ -84,7 +84,7 @@ class Energy:
         """Pay for what begins in a tick, as loads are before it."""
         for r, did in acts:
             if self.status[r] != RUNNING and did & ACTION_MASK:
-                text = "does something although it is out of order"
+                text = "does something although it is down"
                 self.complain(tick, "energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
@@ -124,7 +124,7 @@ class Energy:
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
     def become(self, tick: int, r: int, status: int) -> None:
-        """A robot goes out of order, is towed, or comes back."""
+        """A robot goes down, is towed, or comes back."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
         if status in (EMPTY, BROKEN):
@@ -136,14 +136,14 @@ class Energy:
             in_bay = cell == NONE
             if before not in (EMPTY, BROKEN) or not (in_bay or tick - since == wait):
                 self.complain(tick, "energy", [r], cell, "is towed at another time than it must be")
-            if (status == GONE) != (self.faults["repair"] is None):
+            if (status == GONE) != (self.faults["repair_time"] is None):
                 self.complain(
                     tick, "energy", [r], cell, "is gone, or comes back, against the rules"
                 )
             if status == TOWED and self.battery is not None:
                 self._mend(r, before == EMPTY, units(self.battery["reserve"]))
             self.motion.tow(r)
-        elif before != TOWED or tick - since != self.faults["repair"]:
+        elif before != TOWED or tick - since != self.faults["repair_time"]:
             self.complain(tick, "energy", [r], cell, "comes back at another time than it must")
         self.status[r], self.since[r] = status, tick
 
@@ -158,12 +158,12 @@ class Energy:
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
         if before != RUNNING:
-            self.complain(tick, "energy", [r], cell, "goes out of order although it is already")
+            self.complain(tick, "energy", [r], cell, "goes down although it is already")
         if status == EMPTY:
             if self.charge[r] and self.charge[r] >= self._dearest():
                 text = f"is out of energy with {self.charge[r]} units of charge"
                 self.complain(tick, "energy", [r], cell, text)
-        elif not self.faults["rate"]:
+        elif not self.faults["failure_probability"]:
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
                 self.complain(tick, "energy", [r], cell, "breaks down although nothing says so")
@@ -173,8 +173,8 @@ class Energy:
         if self.battery is None:
             return 0
         around = 1 if self.motion.pace.usual else len(self.charge) + 1
-        slowest = max(self.motion.types.pace)
-        longer = self.duration["delay"]  # of a pick or a drop
+        slowest = max(self.motion.types.move_time_factor)
+        longer = self.duration["handling_jitter"]  # of a pick or a drop
         prices = [
             max(rates) * (max(1, self.duration.get(n, 1)) * slowest + longer)
             for n, rates in self.rates.items()
@@ -184,7 +184,7 @@ class Energy:
 
 
 def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
-    """The changes of a tick: robots that go out of order, are towed or come back, then the others."""
+    """The changes of a tick: robots that go down, are towed or come back, then the others."""
     told = [k for k, row in enumerate(rows) if row[1] in (CHANGE_STATUS, CHANGE_LOAD_LEFT)]
     if not told:
         return [], rows

@@ -46,7 +46,7 @@ from automaton.recording.contents import TICKS as TICKS
 from automaton.recording.contents import Content as Content
 from automaton.recording.contents import Frame as Frame
 
-FORMAT: Final = 3
+FORMAT: Final = 4
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal
@@ -244,15 +244,15 @@ def decode(
 def read_recording(path: str | Path) -> Recording:
     """Open a recording: check the chain of its frames and the header; frames as they are read.
 
-    Raises InputError for what is no recording, has another format, or is damaged. A file that was
-    cut short is read to its last whole frame.
+    Raises InputError for a file that is not a recording, has another format, or is damaged. A file
+    that was cut short is read to its last whole frame.
     """
     from automaton.recording.admission import Admission
 
     file = str(path)
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
-            raise InputError("cannot read the recording: this is no ordinary file", file)
+            raise InputError("cannot read the recording: this is not a regular file", file)
         with open(path, "rb") as stream:
             _check_preamble(stream.read(PREAMBLE.size), file)
             payloads = list(_frames_of(stream, os.stat(path).st_size, file))

@@ -67,7 +67,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
                 *(["weight"] if weighs else []),
             )
         },
-        "works": {
+        "jobs": {
             name: getattr(world.stations, name).copy()
             for name in ("processing_time", "arrival_tick")
         },

@@ -1,7 +1,7 @@
 """The rules of loads, checked on committed actions: conservation, and reservations one at a time.
 
 Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
-reserved it, from a slot beside that robot; it is set down only on an empty shelf that the robot
+reserved it, from a slot beside that robot; it is dropped only on an empty shelf that the robot
 reserved, or where it has to go in the end. Racks are reached from above and below only.
 """
 
@@ -86,8 +86,8 @@ class Loads:
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
         self._coming = [(released[order], order) for order in timed]
-        stream = header["scenario"]["orders"].get("stream") or {}
-        self._in_system: int = (stream.get("closed") or {}).get("in_system", 0)
+        arrivals = header["scenario"]["orders"].get("arrivals") or {}
+        self._in_system: int = (arrivals.get("closed_loop") or {}).get("in_system", 0)
         if self._in_system:
             later = header["orders"]["release_sequence"].tolist()[self._in_system :]
             self._coming = [(0, order) for order in reversed(later)]
@@ -116,7 +116,7 @@ class Loads:
             self.content[slot] = order
 
     def release(self, tick: int) -> None:
-        """Orders become known: in their ticks, or one for each that was delivered before this tick."""
+        """Orders are released: in their ticks, or one for each that was delivered before this tick."""
         while self._coming and self._coming[-1][0] <= tick:
             # Known and not delivered are all but those to come, of those that are left.
             if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
@@ -126,11 +126,11 @@ class Loads:
             self.state[order] = WAITING
 
     def leave(self, tick: int, r: int, slot: int) -> None:
-        """A robot that goes out of order leaves its load in a spare slot in its cell."""
+        """A robot that goes down leaves its load in a spare slot in its cell."""
         order, cell = self.load[r], self.motion.cell[r]
         if order == NONE or slot < self.spare or self.slot_cell[slot] != NONE:
             self.complain(
-                tick, "load", [r], cell, "leaves no load, or in a slot that is no spare one"
+                tick, "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
             )
             return
         self.load[r], self.place[order], self.state[order] = NONE, slot, WAITING
@@ -215,7 +215,7 @@ class Loads:
     def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
             least = self.motion.duration[code]
-            if not least <= ticks <= least + self.motion.given["delay"]:
+            if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
                 self.complain(tick, "duration", [r], self.motion.cell[r], text)
         elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
@@ -231,17 +231,17 @@ class Loads:
                 self.complain(tick, "load", [r], cell, "handles a load that is not named")
             elif (
                 code == EXECUTED_WAIT
-                or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["delay"])
+                or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
             ) and (r not in lengths):
                 self.complain(tick, "duration", [r], cell, "waits without a duration")
             elif code == EXECUTED_TRY_DROP and self.load[r] == NONE:
-                self.complain(tick, "load", [r], cell, "tries to set down without a load")
+                self.complain(tick, "load", [r], cell, "tries to drop without a load")
 
     def _reserve_order(self, tick: int, order: int, r: int) -> None:
         had = self.by[order]
         if r == NONE:
             if had == NONE or self.state[order] in (CARRIED, UNRELEASED):
-                text = f"order {order} is given back, but is carried or was nobody's"
+                text = f"order {order} is given back, but is carried or was not reserved"
                 self.complain(tick, "order", [had] if had != NONE else [], NONE, text)
             if had != NONE and self.order[had] == order:
                 self.order[had] = NONE
@@ -259,13 +259,13 @@ class Loads:
         had, cell = self.reserved[slot], self.slot_cell[slot]
         if r == NONE:
             if had == NONE:
-                self.complain(tick, "slot", [], cell, "a shelf is given back that was nobody's")
+                self.complain(tick, "slot", [], cell, "a shelf is given back that was not reserved")
             elif self.slot[had] == slot:
                 self.slot[had] = NONE
         else:
             if had != NONE or self.content[slot] != NONE or self.endless[slot]:
                 robots = [r] if had == NONE else [r, had]
-                text = "a slot is reserved that is no shelf, or not empty and free"
+                text = "a slot is reserved that is not a shelf, or not empty and free"
                 self.complain(tick, "slot", robots, cell, text)
             elif self.slot[r] != NONE or self.load[r] == NONE:
                 self.complain(tick, "slot", [r], cell, "reserves a second shelf, or has no load")
@@ -318,18 +318,18 @@ class Loads:
         if code != EXECUTED_DROP:
             self.complain(tick, "load", [r], cell, "loses a load without setting it down")
         if order == NONE:
-            self.complain(tick, "load", [r], cell, "sets down without a load")
+            self.complain(tick, "load", [r], cell, "drops without a load")
             return
         self._beside(tick, r, slot)
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
-                self.complain(tick, "load", [r], cell, "sets down where its load must not go")
+                self.complain(tick, "load", [r], cell, "drops where its load must not go")
         else:
             if self.content[slot] != NONE:
-                self.complain(tick, "load", [r], cell, "sets down on a full shelf")
+                self.complain(tick, "load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
-                self.complain(tick, "slot", [r], cell, "sets down on a shelf it has not reserved")
+                self.complain(tick, "slot", [r], cell, "drops on a shelf it has not reserved")
             self.content[slot] = order
         self.load[r], self.place[order] = NONE, slot
         delivered = slot == self.target[order]

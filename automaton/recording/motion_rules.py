@@ -2,7 +2,7 @@
 
 A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
 lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
-Of each tick: bays open, operations begin, all moves happen at once, robots at home park.
+Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
 Robots that leave the floor when they are done are at home wherever they stand.
 """
 
@@ -49,12 +49,12 @@ class Motion:
         self.kind: list[int] = floor["kind"].ravel().tolist()
         self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
         self.types = Types(floor, scenario)
-        self.pace = Pace(floor, header["seed"], self.types.pace)
+        self.pace = Pace(floor, header["seed"], self.types.move_time_factor)
         self.follow(scenario)
-        self.leave: bool = scenario["fleet"].get("when_done") == "leave"
+        self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
-        self.cell: list[int] = robots["cell"].tolist()  # NONE in its bay
+        self.cell: list[int] = robots["cell"].tolist()  # NONE in its parking bay
         self.heading: list[int] = robots["heading"].tolist()
         self.travel = list(self.heading)  # direction in which it came into its cell
         self.free = [1] * len(self.home)  # first tick in which it may begin something
@@ -80,10 +80,12 @@ class Motion:
         used = [bay for bay in self.bay if bay != NONE]
         known = {(bay, home) for bay, home in bays}
         if len(set(used)) != len(used):
-            self.complain(0, "bay", [], NONE, "two robots have the same bay")
+            self.complain(0, "bay", [], NONE, "two robots have the same parking bay")
         for r, cell in enumerate(self.cell):
             if self.bay[r] != NONE and (self.bay[r], self.home[r]) not in known:
-                self.complain(0, "bay", [r], self.bay[r], "its bay does not open on its home cell")
+                self.complain(
+                    0, "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
+                )
             if cell == NONE:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
@@ -122,19 +124,21 @@ class Motion:
             self.pace.count(self.cell, self.travel)
 
     def open_bays(self, tick: int, acts: Acts) -> set[int]:
-        """Place the robots that leave their bays; returns them."""
+        """Place the robots that leave their parking bays; returns them."""
         placed: set[int] = set()
         for r, did in acts:
             if not did & LEFT_PARKING_BAY:
                 continue
             if self.cell[r] != NONE or self.free[r] > tick:
-                self.complain(tick, "bay", [r], self.cell[r], "leaves a bay it is not parked in")
+                self.complain(
+                    tick, "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
+                )
                 continue
             home = self.home[r]
             heading = self.entry_heading(home)
             other = self.holder.get(self.resource(home, heading), NONE)
             if other != NONE:
-                text = "leaves its bay although its home cell is held"
+                text = "leaves its parking bay although its home cell is held"
                 self.complain(tick, "bay", [r, other], home, text)
             self._check_area(tick, r, home)
             self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
@@ -184,10 +188,14 @@ class Motion:
             return False
         if self.cell[r] == NONE:
             if code not in (EXECUTED_BAY_BLOCKED, EXECUTED_ILLEGAL):
-                self.complain(tick, "bay", [r], self.home[r], "acts although it is in its bay")
+                self.complain(
+                    tick, "bay", [r], self.home[r], "acts although it is in its parking bay"
+                )
             return False
         if code == EXECUTED_BAY_BLOCKED:
-            self.complain(tick, "bay", [r], self.cell[r], "waits to leave a bay it is not in")
+            self.complain(
+                tick, "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
+            )
         if code != EXECUTED_ILLEGAL:
             self.parked[r] = False
             self.unsure.discard(r)
@@ -221,7 +229,7 @@ class Motion:
         ticks = self.pace.usual_of(r) if length is None else length
         if ticks != due:
             text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
-            self.complain(tick, "pace", [r], self.cell[r], text)
+            self.complain(tick, "move time", [r], self.cell[r], text)
 
     def _turn(self, tick: int, r: int, code: int) -> None:
         cell = self.cell[r]
@@ -250,11 +258,11 @@ class Motion:
                 text = "enters a cell that was held when the tick began"
                 self.complain(tick, "following", [r, holder], to, text)
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:
-                text = "follows a robot that came out of its bay in this tick"
+                text = "follows a robot that came out of its parking bay in this tick"
                 self.complain(tick, "bay", [r, holder], to, text)
 
     def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
-        """Between two cells from this tick on, a robot meets nobody who is there the other way."""
+        """Between two cells from this tick on, a robot meets no robot who is there the other way."""
         other, arrival = self._drive.get((to, start), (NONE, NONE))
         limited = self.capacity[start] == 1 or self.capacity[to] == 1
         if arrival >= tick and limited:

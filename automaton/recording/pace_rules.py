@@ -32,9 +32,9 @@ class Pace:
         world = scenario["world"]
         self.move: int = scenario["durations"]["move"]
         self.slow: bool = world.get("slowdown", "none") == "zones"
-        self.extra = round(world.get("extra_tick", 0.0) * 2**32)
+        self.extra = round(world.get("extra_tick_probability", 0.0) * 2**32)
         self.usual = not self.slow and not self.extra
-        self.zones = zones_by_cell(self.floor, world["zones"]) if self.slow else []
+        self.zones = zones_by_cell(self.floor, world["traffic_zones"]) if self.slow else []
 
     def count(self, cell: list[int], travel: list[int]) -> None:
         """Count the robots of each zone; call before anything happens in a tick."""
@@ -53,7 +53,8 @@ class Pace:
     ) -> tuple[int, str]:
         """How many ticks a move that starts now takes, and why.
 
-        `came`: the direction in which the robot entered the cell, None if from its bay just now.
+        `came`: the direction in which the robot entered the cell, None if from its parking bay just
+        now.
         """
         ticks = self.usual_of(robot)
         why = f"a move takes {ticks}"

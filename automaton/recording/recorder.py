@@ -154,7 +154,7 @@ class Capture:
         self._held = 0
 
     def end(self) -> None:
-        """Write the last state, how the run ended and its figures; nothing comes after it."""
+        """Write the last state, how the run ended and its metrics; nothing comes after it."""
         if self.ended:
             return
         simulation = self._simulation
@@ -219,7 +219,7 @@ class RecordingFile:
             raise InputError("cannot write the recording: this is a folder", str(path))
         try:
             if self.path.exists() and not is_recording(self.path):
-                raise InputError("is no recording, so it is not replaced by one", str(path))
+                raise InputError("is not a recording, so it is not replaced by one", str(path))
             self._file = self.part.open("wb")
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None

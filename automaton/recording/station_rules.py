@@ -1,7 +1,7 @@
-"""The rules of stations: parts are worked on one at a time, in the sequence of their coming.
+"""The rules of stations: parts are worked on one at a time, in arrival order.
 
-When the work on a part is done, the order to its next station becomes known; the next part in the line
-is worked on from the same tick on.
+When the job on a part is done, the order to its next station is released; the next part in the
+queue is worked on from the same tick on.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ class Work:
         self.ends: dict[int, tuple[int, int]] = {}  # order -> cells where it begins and ends
         self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
         # What is drawn stands in the header; older ones have nothing that is.
-        drawn = header.get("works", {})
+        drawn = header.get("jobs", {})
         self._drawn: list[int] = (
             drawn["processing_time"].tolist() if "processing_time" in drawn else []
         )
         came: list[int] = drawn["arrival_tick"].tolist() if "arrival_tick" in drawn else []
         for kind in orders.get("parts") or ():
             for _ in range(kind["count"]):
-                tick = came[len(self.station)] if came else kind["at"]
-                self._enter(tick, kind["route"], orders["work"])
+                tick = came[len(self.station)] if came else kind["first_release"]
+                self._enter(tick, kind["route"], orders["processing_time"])
         self._entering.sort(reverse=True)
 
-    def _enter(self, tick: int, route: list[int], work: Any) -> None:
+    def _enter(self, tick: int, route: list[int], times: Any) -> None:
         for place, number in enumerate(route):
             if place:
                 order = len(self.ends)
@@ -55,7 +55,7 @@ class Work:
             else:
                 self._entering.append((tick, len(self.station)))
             self.station.append(number - 1)
-            given = work[number - 1] if isinstance(work, list | tuple) else work
+            given = times[number - 1] if isinstance(times, list | tuple) else times
             drawn = isinstance(given, dict)
             self.ticks.append(self._drawn[len(self.ticks)] if drawn else given)
             self.frees.append(NONE)
@@ -68,7 +68,7 @@ class Work:
         return self.done.count(NONE)
 
     def begin(self, tick: int) -> list[int]:
-        """Parts come, work ends; returns the orders that become known."""
+        """Parts come, work ends; returns the orders that are released."""
         while self._entering and self._entering[-1][0] <= tick:
             self._come(tick, self._entering.pop()[1])
         freed = []
@@ -88,7 +88,7 @@ class Work:
             self._come(tick, self.begins_with[order])
 
     def _come(self, tick: int, work: int) -> None:
-        """Lines are in the sequence of coming; of one tick, of their numbers."""
+        """Queues are in arrival order; within one tick, in the order of their numbers."""
         line = self.lines[self.station[work]]
         self.came[work] = tick
         place = len(line)

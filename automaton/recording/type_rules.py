@@ -1,4 +1,5 @@
-"""What a robot's type asks of it, read from a recorded scenario a second time: pace, payload, areas."""
+"""What a robot's type asks of it, read from a recorded scenario a second time: move time, payload,
+areas."""
 
 from __future__ import annotations
 
@@ -19,13 +20,13 @@ class Types:
             for kind in kinds
         }
         self.name: list[str] = []
-        self.pace: list[int] = []
+        self.move_time_factor: list[int] = []
         self.payload: list[int] = []
         self.closed: list[set[int]] = []  # flat cells
         for kind in kinds:
             robots = kind.get("robots") or fleet["robots"] - counted
             self.name += [kind["name"]] * robots
-            self.pace += [kind.get("pace", 1)] * robots
+            self.move_time_factor += [kind.get("move_time_factor", 1)] * robots
             self.payload += [kind.get("payload") or ANY] * robots
             self.closed += [shut[kind["name"]]] * robots
 

@@ -38,21 +38,24 @@ RULES: Final = {
     "capacity": "a cell holds no more robots than its capacity; long moves hold both cells",
     "swap": "two robots do not swap over an edge where robots cannot pass",
     "following": "without following, a cell is entered only if it had room when the tick began",
-    "bay": "a bay holds one robot, which enters and leaves at its own home cell, without following",
+    "bay": "a parking bay holds one robot, which enters and leaves at its own home cell, without "
+    "following",
     "load": "an order is in exactly one place; loads are handled beside their slot",
     "order": "an order is reserved by one robot at a time",
     "slot": "a shelf is reserved by one robot at a time, while empty",
-    "pace": "a move takes its duration times the robots in its slow zone, and what chance adds",
+    "move time": "a move takes its duration times the robots in its slow zone, and what chance "
+    "adds",
     "area": "robots keep out of the areas that are closed to their type",
     "payload": "robots carry no order that is heavier than their type may carry",
     "arrival": "loads are handled on arrival only where that takes no time of its own",
     "duration": "waits say how long they take",
-    "energy": "batteries pay for what begins; robots out of order stand still until they are towed",
+    "energy": "batteries pay for what begins; robots that are down stand still until they are "
+    "towed",
     "record": "the recording agrees with itself",
 }
 ACTS: Final = (  # by code of recorded action
     *("nothing", "move_east", "move_south", "move_west", "move_north", "turn_left", "turn_right"),
-    *("pick", "drop", "try_drop", "wait", "blocked", "withdraw", "bay_blocked", "illegal"),
+    *("pick", "drop", "try_drop", "wait", "blocked", "retreat", "bay_blocked", "illegal"),
     "charge",
 )
 EXHAUSTED: Final = 2  # a recorded status
@@ -183,7 +186,7 @@ class Validator:
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
-        """Robots go out of order, with what follows for their loads and orders, or come back."""
+        """Robots go down, with what follows for their loads and orders, or come back."""
         for row in rows:
             _, code, subject, value = row
             known = self.loads.exists(code, subject, value)

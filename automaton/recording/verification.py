@@ -328,8 +328,8 @@ def _changes(recorded: Array, ours: Array) -> Difference | None:
 def action_text(did: int) -> str:
     """A recorded action in words."""
     words = [ACTS[did & ACTION_MASK].replace("_", " ")]
-    words += ["out of its bay"] if did & LEFT_PARKING_BAY else []
+    words += ["out of its parking bay"] if did & LEFT_PARKING_BAY else []
     words += ["parked"] if did & ENTERED_PARKING_BAY else []
     words += ["picked up on arrival"] if did & PICKED_ON_ARRIVAL else []
-    words += ["set down on arrival"] if did & DROPPED_ON_ARRIVAL else []
+    words += ["dropped on arrival"] if did & DROPPED_ON_ARRIVAL else []
     return ", ".join(words)

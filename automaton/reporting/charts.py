@@ -36,7 +36,7 @@ def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[
         if math.isfinite(finite)
     ]
     if not spans:
-        yield "no figures"
+        yield "no metrics"
         return
     x_scale = scale([x for line in curves.lines for x in line.x])
     low, high = scale(spans)
@@ -128,7 +128,7 @@ def shade(value: float, most: float) -> str:
 
 
 def coarse(field: npt.NDArray[np.float64], block: int) -> npt.NDArray[np.float64]:
-    """Means of blocks of cells that are no walls; NaN where all are."""
+    """Means of blocks of cells that are not walls; NaN where all are."""
     if block == 1:
         return field
     high, wide = (math.ceil(size / block) for size in field.shape)

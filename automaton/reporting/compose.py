@@ -29,7 +29,8 @@ from automaton.scenario.reading import shipped
 from automaton.units import count
 
 NOT_DECLARED = (
-    "Not declared by the study: told of every floor whose orders come in over time, or whose tasks are "
+    "Not declared by the study: told of every floor whose orders arrive over time, or whose "
+    "tasks are "
     "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
     "other."
 )
@@ -89,7 +90,7 @@ def without(results: Results, metric: str) -> str:
         return not_cut([metric], results.cut)
     unsteady = results.cut is not None and any(name == metric for _, name in results.cut.unsteady)
     if unsteady or (results.cut is not None and len(results.cut.refused) == len(results.points)):
-        return f"No point has a figure of {metric} after the warm-up: the remarks above say why."
+        return f"No point has a metric of {metric} after the warm-up: the remarks above say why."
     return "No run has this metric."
 
 
@@ -138,7 +139,7 @@ def add_floors(
         point = results.points[number]
         first = results.first_run(point)
         if first is None:
-            raise InputError(f"--floor {number}: this point has no runs with figures yet")
+            raise InputError(f"--floor {number}: this point has no runs with metrics yet")
         name = f"point {number}: {point_name(results.study, point)}"
         scenario = scenarios[number].scenario
         after = warm_up_of(scenario) if results.cut is None else results.cut.ticks

@@ -17,7 +17,7 @@ from automaton.reporting.results import (
 )
 
 ROBOTS = "fleet.robots"
-WANTED = ("throughput", "T_total", "delay", "lead_time")  # beside the metrics of the analysis
+WANTED = ("throughput", "makespan", "delay", "lead_time")  # beside the metrics of the analysis
 MOST_LINES = 8  # signs and colours that there are
 
 
@@ -28,7 +28,7 @@ def curves(results: Results) -> Iterator[Curves]:
         return
     wanted: tuple[str, ...] = WANTED
     if results.study.design == "steady-state":  # all runs are as long
-        wanted = tuple(metric for metric in WANTED if metric != "T_total")
+        wanted = tuple(metric for metric in WANTED if metric != "makespan")
     for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
         if results.has(metric):
             yield curve(results, metric, factor)

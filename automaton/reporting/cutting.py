@@ -1,10 +1,10 @@
-"""Steady states without their warm-up: one cut for all runs of a study, and their figures after it.
+"""Steady states without their warm-up: one cut for all runs of a study, and their metrics after it.
 
 The cut is the largest of what the scenarios declare (measure.warm_up) and of what MSER-5 finds at each
 point, by deliveries and by the times of orders and tasks: a queue may still grow when as much is
-delivered as ever will be. Where all runs were measured from there on, their own figures hold; else
-figures follow from the sums that rows keep, after the next stretch begins, and what sums do not tell
-is left out.
+delivered as ever will be. Where all runs were measured from there on, their own metrics hold; else
+metrics follow from the sums that rows keep, after the next stretch begins, and what sums do not
+tell is left out.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from automaton.experiments.store import Store
     from automaton.experiments.study import Study
 
-LENGTHS: Final = ("T_total", "ticks", "orders")  # of a run, whatever is left out
-AT_THE_END: Final = ("least_charge",)  # a state, of which no warm-up is part
+LENGTHS: Final = ("makespan", "ticks", "orders")  # of a run, whatever is left out
+AT_THE_END: Final = ("min_charge",)  # a state, of which no warm-up is part
 DELIVERED: Final = "delivered"
 # Figures that grow with a queue, and the metrics that are steady only where they are.
 TIMES: Final = {
@@ -45,13 +45,13 @@ class Cut(NamedTuple):
     ticks: int
     window: int  # ticks in which deliveries were counted
     found: Mapping[int, int]  # point: ticks that MSER-5 leaves out there
-    refused: Mapping[int, str]  # point: why it has no figures
-    unsteady: Mapping[tuple[int, str], str]  # point and metric: why that one has no figure there
+    refused: Mapping[int, str]  # point: why it has no metrics
+    unsteady: Mapping[tuple[int, str], str]  # point and metric: why that one has no metric there
     left_out: tuple[str, ...] = ()  # metrics of the runs that cannot be told after the cut
 
 
 def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
-    """All rows; of a steady state with the figures of what comes after the cut alone."""
+    """All rows; of a steady state with the metrics of what comes after the cut alone."""
     table = store.rows()
     if store.study.design != "steady-state":
         return table, None
@@ -130,7 +130,7 @@ def sums_of_times() -> list[str]:
 
 
 def parts_of(time: str) -> tuple[str, str]:
-    """The sums of which a figure of TIMES is the quotient."""
+    """The sums of which a metric of TIMES is the quotient."""
     part, whole = QUOTIENTS[time].part, QUOTIENTS[time].whole
     assert isinstance(part, str)
     assert isinstance(whole, str)
@@ -140,7 +140,8 @@ def parts_of(time: str) -> tuple[str, str]:
 def means_by_stretch(
     time: str, sums: Mapping[str, Lists], rows: Sequence[int], whole: int, stretch: int
 ) -> npt.NDArray[np.float64]:
-    """A figure of TIMES over these runs, in each of the first so many stretches; NaN: nothing ended.
+    """A metric of TIMES over these runs, in each of the first so many stretches; NaN: nothing
+    ended.
 
     Tasks count where they begin: the last stretches, whose longer tasks are not done yet, are left out.
     """
@@ -164,7 +165,7 @@ def means_by_stretch(
 def ending_before(
     cut: Cut, points: npt.NDArray[np.int64], ticks: Sequence[int | None]
 ) -> dict[int, str]:
-    """The points without figures, with those of which no run goes on after the cut."""
+    """The points without metrics, with those of which no run goes on after the cut."""
     longest: dict[int, int] = {}
     for point, end in zip(points.tolist(), ticks, strict=True):
         longest[point] = max(longest.get(point, 0), end or 0)
@@ -186,7 +187,7 @@ def sums_column(table: pa.Table, name: str) -> Lists:
 def figures_of_sums(
     store: Store, table: pa.Table, names: Sequence[str], cut: int
 ) -> dict[str, list[Any]]:
-    """The figures of runs by their sums after the cut."""
+    """The metrics of runs by their sums after the cut."""
     import pyarrow.compute as pc
 
     first = cut // store.manifest.points[0].windows.stretch

@@ -17,14 +17,14 @@ PARQUET_BEGINS: Final = b"PAR1"
 
 
 def check_replaced(path: Path, begins: bytes) -> None:
-    """Raises InputError for a file that is no table of ours: a scenario, say, is not replaced."""
+    """Raises InputError for a file that is not a table of ours: a scenario, say, is not replaced."""
     try:
         with path.open("rb") as file:
             found = file.read(len(begins))
     except OSError:
         return  # there is none, or writing will tell
     if found and found != begins:
-        raise InputError("is no table of results, so it is not replaced by one", str(path))
+        raise InputError("is not a table of results, so it is not replaced by one", str(path))
 
 
 def write_csv(table: Any, path: Path) -> None:

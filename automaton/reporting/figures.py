@@ -1,4 +1,4 @@
-"""The figures of a report: for each metric a table of means, one line for each point."""
+"""The metrics of a report: for each metric a table of means, one line for each point."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Summary(NamedTuple):
 
     point: Point
     counts: Counts
-    interval: Interval | None  # None: no run has a figure
+    interval: Interval | None  # None: no run has a metric
     sd: float | None
     skew: float  # of the runs
     bound: str  # what no strategy can beat, or ""
@@ -51,17 +51,17 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
 
 
 def interval_of(results: Results, values: Sequence[float]) -> Interval | None:
-    """The mean of these figures of runs; None without any."""
+    """The mean of these metrics of runs; None without any."""
     return mean_interval(values, 1 - results.analysis.error) if values else None
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> str:
-    """What no strategy can beat: the least T_total, the most throughput; or ""."""
+    """What no strategy can beat: the least makespan, the most throughput; or ""."""
     resolved = scenarios.get(point.number)
     if resolved is None:
         return ""
     scenario = resolved.scenario
-    of_time, of_rate = metric in ("T_total", "ticks"), metric == "throughput"
+    of_time, of_rate = metric in ("makespan", "ticks"), metric == "throughput"
     # Of orders that are drawn the cheapest possible say next to nothing of the rate of these.
     drawn = scenario.orders.generator in DRAWN
     if scenario.stop.when == "never" or not (of_time or of_rate) or (of_rate and drawn):
@@ -139,5 +139,5 @@ def run_cells(counts: Counts) -> list[str]:
 
 
 def figure(value: float) -> str:
-    """A figure of a table: four digits, more for large ones."""
+    """A metric of a table: four digits, more for large ones."""
     return f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}"

@@ -92,7 +92,7 @@ def curves_svg(curves: Curves) -> str:
         if math.isfinite(value)
     ]
     if not values:
-        return f"<p>{escape(curves.title)}: no figures</p>"
+        return f"<p>{escape(curves.title)}: no metrics</p>"
     y_span, x_span = scale(values), scale([x for line in curves.lines for x in line.x])
 
     def x_at(value: float) -> float:

@@ -1,4 +1,4 @@
-"""The rows of a study by design point: which runs there are, and the figures of those that count.
+"""The rows of a study by design point: which runs there are, and the metrics of those that count.
 
 A run that failed has no figures. One that did not finish has some, but they do not say what it
 would have come to: means leave it out, and every table counts it.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
 FEWEST_SHARED = 2  # seeds of points that are called the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
-USUAL_METRICS = ("T_total", "throughput", "utilization", "blocked", "delay", "lead_time")
+USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Counts:
     done: int  # rows, failed ones included
     finished: int
     censored: int  # did not finish within the limit
-    failed: int  # have no figures
+    failed: int  # have no metrics
 
     @property
     def missing(self) -> int:
@@ -60,8 +60,8 @@ class Results:
     damaged: Sequence[str] = ()
     earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
     raised: Sequence[int] = ()  # replications that were declared before, when runs had been made
-    cut: Cut | None = None  # of a steady state: figures are of what comes after it
-    warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' figures
+    cut: Cut | None = None  # of a steady state: metrics are of what comes after it
+    warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' metrics
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:

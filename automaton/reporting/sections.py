@@ -69,14 +69,14 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
 
 
 def warm_up(results: Results) -> str:
-    """What is left out of all figures, and who says so."""
+    """What is left out of all metrics, and who says so."""
     cut, declared = results.cut, max(results.warm_ups)
     if cut is None:
         ticks = " or ".join(f"{one:,}" for one in results.warm_ups)
         return f"the first {ticks} ticks, as the scenarios say" if declared else NO_WARM_UP
     if not cut.ticks:
         return NO_WARM_UP
-    of = f"the first {cut.ticks:,} ticks of every run, which count in no figure"
+    of = f"the first {cut.ticks:,} ticks of every run, which count in no metric"
     if not cut.found:
         return f"{of}; declared"
     least = f", not less than the {declared:,} that scenarios declare" if declared else ""
@@ -106,7 +106,7 @@ def fixed(results: Results) -> str:
         return "n fixed beforehand"
     before = ", then ".join(map(str, results.raised))
     return (
-        f"n not fixed beforehand: raised from {before} after runs had been made; if their figures "
+        f"n not fixed beforehand: raised from {before} after runs had been made; if their metrics "
         "were the reason, intervals and p values say too much"
     )
 
@@ -134,7 +134,7 @@ def remarks(results: Results) -> Iterator[str]:
         sum(getattr(one, name) for one in counts) for name in ("missing", "censored", "failed")
     )
     if missing:
-        yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: figures may change"
+        yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: metrics may change"
     if censored:
         yield (
             f"{count(censored, 'run')} did not finish within the limit; means leave them out, and so "
@@ -150,9 +150,9 @@ def remarks(results: Results) -> Iterator[str]:
         )
     cut = results.cut
     if cut is not None and not cut.ticks and not cut.refused:
-        yield "no warm-up is left out: the start of runs is part of all figures"
+        yield "no warm-up is left out: the start of runs is part of all metrics"
     for number, why in cut.refused.items() if cut is not None else ():
-        yield f"no figures of {point_name(results.study, results.points[number])}: {why}"
+        yield f"no metrics of {point_name(results.study, results.points[number])}: {why}"
     for (number, metric), why in cut.unsteady.items() if cut is not None else ():
         yield f"no {metric} of {point_name(results.study, results.points[number])}: {why}"
     lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
@@ -177,7 +177,7 @@ def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
         which = "" if len(cold) == len(results.points) else f" of {points_named(results, cold)}"
         yield (
             f"no warm-up is left out: runs{which} go on for a given time (stop: {{when: never}}), and "
-            "their start is part of all figures; say measure: {warm_up: N}"
+            "their start is part of all metrics; set measure: {warm_up: N}"
         )
 
 
@@ -242,7 +242,7 @@ def why_none(results: Results) -> str:
         more = len(reasons) - MOST_NAMED
         return "; ".join(reasons[:MOST_NAMED]) + (f"; and {more:,} more" if more > 0 else "")
     if not any(results.has(metric) for metric in metrics):
-        return f"the runs have no figures of {', '.join(metrics)}"
+        return f"the runs have no metrics of {', '.join(metrics)}"
     return "two finished runs of each point are needed"
 
 

@@ -19,8 +19,8 @@ from automaton.reproductions.living_runs import (
 from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
 
 SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start
-COMING: Final = "orders={generator: stations, count: 100, interval: 45}"
-FAILING: Final = "orders={generator: stations, count: 60, interval: 20}"
+COMING: Final = "orders={generator: stations, count: 100, mean_interarrival_time: 45}"
+FAILING: Final = "orders={generator: stations, count: 60, mean_interarrival_time: 20}"
 WAITS: Final = (0.01, 0.05, 0.1)  # percent in a tick
 RESERVES: Final = (0, 5, 10, 20)  # percent
 
@@ -31,7 +31,7 @@ CHARGING: Final = {  # what strategy.charging is set to, and whether batteries a
     "fill-up": ("strategy.charging=fill-up",),
     "opportunity": ("strategy.charging=opportunity",),
     "threshold, safe": ("strategy.charging=threshold",),
-    "threshold, look": ("strategy.charging={name: threshold, mode: look}",),
+    "threshold, look": ("strategy.charging={name: threshold, mode: threshold-only}",),
     "insertion, may strand": ("strategy.charging={name: insertion, never_strand: false}",),
 }
 KEEP: Final = "while_charging: keep"  # lists stay with robots that charge, as the figures were made
@@ -41,17 +41,17 @@ QUEUES: Final = {"in the bids": "true", "left out": "false"}
 REPAIRS: Final = {"gone for good": "null", "back after 600 ticks": "600"}
 KINDS: Final = {  # parameters of strategy.allocation
     "sequential, lowest bid": "",
-    "sequential, biggest difference": "winner: difference",
-    "sequential, regret": "winner: regret",
-    "sequential, local search": "improve: true",
-    "in the order of arrival": "auction: arrival",
-    "parallel": "auction: parallel",
-    "combinatorial": "auction: combinatorial",
-    "assignment": "auction: assignment",
+    "sequential, biggest difference": "winner_rule: difference",
+    "sequential, regret": "winner_rule: regret",
+    "sequential, local search": "local_search: true",
+    "in the order of arrival": "mechanism: arrival",
+    "parallel": "mechanism: parallel",
+    "combinatorial": "mechanism: combinatorial",
+    "assignment": "mechanism: assignment",
     "two fixed auctioneers": "auctioneer: fixed",
-    "two fixed auctioneers, radius 4": "auctioneer: fixed, radius: 4",
-    "token, radius 4": "auctioneer: token, radius: 4",
-    "around the order, radius 4": "region: order, radius: 4",
+    "two fixed auctioneers, radius 4": "auctioneer: fixed, announcement_radius: 4",
+    "token, radius 4": "auctioneer: token, announcement_radius: 4",
+    "around the order, radius 4": "region: order, announcement_radius: 4",
 }
 
 
@@ -89,7 +89,7 @@ def line_cases(_: Sequence[str]) -> list[ScenarioCase]:
         ScenarioCase(
             {"lines": name},
             "depots-line",
-            (KEPT, f"strategy.charging={{name: insertion, queues: {queues}}}"),
+            (KEPT, f"strategy.charging={{name: insertion, count_queues: {queues}}}"),
         )
         for name, queues in QUEUES.items()
     ]
@@ -98,7 +98,9 @@ def line_cases(_: Sequence[str]) -> list[ScenarioCase]:
 def failure_cases(_: Sequence[str]) -> list[ScenarioCase]:
     """A robot fails, and is back or not."""
     return [
-        ScenarioCase({"robot": name}, "depots", (KEPT, FULLY, FAILING, f"faults.repair={repair}"))
+        ScenarioCase(
+            {"robot": name}, "depots", (KEPT, FULLY, FAILING, f"faults.repair_time={repair}")
+        )
         for name, repair in REPAIRS.items()
     ]
 

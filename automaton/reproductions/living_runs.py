@@ -15,7 +15,7 @@ import numpy as np
 from automaton.kernels.random_numbers import STREAM_BREAKDOWNS, random_between
 from automaton.metrics import metrics_of
 from automaton.parallel import Conduct, OnDone, Result, conducted, run_jobs
-from automaton.reproductions.study import Runner, ScenarioCase
+from automaton.reproductions.study import Runner, ScenarioCase, with_published_names
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Fault
 from automaton.simulation import Simulation
@@ -48,7 +48,7 @@ def with_lines(simulation: Simulation) -> Figures:
 
     `in_line`: share of looks at which two or more stand in line; `wait`: ticks in line per stay.
     """
-    limit, looks, lines = simulation.resolved.scenario.stop.at_most, 0, 0
+    limit, looks, lines = simulation.resolved.scenario.stop.max_duration, 0, 0
     while not simulation.finished and simulation.tick < limit:
         simulation.run(until=simulation.tick + LOOK_EVERY)
         looks += 1
@@ -92,7 +92,9 @@ def conduct_all(conduct: Conduct, failing: bool = False) -> Runner:
             for resolved in scenarios
             for seed in seeds
         ]
-        results = run_jobs(jobs, workers, on_done, conduct)
+        results = [
+            with_published_names(result) for result in run_jobs(jobs, workers, on_done, conduct)
+        ]
         return [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
 
     return run

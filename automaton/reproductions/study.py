@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.parallel import OnDone, Result, run_all
@@ -58,6 +58,25 @@ class ScenarioCase(Case):
 Runner = Callable[[Sequence[Any], Sequence[int], int | None, OnDone | None], list[list[Any]]]
 
 
+# Metrics that have the symbols of the papers, or older names, in the rows of a reproduction.
+PUBLISHED_NAMES: Final = {
+    "makespan": "T_total",
+    "operations_per_robot": "T_R",
+    "operations": "T_Rtotal",
+    "empty_moves_share": "E_U_moves",
+    "empty_operations_share": "E_U_operations",
+    "empty_ticks_share": "E_U_cycles",
+    "throughput_per_robot": "completions",
+    "battery_depletions": "ran_empty",
+}
+
+
+def with_published_names(result: Result) -> Result:
+    """Return the result of a run with the metric names that reproductions print."""
+    metrics = {PUBLISHED_NAMES.get(name, name): value for name, value in result.metrics.items()}
+    return result._replace(metrics=metrics)
+
+
 def run_scenarios(
     cases: Sequence[ScenarioCase],
     seeds: Sequence[int],
@@ -66,7 +85,8 @@ def run_scenarios(
 ) -> list[list[Result]]:
     """Run the scenario of each case with each seed."""
     scenarios = [resolve(case.scenario, case.overrides) for case in cases]
-    return run_all(scenarios, seeds, workers, on_done)
+    results = run_all(scenarios, seeds, workers, on_done)
+    return [[with_published_names(result) for result in batch] for batch in results]
 
 
 # by the key of a case, its repetitions -> (metric, key) and values, one for each repetition

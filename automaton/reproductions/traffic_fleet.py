@@ -29,12 +29,12 @@ PLANS: Final = "shared plans"
 CONGESTION: Final = "congestion"
 
 POLICIES: Final = {  # what strategy.routing is set to; any other strategy stands for itself
-    A_STAR: "{name: astar, ties: random}",
-    AVOIDANCE: "{name: traffic-avoidance, ties: random}",
-    SHARES: "{name: congestion, foresees: shares, beta: 1, every: 0}",
-    TASKS: "{name: congestion, foresees: tasks, beta: 1, every: 0}",
-    PLANS: "{name: congestion, beta: 1, every: 0}",
-    CONGESTION: "{name: congestion, beta: 2, every: 20}",
+    A_STAR: "{name: astar, tie_break: random}",
+    AVOIDANCE: "{name: traffic-avoidance, tie_break: random}",
+    SHARES: "{name: congestion, forecast: task-averages, beta: 1, replan_period: 0}",
+    TASKS: "{name: congestion, forecast: tasks, beta: 1, replan_period: 0}",
+    PLANS: "{name: congestion, beta: 1, replan_period: 0}",
+    CONGESTION: "{name: congestion, beta: 2, replan_period: 20}",
 }
 
 
@@ -42,7 +42,7 @@ def scenario_of(policy: str, robots: int) -> tuple[str, ...]:
     """The overrides of warehouse-100 for a fleet with a policy."""
     routing = POLICIES.get(policy, policy)
     ticks = TICKS.get(robots, USUAL_TICKS)
-    return f"strategy.routing={routing}", f"fleet.robots={robots}", f"stop.at_most={ticks}"
+    return f"strategy.routing={routing}", f"fleet.robots={robots}", f"stop.max_duration={ticks}"
 
 
 def fleets(policies: Sequence[str]) -> list[ScenarioCase]:
@@ -60,7 +60,7 @@ def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
         ScenarioCase(
             {"policy": policy, "extra tick": CHANCE},
             SCENARIO,
-            (*scenario_of(policy, CROWD), "world.extra_tick=0.1"),
+            (*scenario_of(policy, CROWD), "world.extra_tick_probability=0.1"),
         )
         for policy in policies
     ]

@@ -34,7 +34,7 @@ def first_legs(simulation: Simulation) -> Array:
 
     Runs the simulation up to the last of these. A robot that never picks anything up has none.
     """
-    limit = simulation.resolved.scenario.stop.at_most
+    limit = simulation.resolved.scenario.stop.max_duration
     operations = simulation.world.tally.operations
     legs = np.full(len(operations), NIL, np.int64)
     while not simulation.finished and simulation.tick < limit and (legs == NIL).any():
@@ -76,7 +76,11 @@ def completed(simulation: Simulation) -> Figures:
         "sigma_ft": float(feet.std()),
         "parts": len(done),
         "illegal": int(simulation.world.tally.illegal.sum()),
-        **{name: counted[name] for name in ("redesigns", "load_shares") if name in counted},
+        **{
+            published: counted[name]
+            for published, name in (("redesigns", "redesigns"), ("load_shares", "shared_orders"))
+            if name in counted
+        },
     }
     if counted.get("ticks_watched"):
         figures["in_balance"] = counted["ticks_in_balance"] / counted["ticks_watched"]

@@ -32,10 +32,14 @@ from automaton.world.types import (
 Start = str | tuple[int, ...]
 Mask = npt.NDArray[np.bool_]
 
-PLACES = {"bays": "bays", "stands": "cells in front of racks", "random": "cells"}  # by start
+PLACES = {
+    "parking-bays": "parking bays",
+    "racks": "cells in front of racks",
+    "random": "cells",
+}  # by start
 ENDS = {  # generator: kinds of slots where its orders begin and end
     "full-shelves": (SHELF, DESTINATION),
-    "drawn-loads": (SHELF, DESTINATION),
+    "picture-loads": (SHELF, DESTINATION),
     "dock-to-rack": (DOCK, RACK),
     "stations": (STATION, STATION),
     "visits": (STATION, STATION),
@@ -68,9 +72,9 @@ def check_starts(
     if not isinstance(start, tuple):
         counts = np.bincount(each)
         for number, cells in enumerate(starts_by_type(scenario, floor_plan, start)):
-            many = start == "stands" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
+            many = start == "racks" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
             # Of cells drawn at random others may have taken as many as there are others.
-            needed = counts[number] if start == "bays" else 1 if many else len(each)
+            needed = counts[number] if start == "parking-bays" else 1 if many else len(each)
             if len(cells) < needed:
                 text = f"fleet.robots is {len(each)}, but too few {PLACES[start]} are open to"
                 name = types[number].name
@@ -105,12 +109,12 @@ def starts_by_type(
     if isinstance(start, tuple):
         cells = np.array(start, np.int64)
         return [cells[each == number] for number in range(len(types))]
-    if start == "bays":
+    if start == "parking-bays":
         homes = floor_plan.bays[:, 1].astype(np.int64)
         chosen = first_open(homes, scenario, floor_plan)
         return [homes[numbers] for numbers in chosen]
     cells = np.flatnonzero(DRIVABLE[floor_plan.kind.reshape(-1)])
-    if start == "stands":
+    if start == "racks":
         cells = np.unique(rack_stands(floor_plan)).astype(np.int64)
     return [cells[~closed_cells(floor_plan, robot_type)[cells]] for robot_type in types]
 
@@ -152,7 +156,7 @@ def ways(scenario: Scenario, floor_plan: FloorPlan, served: Mask) -> Iterator[Wa
     if orders.generator is not None:
         kinds = floor_plan.kind.reshape(-1)[slots]
         begin, end = (slots[(kinds == kind) & served] for kind in ENDS[orders.generator])
-        if orders.generator == "drawn-loads":
+        if orders.generator == "picture-loads":
             begin = begin[floor_plan.loads.reshape(-1)[begin] == 1]
         weight = orders.weight if isinstance(orders.weight, int) else orders.weight.most
         keys: Keys = ("orders", "generator")

@@ -1,7 +1,7 @@
 """What a fleet cannot do better, whatever its strategies: bounds that need no run.
 
 work       each order is taken, carried over the cheapest way with the turns that it needs, and set
-           down: N robots need work / N ticks. A load may be set down on the way and taken up from
+           down: N robots need work / N ticks. A load may be dropped on the way and taken up from
            another side (a bucket brigade): that is a way through a slot, at the cost of handling it
 stations   a station holds one robot: picks and drops at stations, shared evenly among them
 parts      stations work on one part at a time, and a part goes its whole route (part_bounds)
@@ -10,7 +10,7 @@ chargers   energy that orders take beyond what batteries hold at the start comes
 
 Orders that are drawn count as the cheapest that could be drawn, so the bounds hold for every seed.
 Every robot counts as one of the fastest type, that goes everywhere. Loads are assumed to be moved by
-robots alone: not by one that goes out of order and leaves its load to the other side.
+robots alone: not by one that goes down and leaves its load to the other side.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from automaton.world.types import least_move
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
 ENDS: Final = {  # generator: kinds of slots where its orders begin and end
     "full-shelves": (SHELF, DESTINATION),
-    "drawn-loads": (SHELF, DESTINATION),
+    "picture-loads": (SHELF, DESTINATION),
     "dock-to-rack": (DOCK, RACK),
     "stations": (STATION, STATION),
 }
@@ -79,7 +79,7 @@ def bounds(resolved: Resolved) -> Bounds:
     parts = part_bounds(scenario.orders, ticks)
     energy = 0.0
     if battery is not None:
-        drain, loaded = battery.drain, battery.drain.loaded
+        drain, loaded = battery.drain, battery.drain.loaded_factor
         price = Price(loaded * drain.move * least_move(scenario), loaded * drain.turn * turn, 0.0)
         energy = float(min_drive_cost(resolved, price)[0].sum())
     return Bounds(
@@ -144,7 +144,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     begin, end = ENDS[orders.generator]
     slots = floor_plan.slots()
     source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
-    if orders.generator == "drawn-loads":
+    if orders.generator == "picture-loads":
         source = source[floor_plan.loads.reshape(-1)[source] == 1]
     if orders.generator in DRAWN:
         count = orders.count or 0
@@ -210,7 +210,7 @@ def _costs(
         if turns[cell]:
             heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
         for slot in beside.get(cell, ()):
-            if slot not in through:  # set down there, taken up from any side
+            if slot not in through:  # drop there, taken up from any side
                 through.add(slot)
                 for other in access[slot]:
                     if other != NIL:
@@ -226,7 +226,7 @@ def _visits(resolved: Resolved) -> bool:
 
 
 def _held(battery: Battery | None) -> float:
-    start = 0.0 if battery is None else battery.start
+    start = 0.0 if battery is None else battery.initial_charge
     if isinstance(start, ChargeRange):
         return start.most
     return max(start) if isinstance(start, tuple) else start
@@ -236,14 +236,14 @@ def _given(resolved: Resolved) -> float:
     battery = resolved.scenario.battery
     if battery is None:
         return 0.0
-    charge = battery.charge
+    charge = battery.charge_rate
     rate = max(step[1] for step in charge) if isinstance(charge, tuple) else charge
     return float(rate * np.count_nonzero(resolved.floor_plan.kind == CHARGER))
 
 
 def _mended(resolved: Resolved) -> float:
     faults = resolved.scenario.faults
-    if resolved.scenario.battery is None or faults.tow_after is None or faults.repair is None:
+    if resolved.scenario.battery is None or faults.tow_after is None or faults.repair_time is None:
         return 0.0
     added = resolved.scenario.battery.reserve if faults.charge == "kept" else faults.charge
-    return added / max(1, faults.tow_after + faults.repair)
+    return added / max(1, faults.tow_after + faults.repair_time)

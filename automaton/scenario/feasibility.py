@@ -35,7 +35,7 @@ from automaton.world.reachability import (
 from automaton.world.state import NIL
 from automaton.world.types import types_of
 
-Start = Literal["bays", "random", "stands"] | tuple[int, ...]
+Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
 NEEDED = {  # kinds of cells without which a generator has nothing to draw
     "dock-to-rack": (DOCK, RACK),
@@ -56,23 +56,24 @@ def start_of(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> S
         return _listed_start(document, fleet.start, fleet.robots, floor_plan)
     if fleet.start is None and floor_plan.starts:
         return _drawn_start(document, fleet.robots, floor_plan)
-    start = fleet.start or ("bays" if len(floor_plan.bays) else "random")
-    if start == "bays" and fleet.robots > len(floor_plan.bays):
+    start = fleet.start or ("parking-bays" if len(floor_plan.bays) else "random")
+    if start == "parking-bays" and fleet.robots > len(floor_plan.bays):
         raise document.error(
             ROBOTS,
-            f"{_robots(fleet.robots)} but the floor has {_count(len(floor_plan.bays), 'bay')}",
+            f"{_robots(fleet.robots)} but the floor has "
+            f"{_count(len(floor_plan.bays), 'parking bay')}",
         )
     cells = int(np.count_nonzero(floor_plan.drivable()))
     if start == "random" and fleet.robots > cells:
         raise document.error(
             ROBOTS, f"{_robots(fleet.robots)} but robots can stand on {_count(cells, 'cell')}"
         )
-    if start == "bays" and fleet.when_done == "leave":
+    if start == "parking-bays" and fleet.when_idle == "leave":
         raise document.error(
-            ("fleet", "when_done"),
-            "fleet.when_done is leave, but robots that begin in bays park there",
+            ("fleet", "when_idle"),
+            "fleet.when_idle is leave, but robots that begin in parking bays park there",
         )
-    if start == "stands":
+    if start == "racks":
         _check_stands(document, fleet.robots, floor_plan)
     return start
 
@@ -81,7 +82,7 @@ def _check_stands(document: Document, robots: int, floor_plan: FloorPlan) -> Non
     stands = np.unique(rack_stands(floor_plan))
     if not len(stands):
         raise document.error(
-            START, "fleet.start is stands, but there is no rack that robots can stand in front of"
+            START, "fleet.start is racks, but there is no rack that robots can stand in front of"
         )
     limited = (floor_plan.capacity.flat[stands] != UNLIMITED).any()
     if limited and robots > len(stands):
@@ -94,7 +95,7 @@ def _drawn_start(document: Document, robots: int, floor_plan: FloorPlan) -> Star
         raise document.error(
             ROBOTS,
             f"{_robots(robots)} but the picture draws {len(floor_plan.starts)}; "
-            "change one of them, or say fleet.start",
+            "change one of them, or set fleet.start",
         )
     return floor_plan.starts
 
@@ -133,10 +134,10 @@ def check_parts(document: Document, scenario: Scenario, floor_plan: FloorPlan) -
             if number > count:
                 keys: Keys = ("orders", "parts", row, "route", place)
                 raise document.error(keys, f"a part goes to station {number}, but {there}")
-    work = scenario.orders.work
-    if isinstance(work, tuple) and len(work) != count:
-        text = f"orders.work lists {_count(len(work), 'station')}, but {there}"
-        raise document.error(("orders", "work"), text)
+    times = scenario.orders.processing_time
+    if isinstance(times, tuple) and len(times) != count:
+        text = f"orders.processing_time lists {_count(len(times), 'station')}, but {there}"
+        raise document.error(("orders", "processing_time"), text)
 
 
 def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
@@ -267,10 +268,15 @@ def check_energy(document: Document, scenario: Scenario, floor_plan: FloorPlan) 
         raise document.error(
             ("layout",), f"strategy.charging is {named}, but the floor has no charger"
         )
-    if battery is not None and isinstance(battery.start, tuple) and len(battery.start) != robots:
+    if (
+        battery is not None
+        and isinstance(battery.initial_charge, tuple)
+        and len(battery.initial_charge) != robots
+    ):
         raise document.error(
             ("battery", "start"),
-            f"{_robots(robots)} but battery.start lists {_count(len(battery.start), 'charge')}",
+            f"{_robots(robots)} but battery.initial_charge lists "
+            f"{_count(len(battery.initial_charge), 'charge')}",
         )
     if battery is None and scenario.faults.charge != "kept":
         raise document.error(
@@ -293,7 +299,7 @@ def check_sight(document: Document, scenario: Scenario) -> None:
         raise document.error(
             ("strategy", "zoning"),
             "strategy.zoning is none, but with information.orders zones robots know only the orders of "
-            "their zones: nobody would ever hear of one; say information.orders: all, or zoning: "
+            "their zones: no robot would ever receive one; set information.orders: all, or zoning: "
             "decentralized",
         )
 

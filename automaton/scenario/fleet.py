@@ -7,18 +7,18 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.scenario.terms import Line, Pair, Part, Weight
+from automaton.scenario.field_types import ConfigSection, Pair, SingleLine, Weight
 
 
-class FleetType(Part, frozen=True, kw_only=True):
+class FleetType(ConfigSection, frozen=True, kw_only=True):
     """Robots that are alike; where the fleet has several types, robots have them by identity."""
 
-    name: Annotated[Line, Meta(description="What areas, priorities and reports call them.")]
+    name: Annotated[SingleLine, Meta(description="What areas, priorities and reports call them.")]
     robots: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(description="How many there are; one type may leave it out: the rest."),
     ] = None
-    pace: Annotated[
+    move_time_factor: Annotated[
         int, Meta(ge=1, le=1000, description="A move takes so many times durations.move.")
     ] = 1
     payload: Annotated[
@@ -26,7 +26,7 @@ class FleetType(Part, frozen=True, kw_only=True):
     ] = None
 
 
-class Fleet(Part, frozen=True, kw_only=True):
+class Fleet(ConfigSection, frozen=True, kw_only=True):
     """The robots."""
 
     robots: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of robots.")]
@@ -38,14 +38,15 @@ class Fleet(Part, frozen=True, kw_only=True):
         ),
     ] = "differential"
     start: Annotated[
-        Literal["bays", "random", "stands"] | tuple[Pair, ...] | None,
+        Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | None,
         Meta(
-            description="Where robots begin: bays, random, stands (in front of racks drawn at "
-            "random), or a list of cells. Left out: where the picture draws robots, else in bays "
-            "if the floor has any, else random."
+            description="Where robots begin: parking-bays, random, racks (in front of random "
+            "racks), or "
+            "a list of cells. Left out: where the picture draws robots, else in parking bays if "
+            "the floor has any, else random."
         ),
     ] = None
-    when_done: Annotated[
+    when_idle: Annotated[
         Literal["park", "leave"],
         Meta(
             description="What robots without work do. park: drive to where they began; leave: "
@@ -83,7 +84,7 @@ class Fleet(Part, frozen=True, kw_only=True):
         return [kind.robots or self.robots - given for kind in self.types]
 
 
-class Area(Part, frozen=True, kw_only=True):
+class Area(ConfigSection, frozen=True, kw_only=True):
     """A rectangle of the floor that is closed to some types of robots."""
 
     first: Annotated[Pair, Meta(description="A corner of it.")] = msgspec.field(name="from")
@@ -91,7 +92,7 @@ class Area(Part, frozen=True, kw_only=True):
         msgspec.field(name="to")
     )
     closed_to: Annotated[
-        tuple[Line, ...],
+        tuple[SingleLine, ...],
         Meta(description="The types that must not enter it, by name."),
     ]
 

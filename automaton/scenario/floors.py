@@ -87,7 +87,7 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
         raise InputError(f"generator '{name}' cannot be loaded: {error}") from error
     struct = isinstance(found, type) and issubclass(found, msgspec.Struct)
     if not struct or not hasattr(found, "build"):
-        raise InputError(f"generator '{name}' is no msgspec struct with a method build()")
+        raise InputError(f"generator '{name}' is not a msgspec struct with a method build()")
     return cast("type[msgspec.Struct]", found)
 
 

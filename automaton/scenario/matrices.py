@@ -78,7 +78,7 @@ def write_matrix(floor_plan: FloorPlan) -> str:
         raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
     if len(floor_plan.bays):
         x, y = floor_plan.xy(int(floor_plan.bays[0, 0]))
-        raise InputError(f"a matrix has no code for the bay at ({x}, {y})")
+        raise InputError(f"a matrix has no code for the parking bay at ({x}, {y})")
     capacities = np.unique(floor_plan.capacity[free]).tolist()
     if len(capacities) > 1:
         raise InputError("a matrix cannot say that free cells hold different numbers of robots")

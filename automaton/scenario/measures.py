@@ -9,43 +9,65 @@ from typing import Final
 
 from automaton.scenario.schema import Scenario
 
-TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "completions")
+TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
 OF_TIMES: Final = ("lead_time", "lead_time_p95")
 OF_BATTERIES: Final = (
-    *("lost_in_line", "energy", "charging", "least_charge", "repair_energy", "ran_empty"),
+    *(
+        "lost_queueing",
+        "energy",
+        "charging_share",
+        "min_charge",
+        "repair_energy",
+        "battery_depletions",
+    ),
 )
-OF_FAULTS: Final = ("breakdowns", "towed", "out_of_order")
-OF_STATIONS: Final = ("parts", "part_time", "busiest_station", "busiest")
+OF_FAULTS: Final = ("breakdowns", "towed", "downtime")
+OF_STATIONS: Final = (
+    "parts_finished",
+    "part_flow_time",
+    "busiest_station",
+    "busiest_station_utilization",
+)
 
 
 def not_measured(scenario: Scenario) -> dict[str, str]:
     """The metrics that no run of a scenario has, each with what it takes to have it."""
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
-    later = any(order.at > 0 for order in orders.listed or ())  # also those of a file
-    come_in = later or orders.interval > 0 or orders.stream is not None or orders.parts is not None
+    later = any(order.release > 0 for order in orders.listed or ())  # also those of a file
+    come_in = (
+        later
+        or orders.mean_interarrival_time > 0
+        or orders.arrivals is not None
+        or orders.parts is not None
+    )
     rules = (
         (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),
         (
             OF_TIMES,
             come_in,
-            "orders that come in over time: an interval, a stream, or a list with at",
+            "orders that arrive over time: orders.mean_interarrival_time, orders.arrivals, or "
+            "orders.list with release",
         ),
         (OF_BATTERIES, powered, "a battery"),
-        (OF_FAULTS, powered or bool(faults.listed) or faults.rate > 0, "faults, or a battery"),
-        (OF_STATIONS, orders.parts is not None, "orders.parts"),
-        (("travel",), scenario.units.cell is not None, "units.cell"),
         (
-            ("slowed",),
-            world.slowdown != "none" or world.extra_tick > 0,
-            "world.slowdown or world.extra_tick",
+            OF_FAULTS,
+            powered or bool(faults.listed) or faults.failure_probability > 0,
+            "faults, or a battery",
+        ),
+        (OF_STATIONS, orders.parts is not None, "orders.parts"),
+        (("distance",), scenario.units.cell is not None, "units.cell"),
+        (
+            ("slowdown_ticks",),
+            world.slowdown != "none" or world.extra_tick_probability > 0,
+            "world.slowdown or world.extra_tick_probability",
         ),
     )
     return {name: need for names, has, need in rules if not has for name in names}
 
 
 def warm_up_of(scenario: Scenario) -> int:
-    """Ticks at the beginning of a run that figures of many runs leave out.
+    """Ticks at the beginning of a run that metrics of many runs leave out.
 
     A run that ends with its orders has no steady state: it counts as a whole.
     """

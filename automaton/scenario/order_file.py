@@ -52,9 +52,9 @@ def with_orders_of_file(
     path = document.folder / name
     if not os.path.isfile(path):
         text = f"there is no file of orders '{name}'"
-        raise document.error(("orders", "stream", "file"), text)
+        raise document.error(("orders", "arrivals", "file"), text)
     found = read_orders(read_text(path), str(path))
-    orders = msgspec.structs.replace(scenario.orders, stream=None, listed=found.orders)
+    orders = msgspec.structs.replace(scenario.orders, arrivals=None, listed=found.orders)
     document = replace(document, listed=(found.path, found.lines))
     absolute = found._replace(path=str(path.resolve()))
     return document, msgspec.structs.replace(scenario, orders=orders), absolute
@@ -81,7 +81,7 @@ def read_orders(text: str, path: str) -> OrderFile:
         value = {name: _number(name, cell, path, number) for name, cell in pairs}
         source, target = (value["from_x"], value["from_y"]), (value["to_x"], value["to_y"])
         weight = value.get("weight", 1)
-        orders.append(OrderLine(source=source, target=target, at=value["tick"], weight=weight))
+        orders.append(OrderLine(source=source, target=target, release=value["tick"], weight=weight))
         lines.append(number)
     return OrderFile(path, content_hash(Path(path)), tuple(orders), tuple(lines))
 

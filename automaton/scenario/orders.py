@@ -1,4 +1,4 @@
-"""What a scenario file may say of its orders: what is to be carried, and when it becomes known."""
+"""Define the orders of a scenario file: what is to be carried, and when it is released."""
 
 from __future__ import annotations
 
@@ -7,19 +7,27 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, field
 
-from automaton.scenario.terms import Line, Pair, Part, Text, Tick, Ticks, Weight
+from automaton.scenario.field_types import (
+    ConfigSection,
+    NonEmptyText,
+    Pair,
+    SingleLine,
+    Tick,
+    Ticks,
+    Weight,
+)
 
 DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
 
 
-class Mean(Part, frozen=True, kw_only=True):
+class Mean(ConfigSection, frozen=True, kw_only=True):
     """A whole number from 1 on, drawn geometrically: what is memoryless in ticks."""
 
     mean: Annotated[float, Meta(ge=1, le=1_000_000, description="Its mean.")]
 
 
-class Bursts(Part, frozen=True, kw_only=True):
-    """Orders become known several at a time, the first of them at once."""
+class Bursts(ConfigSection, frozen=True, kw_only=True):
+    """Orders are released several at a time, the first of them at once."""
 
     size: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
@@ -31,21 +39,21 @@ class Bursts(Part, frozen=True, kw_only=True):
     ]
 
 
-class Closed(Part, frozen=True, kw_only=True):
-    """A closed loop: in the tick after a delivery the next order becomes known."""
+class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
+    """A closed loop: in the tick after a delivery the next order is released."""
 
     in_system: Annotated[
         int, Meta(ge=1, le=1_000_000, description="Orders that are open, until they are used up.")
     ]
 
 
-class Stream(Part, frozen=True, kw_only=True):
-    """When orders become known, if neither all at once nor with an interval."""
+class Arrivals(ConfigSection, frozen=True, kw_only=True):
+    """When orders are released, if neither all at once nor with an interval."""
 
     bursts: Bursts | None = None
-    closed: Closed | None = None
+    closed_loop: ClosedLoop | None = None
     file: Annotated[
-        Text | None,
+        NonEmptyText | None,
         Meta(
             description="The orders themselves, as CSV with the columns tick, from_x, from_y, to_x, "
             "to_y and, where they differ in it, weight; path relative to the scenario."
@@ -53,11 +61,11 @@ class Stream(Part, frozen=True, kw_only=True):
     ] = None
 
     def __post_init__(self) -> None:
-        if sum(form is not None for form in (self.bursts, self.closed, self.file)) != 1:
-            raise ValueError("stream must have exactly one of bursts, closed or file")
+        if sum(form is not None for form in (self.bursts, self.closed_loop, self.file)) != 1:
+            raise ValueError("arrivals must have exactly one of bursts, closed_loop or file")
 
 
-class WeightRange(Part, frozen=True, kw_only=True):
+class WeightRange(ConfigSection, frozen=True, kw_only=True):
     """Weights drawn evenly for each order."""
 
     least: Annotated[Weight, Meta(description="The lightest.")] = field(name="from")
@@ -68,21 +76,21 @@ class WeightRange(Part, frozen=True, kw_only=True):
             raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
 
 
-class OrderLine(Part, frozen=True, kw_only=True):
+class OrderLine(ConfigSection, frozen=True, kw_only=True):
     """One order: bring a load from one slot to another."""
 
     source: Annotated[Pair, Meta(description="The slot with the load.")] = field(name="from")
     target: Annotated[Pair, Meta(description="Where to bring it; a station itself: a visit.")] = (
         field(name="to")
     )
-    at: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+    release: Annotated[Tick, Meta(description="The tick in which it is released.")] = 0
     weight: Weight = 1
 
 
 StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, from 1.")]
 
 
-class Parts(Part, frozen=True, kw_only=True):
+class Parts(ConfigSection, frozen=True, kw_only=True):
     """Parts of one type: they are worked on at one station after another."""
 
     route: Annotated[
@@ -90,11 +98,11 @@ class Parts(Part, frozen=True, kw_only=True):
         Meta(min_length=1, description="The stations that a part goes through, by number."),
     ]
     count: Annotated[int, Meta(ge=1, le=1_000_000, description="How many parts there are.")] = 1
-    name: Annotated[Line | None, Meta(description="What reports call them.")] = None
-    at: Annotated[
-        Tick, Meta(description="The tick in which they, or the first, come to the first one.")
+    name: Annotated[SingleLine | None, Meta(description="What reports call them.")] = None
+    first_release: Annotated[
+        Tick, Meta(description="The tick in which the first part arrives at its first station.")
     ] = 0
-    every: Annotated[
+    interarrival_time: Annotated[
         Annotated[int, Meta(ge=0, le=1_000_000)] | Mean,
         Meta(description="Ticks from a part to the next: so many, or drawn with this mean."),
     ] = 0
@@ -108,8 +116,8 @@ class Parts(Part, frozen=True, kw_only=True):
                 )
 
 
-class DrawnWork(Part, frozen=True, kw_only=True):
-    """Work of which the ticks are drawn for each part and each station of its route."""
+class RandomProcessingTime(ConfigSection, frozen=True, kw_only=True):
+    """A processing time that is random for each part and each station of its route."""
 
     mean: Annotated[float, Meta(ge=1, le=10_000, description="Mean ticks.")]
     distribution: Annotated[
@@ -118,16 +126,16 @@ class DrawnWork(Part, frozen=True, kw_only=True):
     ] = "exponential"
 
 
-Work = Ticks | DrawnWork
+ProcessingTime = Ticks | RandomProcessingTime
 
 
-class Orders(Part, frozen=True, kw_only=True):
+class Orders(ConfigSection, frozen=True, kw_only=True):
     """What is to be carried: a generator of orders, a list or a file of them, or parts."""
 
     generator: Annotated[
-        Literal["full-shelves", "drawn-loads", "dock-to-rack", "stations", "visits"] | None,
+        Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits"] | None,
         Meta(
-            description="full-shelves: every shelf holds a load at the start; drawn-loads: the "
+            description="full-shelves: every shelf holds a load at the start; picture-loads: the "
             "shelves drawn as $ do. Each is brought to a destination drawn at random. "
             "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
             "random. stations: each load goes from a station to another one, both drawn at "
@@ -138,18 +146,18 @@ class Orders(Part, frozen=True, kw_only=True):
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(description="How many orders there are, for generators that draw them."),
     ] = None
-    interval: Annotated[
+    mean_interarrival_time: Annotated[
         float,
         Meta(
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: from the second tick on, one comes in a "
-            "tick with probability 1/interval, as a Poisson stream in ticks. 0: all are known from "
+            description="Mean ticks between two orders: from the second tick on, one arrives in a "
+            "tick with probability 1 / this, as Poisson arrivals in ticks. 0: all are known from "
             "the start.",
         ),
     ] = 0.0
-    stream: Annotated[
-        Stream | None, Meta(description="How they become known, or a file of orders.")
+    arrivals: Annotated[
+        Arrivals | None, Meta(description="How they are released, or a file of orders.")
     ] = None
     weight: Annotated[
         Weight | WeightRange,
@@ -163,25 +171,27 @@ class Orders(Part, frozen=True, kw_only=True):
         tuple[Parts, ...] | None,
         Meta(
             description="Parts that stations work on, one at a time, in the sequence of their "
-            "coming. Each way from a station to the next one is an order; it becomes known when "
+            "coming. Each way from a station to the next one is an order; it is released when "
             "the work at the first is done."
         ),
     ] = None
-    work: Annotated[
-        Work | tuple[Work, ...],
-        Meta(description="Ticks of the work on a part: at all stations, or one by one from 1 on."),
+    processing_time: Annotated[
+        ProcessingTime | tuple[ProcessingTime, ...],
+        Meta(
+            description="Ticks of a job, one part at one station: at all stations, or one by one."
+        ),
     ] = 1
 
     def __post_init__(self) -> None:
         given = [self.generator, self.listed, self.parts, self.file]
         if sum(form is not None for form in given) != 1:
             raise ValueError(
-                "orders must have either a generator, a list, parts or a stream from a file"
+                "orders must have either a generator, a list, parts or arrivals from a file"
             )
         if self.parts is not None and not self.parts:
             raise ValueError("parts must hold at least one type of parts")
-        if self.parts is None and self.work != 1:
-            raise ValueError("work belongs to parts")
+        if self.parts is None and self.processing_time != 1:
+            raise ValueError("processing_time belongs to parts")
         if self.generator is None and self.weight != 1:
             raise ValueError("weight belongs to generators, or to each order or type of parts")
         if self.listed is not None and not self.listed:
@@ -193,22 +203,24 @@ class Orders(Part, frozen=True, kw_only=True):
         self._check_arrivals()
 
     def _check_arrivals(self) -> None:
-        if self.generator is None and self.interval:
-            raise ValueError("interval belongs to generators of orders")
-        if self.generator is None and self.stream is not None and self.file is None:
-            raise ValueError("stream belongs to generators of orders, unless it is a file")
-        if self.interval and self.stream is not None:
-            raise ValueError("interval does not go together with a stream")
-        if 0 < self.interval < 1:
-            raise ValueError("interval must be 0 or at least 1: one order comes in a tick at most")
+        if self.generator is None and self.mean_interarrival_time:
+            raise ValueError("mean_interarrival_time belongs to generators of orders")
+        if self.generator is None and self.arrivals is not None and self.file is None:
+            raise ValueError("arrivals belong to generators of orders, unless they are a file")
+        if self.mean_interarrival_time and self.arrivals is not None:
+            raise ValueError("set either mean_interarrival_time or arrivals, not both")
+        if 0 < self.mean_interarrival_time < 1:
+            raise ValueError(
+                "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
+            )
 
     @property
     def file(self) -> str | None:
         """The file of orders, as the scenario names it."""
-        return None if self.stream is None else self.stream.file
+        return None if self.arrivals is None else self.arrivals.file
 
     @property
     def in_system(self) -> int:
         """Orders that a closed loop keeps open; 0: it is none."""
-        closed = None if self.stream is None else self.stream.closed
-        return 0 if closed is None else closed.in_system
+        loop = None if self.arrivals is None else self.arrivals.closed_loop
+        return 0 if loop is None else loop.in_system

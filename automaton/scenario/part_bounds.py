@@ -52,10 +52,18 @@ def part_bounds(orders: Orders, ticks: Array) -> PartBounds:
 
 def least_work(orders: Orders, number: int) -> int:
     """Ticks that a station, by number from 1, needs at least for a part."""
-    work = orders.work[number - 1] if isinstance(orders.work, tuple) else orders.work
-    return work if isinstance(work, int) else LEAST_DRAWN
+    time = (
+        orders.processing_time[number - 1]
+        if isinstance(orders.processing_time, tuple)
+        else orders.processing_time
+    )
+    return time if isinstance(time, int) else LEAST_DRAWN
 
 
 def last_comes(kind: Parts) -> int:
     """The earliest tick in which the last part of a type can come."""
-    return kind.at + (kind.count - 1) * kind.every if isinstance(kind.every, int) else kind.at
+    return (
+        kind.first_release + (kind.count - 1) * kind.interarrival_time
+        if isinstance(kind.interarrival_time, int)
+        else kind.first_release
+    )

@@ -1,6 +1,6 @@
 """A floor drawn in characters, one per cell, as a FloorPlan.
 
-b....s     The first column holds only bays, blanks and walls: it is the column x = -1, and
+b....s     The first column holds only parking bays, blanks and walls: it is the column x = -1, and
 b>>>.d     the second character of a row is x = 0. Other rows are counted from their first
 #....#     character. Short rows are filled with wall; A to Z are robots on free floor.
 """
@@ -79,10 +79,12 @@ def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
     codes = np.pad(codes, ((1, 1), (0, 1)), constant_values=ord("#"))
 
     kind, leave, capacity, loads = (_mapped(codes, used, field) for field in range(4))
-    for bay in np.flatnonzero(kind == KIND_BY_NAME["bay"].code).tolist():
+    for bay in np.flatnonzero(kind == KIND_BY_NAME["parking-bay"].code).tolist():
         if home_of(kind, bay) is None:
             row = bay // kind.shape[1] - 1
-            raise PictureError("a bay in this row opens on no cell that robots drive on", row)
+            raise PictureError(
+                "a parking bay in this row opens on no cell that robots drive on", row
+            )
     if not any(CELL_KINDS[symbol.kind].drivable for symbol in used.values()):
         raise PictureError("the picture has no cell that robots drive on")
     return make_floor_plan(kind, leave, capacity, loads, _starts(codes))
@@ -144,7 +146,7 @@ def _starts(codes: npt.NDArray[np.uint32]) -> list[int]:
 
 
 def check_new_symbol(character: str) -> None:
-    """Raises InputError for a legend's symbol that is no single character or already in use."""
+    """Raises InputError for a legend's symbol that is not a single character or already in use."""
     if len(character) != 1:
         raise InputError(f"a symbol is a single character, found '{character}'")
     if character in ROBOTS:
@@ -152,4 +154,4 @@ def check_new_symbol(character: str) -> None:
     if character in SYMBOLS:
         name = CELL_KINDS[SYMBOLS[character].kind].name
         free = alternatives(sorted(set("oxytkz*:") - set(SYMBOLS)))
-        raise InputError(f"'{character}' already stands for {name}; take another such as {free}")
+        raise InputError(f"'{character}' already stands for {name}; use another such as {free}")

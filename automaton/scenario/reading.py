@@ -77,7 +77,7 @@ def read_text(path: Path) -> str:
 
 
 def content_hash(file: Path) -> str:
-    """16 hex digits of the content of a file; "" if it cannot be read, or is no regular file."""
+    """16 hex digits of the content of a file; "" if it cannot be read, or is not a regular file."""
     if not os.path.isfile(file):
         return ""
     try:

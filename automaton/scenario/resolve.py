@@ -46,7 +46,9 @@ class Resolved:
     scenario: Scenario
     floor_plan: FloorPlan
     strategies: dict[str, StrategyChoice]  # by layer
-    start: Literal["bays", "random", "stands"] | tuple[int, ...]  # flat cells of robots 0, 1, ...
+    start: (
+        Literal["parking-bays", "random", "racks"] | tuple[int, ...]
+    )  # flat cells of robots 0, 1, ...
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content

@@ -1,6 +1,6 @@
-"""What a scenario file may say: one struct for each of its parts.
+"""Define the schema of a scenario file: one struct for each of its sections.
 
-The structs are the schema: `automaton schema` derives the JSON Schema from them, and the reader its
+The structs are the schema: `automaton schema` derives the JSON Schema from them, the reader its
 messages. What depends on the floor or on the chosen strategies is checked in `resolve`.
 """
 
@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from automaton.scenario.field_types import ConfigSection as ConfigSection
+from automaton.scenario.field_types import NonEmptyText as NonEmptyText
+from automaton.scenario.field_types import SingleLine as SingleLine
+from automaton.scenario.field_types import Ticks, TicksOrNone
 from automaton.scenario.fleet import Area as Area
 from automaton.scenario.fleet import Fleet as Fleet
 from automaton.scenario.orders import Orders as Orders
-from automaton.scenario.terms import Line as Line
-from automaton.scenario.terms import Part as Part
-from automaton.scenario.terms import Text as Text
-from automaton.scenario.terms import Ticks, TicksOrNone
 
 Direction = Literal["east", "south", "west", "north"]
 Parameters = dict[str, Any]
@@ -29,12 +29,12 @@ KindName = Literal[
     "shelf",
     "destination",
     "charger",
-    "bay",
+    "parking-bay",
     "rack",
     "dock",
     "station",
 ]
-Choice = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
+StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d+(\.\d+)? [^\s\d]\S*$"
 
@@ -43,7 +43,7 @@ MAX_MOVE_TICKS = 65_535  # ticks
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 
-class Units(Part, frozen=True, kw_only=True):
+class Units(ConfigSection, frozen=True, kw_only=True):
     """What a tick and a cell stand for: for reports, and strategies that think in minutes."""
 
     tick: Annotated[
@@ -60,7 +60,7 @@ class Units(Part, frozen=True, kw_only=True):
     ] = None
 
 
-class Durations(Part, frozen=True, kw_only=True):
+class Durations(ConfigSection, frozen=True, kw_only=True):
     """How many ticks each operation takes."""
 
     move: Annotated[Ticks, Meta(description="To the next cell.")] = 1
@@ -69,42 +69,49 @@ class Durations(Part, frozen=True, kw_only=True):
         TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
     ] = 1
     drop: Annotated[
-        TicksOrNone, Meta(description="Set a load down; 0: on arrival, within the move.")
+        TicksOrNone, Meta(description="Drop a load; 0: on arrival, within the move.")
     ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Look whether a load can be set down.")] = 1
-    delay: Annotated[
+    try_drop: Annotated[Ticks, Meta(description="Look whether a load can be dropped.")] = 1
+    handling_jitter: Annotated[
         int,
         Meta(
             ge=0,
             le=10_000,
-            description="Each pick and each drop takes up to so many ticks more, drawn evenly.",
+            description="Each pick and each drop takes up to this many ticks more, uniformly "
+            "random.",
         ),
     ] = 0
 
     def __post_init__(self) -> None:
-        if self.delay and not (self.pick and self.drop):
-            raise ValueError("delay makes picks and drops longer, so both must take at least 1")
+        if self.handling_jitter and not (self.pick and self.drop):
+            raise ValueError(
+                "handling_jitter makes picks and drops longer, so set both to at least 1"
+            )
 
 
-class Strategies(Part, frozen=True, kw_only=True):
+class Strategies(ConfigSection, frozen=True, kw_only=True):
     """The strategy of each layer: a name, or {name: NAME, ...parameters}."""
 
-    zoning: Annotated[Choice, Meta(description="Which robot serves which part.")] = "none"
-    charging: Annotated[Choice, Meta(description="When and where a robot charges.")] = "none"
-    allocation: Annotated[Choice, Meta(description="Which order a robot does next.")] = (
+    zoning: Annotated[StrategySpec, Meta(description="Which robot serves which part.")] = "none"
+    charging: Annotated[StrategySpec, Meta(description="When and where a robot charges.")] = "none"
+    allocation: Annotated[StrategySpec, Meta(description="Which order a robot does next.")] = (
         "independent"
     )
-    routing: Annotated[Choice, Meta(description="Which cells it drives through.")] = "shortest"
-    right_of_way: Annotated[Choice, Meta(description="What a blocked robot does.")] = "withdraw"
+    routing: Annotated[StrategySpec, Meta(description="Which cells it drives through.")] = (
+        "shortest"
+    )
+    right_of_way: Annotated[StrategySpec, Meta(description="What a blocked robot does.")] = (
+        "retreat"
+    )
 
 
-class WorldRules(Part, frozen=True, kw_only=True):
+class WorldRules(ConfigSection, frozen=True, kw_only=True):
     """Rules of motion that a scenario may change."""
 
     following: Annotated[
         bool, Meta(description="A robot may enter a cell that is given up in the same tick.")
     ] = True
-    zones: Annotated[
+    traffic_zones: Annotated[
         Literal["undirected", "directed", "with-intersections"],
         Meta(
             description="The stretches between intersections: one zone each, one for each "
@@ -117,7 +124,7 @@ class WorldRules(Part, frozen=True, kw_only=True):
             description="zones: a move that starts in a zone with m robots takes m times as long."
         ),
     ] = "none"
-    extra_tick: Annotated[
+    extra_tick_probability: Annotated[
         float, Meta(ge=0, le=1, description="Probability that a move takes one tick more.")
     ] = 0.0
 
@@ -127,7 +134,7 @@ Rate = Annotated[float, Meta(ge=0, le=100, description="Percent of a full batter
 GivingRate = Annotated[float, Meta(ge=0.0001, le=100, description="Percent of it in a tick.")]
 
 
-class Drain(Part, frozen=True, kw_only=True):
+class Drain(ConfigSection, frozen=True, kw_only=True):
     """What a tick of each operation takes from the battery, percent of a full one."""
 
     move: Rate
@@ -138,12 +145,12 @@ class Drain(Part, frozen=True, kw_only=True):
     wait: Annotated[
         float, Meta(ge=0, le=100, description="Standing on the floor, whatever the reason.")
     ] = 0.0
-    loaded: Annotated[
+    loaded_factor: Annotated[
         float, Meta(ge=0, le=10, description="How many times as much it takes with a load.")
     ] = 1.0
 
 
-class ChargeRange(Part, frozen=True, kw_only=True):
+class ChargeRange(ConfigSection, frozen=True, kw_only=True):
     """Charges drawn for each robot."""
 
     least: Annotated[Percent, Meta(description="Percent.")] = msgspec.field(name="from")
@@ -154,18 +161,18 @@ class ChargeRange(Part, frozen=True, kw_only=True):
             raise ValueError(f"from ({self.least:g}) must not be above to ({self.most:g})")
 
 
-class Battery(Part, frozen=True, kw_only=True):
+class Battery(ConfigSection, frozen=True, kw_only=True):
     """The batteries of the robots; the same for all."""
 
     drain: Drain
-    charge: Annotated[
+    charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...],
         Meta(
             description="What a tick at a charger gives, in percent; or a curve: [from, rate] "
             "pairs, the first from 0."
         ),
     ]
-    start: Annotated[
+    initial_charge: Annotated[
         Percent | tuple[Percent, ...] | ChargeRange,
         Meta(description="Percent at the start: for all, one by one, or drawn {from, to}."),
     ] = 100.0
@@ -174,34 +181,34 @@ class Battery(Part, frozen=True, kw_only=True):
     ] = 0.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.charge, tuple):
-            since = [step[0] for step in self.charge]
+        if isinstance(self.charge_rate, tuple):
+            since = [step[0] for step in self.charge_rate]
             if not since or since[0] != 0 or since != sorted(set(since)):
-                raise ValueError("charge must rise from 0, such as [[0, 1], [80, 0.5]]")
+                raise ValueError("charge_rate must rise from 0, such as [[0, 1], [80, 0.5]]")
 
 
-class Fault(Part, frozen=True, kw_only=True):
+class Fault(ConfigSection, frozen=True, kw_only=True):
     """One robot breaks down."""
 
     robot: Annotated[int, Meta(ge=0, le=999_999, description="Its number, from 0.")]
     at: Annotated[int, Meta(ge=1, le=2_000_000_000, description="In this tick.")]
 
 
-class Faults(Part, frozen=True, kw_only=True):
-    """Robots that go out of order, and what becomes of them."""
+class Faults(ConfigSection, frozen=True, kw_only=True):
+    """Robots that go down, and what becomes of them."""
 
     listed: Annotated[tuple[Fault, ...], Meta(description="Breakdowns, one by one.")] = (
         msgspec.field(name="list", default=())
     )
-    rate: Annotated[
+    failure_probability: Annotated[
         float,
         Meta(ge=0, le=1, description="Probability that a robot on the floor fails in a tick."),
     ] = 0.0
     tow_after: Annotated[
         Ticks | None,
-        Meta(description="A robot out of order is towed after so many ticks; null: it stays."),
+        Meta(description="A robot that is down is towed after so many ticks; null: it stays."),
     ] = 300
-    repair: Annotated[
+    repair_time: Annotated[
         Ticks | None,
         Meta(description="It is back after so many ticks more; null: never."),
     ] = 600
@@ -214,7 +221,7 @@ class Faults(Part, frozen=True, kw_only=True):
     ] = "kept"
 
 
-class Radius(Part, frozen=True, kw_only=True):
+class Radius(ConfigSection, frozen=True, kw_only=True):
     """A robot knows what lies within this many cells of it."""
 
     radius: Annotated[int, Meta(ge=1, le=10_000, description="In cells.")]
@@ -231,19 +238,19 @@ class Radius(Part, frozen=True, kw_only=True):
     ] = "all"
 
 
-class Stop(Part, frozen=True, kw_only=True):
+class Stop(ConfigSection, frozen=True, kw_only=True):
     """When a run ends."""
 
     when: Annotated[
         Literal["parked", "delivered", "never"],
         Meta(description="parked: all is delivered and every robot is home again."),
     ] = "parked"
-    at_most: Annotated[
-        int, Meta(ge=1, le=2_000_000_000, description="Ticks after which a run is given up.")
+    max_duration: Annotated[
+        int, Meta(ge=1, le=2_000_000_000, description="Ticks after which a run ends in any case.")
     ] = 50_000
 
 
-class Measure(Part, frozen=True, kw_only=True):
+class Measure(ConfigSection, frozen=True, kw_only=True):
     """What the metrics of tasks count, and in sweeps and sizes all of runs that never end."""
 
     warm_up: Annotated[
@@ -256,11 +263,11 @@ class Measure(Part, frozen=True, kw_only=True):
     ] = 0
 
 
-class Scenario(Part, frozen=True, kw_only=True):
+class Scenario(ConfigSection, frozen=True, kw_only=True):
     """A scenario of automaton: a floor, a fleet, orders and the strategies that run them."""
 
-    name: Annotated[Line, Meta(description="The name in reports and recordings.")]
-    summary: Annotated[Line | None, Meta(description="One line for `automaton list`.")] = None
+    name: Annotated[SingleLine, Meta(description="The name in reports and recordings.")]
+    summary: Annotated[SingleLine | None, Meta(description="One line for `automaton list`.")] = None
     layout: Annotated[
         Parameters,
         Meta(description="The floor: a generator, a picture, a file or a matrix."),
@@ -292,20 +299,24 @@ class Scenario(Part, frozen=True, kw_only=True):
     ] = 1
 
     def __post_init__(self) -> None:
-        slowest = max((kind.pace for kind in self.fleet.types), default=1) * self.durations.move
+        slowest = (
+            max((kind.move_time_factor for kind in self.fleet.types), default=1)
+            * self.durations.move
+        )
         if slowest > MAX_MOVE_TICKS:
             raise ValueError(
-                f"fleet has robots whose moves take {slowest:,} ticks (pace x durations.move), "
+                f"fleet has robots whose moves take {slowest:,} ticks (move_time_factor x "
+                "durations.move), "
                 f"at most {MAX_MOVE_TICKS:,} are allowed"
             )
-        if self.measure is not None and self.measure.warm_up >= self.stop.at_most:
+        if self.measure is not None and self.measure.warm_up >= self.stop.max_duration:
             raise ValueError(
                 f"measure begins after tick {self.measure.warm_up} (warm_up), "
-                f"but the run stops at tick {self.stop.at_most} (stop.at_most)"
+                f"but the run stops at tick {self.stop.max_duration} (stop.max_duration)"
             )
 
 
-class LegendEntry(Part, frozen=True, kw_only=True):
+class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     """What a symbol of a picture stands for."""
 
     kind: Annotated[
@@ -323,20 +334,20 @@ class LegendEntry(Part, frozen=True, kw_only=True):
     loaded: Annotated[bool, Meta(description="A shelf that holds a load.")] = False
 
 
-class PictureLayout(Part, frozen=True, kw_only=True):
+class PictureLayout(ConfigSection, frozen=True, kw_only=True):
     """A floor drawn in characters."""
 
-    picture: Annotated[Text, Meta(description="One line per row, one character per cell.")]
+    picture: Annotated[NonEmptyText, Meta(description="One line per row, one character per cell.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(
         default_factory=dict
     )
 
 
-class MatrixLayout(Part, frozen=True, kw_only=True):
+class MatrixLayout(ConfigSection, frozen=True, kw_only=True):
     """A floor of racks and docks as a CSV file of codes."""
 
     matrix: Annotated[
-        Text,
+        NonEmptyText,
         Meta(
             description="Path, relative to the scenario. Codes: -1 wall, 0 free, 50 intersection, "
             "100 rack, 200 dock."
@@ -348,10 +359,10 @@ class MatrixLayout(Part, frozen=True, kw_only=True):
     ] = 0
 
 
-class FileLayout(Part, frozen=True, kw_only=True):
+class FileLayout(ConfigSection, frozen=True, kw_only=True):
     """A floor drawn in a file of its own."""
 
-    file: Annotated[Text, Meta(description="Path, relative to the scenario.")]
+    file: Annotated[NonEmptyText, Meta(description="Path, relative to the scenario.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(
         default_factory=dict
     )

@@ -79,7 +79,7 @@ class Candidate:
 
     def share(self, asked: Question) -> Interval:
         """The share of runs that meet the target; holds although the search decided when to stop."""
-        return confidence_sequence(self.met(asked), len(self.runs), 1 - asked.error)
+        return confidence_sequence(self.met(asked), len(self.runs), 1 - asked.alpha)
 
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the runs that finished, or None."""
@@ -111,13 +111,15 @@ def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
 
 def lost_by_cause(candidate: Candidate) -> dict[str, float]:
     """Mean ticks of a run that robots lose, by cause, without those of nothing; runs censored too."""
-    names = [name for name in _names(candidate) if name.startswith("lost_") or name == "slowed"]
+    names = [
+        name for name in _names(candidate) if name.startswith("lost_") or name == "slowdown_ticks"
+    ]
     means = {name: mean_of(candidate, name) for name in names}
     return {name: value for name, value in means.items() if value > 0}
 
 
 def mean_of(candidate: Candidate, name: str) -> float:
-    """The mean of a figure over all runs, those that did not finish included; NaN without any."""
+    """The mean of a metric over all runs, those that did not finish included; NaN without any."""
     values = [float(run.figures[name]) for run in candidate.runs if name in run.figures]
     return math.fsum(values) / len(values) if values else math.nan
 

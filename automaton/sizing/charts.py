@@ -19,7 +19,8 @@ VALUE, REACH, MARK = "o", "-", "|"
 
 
 def picture(search: Search, asked: Question) -> Iterator[str]:
-    """One line for each candidate that was run: its figure with its interval, and the zone's ends."""
+    """One line for each candidate that was run: its metric with its interval, and the ends of the
+    indifference zone."""
     judged = [(one, judged_by(one, asked)) for one in search.candidates if one.runs]
     found = [(one, interval) for one, interval in judged if interval is not None]
     if not found:
@@ -27,7 +28,7 @@ def picture(search: Search, asked: Question) -> Iterator[str]:
     least, most = zone(asked)
     low, high = scale([interval for _, interval in found], asked)
     what = f"mean {asked.target.metric}" if asked.mean else "share"
-    yield f"robots  {what} with its {percent(1 - asked.error, 0)} interval; {MARK} ends of the zone"
+    yield f"robots  {what} with its {percent(1 - asked.alpha, 0)} interval; {MARK} indifference zone"
     for one, interval in found:
         line = drawn(interval, (least, most), low, high)
         yield f"{one.place.robots:6}  {line.rstrip()}"
@@ -36,14 +37,14 @@ def picture(search: Search, asked: Question) -> Iterator[str]:
 
 
 def judged_by(candidate: Candidate, asked: Question) -> Interval | None:
-    """The figure that decides: the share of runs that meet the target, or their mean."""
+    """The metric that decides: the share of runs that meet the target, or their mean."""
     return candidate.mean(asked.target.metric) if asked.mean else candidate.share(asked)
 
 
 def zone(asked: Question) -> tuple[float, float]:
     """Between these either verdict may fall."""
-    centre = asked.target.value if asked.mean else asked.share
-    return centre - asked.zone, centre + asked.zone
+    centre = asked.target.value if asked.mean else asked.success_share
+    return centre - asked.indifference, centre + asked.indifference
 
 
 def scale(intervals: list[Interval], asked: Question) -> tuple[float, float]:
@@ -79,7 +80,11 @@ def curves(session: Session) -> list[Curves]:
     metric, ends = asked.target.metric, [float(asked.first), float(asked.last)]
     shares = [strategy_line(search, asked, False) for search in session.searches]
     means = [strategy_line(search, asked, True) for search in session.searches]
-    wanted = [] if asked.mean else [level(f"wanted {percent(asked.share, 0)}", ends, asked.share)]
+    wanted = (
+        []
+        if asked.mean
+        else [level(f"wanted {percent(asked.success_share, 0)}", ends, asked.success_share)]
+    )
     target = level(f"target {shown(asked.target.value)}", ends, asked.target.value)
     return [
         Curves(f"share of runs with {asked.target.text}", "robots", "share", [*shares, *wanted]),

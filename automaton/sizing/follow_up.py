@@ -19,7 +19,7 @@ from automaton.statistics.intervals import ENOUGH
 from automaton.statistics.selection import BATCH, FIRST, batches, select_least
 
 OFF: Final = (-10, 10)  # percent
-MOVES_LATE: Final = "world.extra_tick"  # makes moves longer that take too few ticks
+MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks
 TRIAL: Final = 100  # runs of each fleet under other durations
 SELECTION_ROUND: Final = 100  # runs of each strategy
 
@@ -93,7 +93,7 @@ def seems_to_meet(candidate: Candidate, asked: Question) -> bool:
     if not candidate.runs:
         return False
     if not asked.mean:
-        return candidate.met(asked) >= asked.share * len(candidate.runs)
+        return candidate.met(asked) >= asked.success_share * len(candidate.runs)
     mean = candidate.mean(asked.target.metric)
     return whole(candidate, asked) and mean is not None and asked.target.met(mean.value)
 
@@ -133,7 +133,7 @@ def best_of(
     Strategies that drop out get no further runs. Those with runs that did not finish, or did not
     measure the metric, are left out. None if fewer than two are left.
     """
-    zone = zone or (asked.zone if asked.mean else MEAN_ZONE * abs(asked.target.value))
+    zone = zone or (asked.indifference if asked.mean else MEAN_ZONE * abs(asked.target.value))
     sign = 1.0 if asked.target.at_most else -1.0
     left, until = list(candidates), BATCH * FIRST
     while True:
@@ -144,7 +144,7 @@ def best_of(
         values = [sign * np.array(one.values(asked.target.metric)) for one in rivals]
         if min(map(len, values)) < BATCH * FIRST:
             return None
-        selected = select_least([batches(one) for one in values], zone, asked.error)
+        selected = select_least([batches(one) for one in values], zone, asked.alpha)
         left = [rivals[index] for index in selected.left]
         if len(left) == 1 or not all(grown):
             return Best(

@@ -63,27 +63,27 @@ class Question(NamedTuple):
     first: int  # the fleets that may be an answer
     last: int
     strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): as it is
-    share: float = SHARE
-    zone: float = ZONE  # of the share; of a mean in the metric's unit
-    error: float = ERROR
+    success_share: float = SHARE
+    indifference: float = ZONE  # of the share; of a mean in the metric's unit
+    alpha: float = ERROR
     budget: int = BUDGET  # runs
     mean: bool = False  # the mean must meet the target, not a share of the runs
     warm_up: int | None = None  # ticks left out of a steady state; None: runs that end count whole
 
     @property
     def candidates(self) -> int:
-        """Over how many the error is shared."""
+        """Over how many verdicts alpha is shared."""
         return (self.last - self.first + 1) * len(self.strategies)
 
     @property
     def share_test(self) -> ShareTest:
         """The test of one candidate's share."""
-        return share_test(self.share, self.zone, self.error / self.candidates)
+        return share_test(self.success_share, self.indifference, self.alpha / self.candidates)
 
     @property
     def region(self) -> Region:
         """The region of one candidate's mean."""
-        return region(self.zone, self.error / self.candidates)
+        return region(self.indifference, self.alpha / self.candidates)
 
     @property
     def fewest(self) -> int:
@@ -95,9 +95,9 @@ def question(
     target: Target,
     robots: tuple[int, int],
     strategies: tuple[str, ...] = ("",),
-    share: float | None = None,
-    zone: float | None = None,
-    error: float = ERROR,
+    success_share: float | None = None,
+    indifference: float | None = None,
+    alpha: float = ERROR,
     budget: int = BUDGET,
     mean: bool | None = None,
     warm_up: int | None = None,
@@ -107,26 +107,32 @@ def question(
     Raises InputError.
     """
     if mean is None:
-        mean = warm_up is not None and share is None
-    share = SHARE if share is None else share
-    if zone is None:
-        zone = MEAN_ZONE * abs(target.value) if mean else ZONE
-    asked = Question(target, *robots, strategies, share, zone, error, budget, mean, warm_up)
-    if not 0 < error < 0.5:
-        raise InputError(f"--error {error:g}: an error lies between 0 and 0.5")
-    if mean and zone == 0 == target.value:
-        raise InputError("--target: 1 % of a target of 0 is no zone; say --zone, in its unit")
-    if mean and zone <= 0:
-        raise InputError("--zone of a mean must be above 0, in the unit of the metric")
+        mean = warm_up is not None and success_share is None
+    success_share = SHARE if success_share is None else success_share
+    if indifference is None:
+        indifference = MEAN_ZONE * abs(target.value) if mean else ZONE
+    asked = Question(
+        target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up
+    )
+    if not 0 < alpha < 0.5:
+        raise InputError(f"--alpha {alpha:g}: an error probability lies between 0 and 0.5")
+    if mean and indifference == 0 == target.value:
+        raise InputError(
+            "--target: 1 % of a target of 0 is not an indifference zone; set --indifference, in "
+            "its unit"
+        )
+    if mean and indifference <= 0:
+        raise InputError("--indifference of a mean must be above 0, in the unit of the metric")
     if not mean:
-        if not 0 < share < 1:
+        if not 0 < success_share < 1:
             raise InputError(
-                f"--share {share:g}: a share must lie between 0 and 1; say 0.95, or 95%"
+                f"--success-share {success_share:g}: a share must lie between 0 and 1, such as "
+                "0.95 or 95%"
             )
         try:
-            share_test(share, zone, 0.01)
+            share_test(success_share, indifference, 0.01)
         except ValueError as problem:
-            raise InputError(f"--share and --zone: {problem}") from None
+            raise InputError(f"--success-share and --indifference: {problem}") from None
     each, many = budget // len(strategies), len(strategies)
     if each < asked.fewest:
         parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
@@ -137,16 +143,18 @@ def question(
 
 
 def read_target(text: str, tick: Unit | None = None) -> Target:
-    """A target such as "T_total<=3000", "utilization>=60%". Raises InputError.
+    """A target such as "makespan<=3000", "utilization>=60%". Raises InputError.
 
-    `tick`: what the scenario says a tick is; if it is a time, "T_total<=5h" is understood, too.
+    `tick`: what the scenario says a tick is; if it is a time, "makespan<=5h" is understood, too.
     """
     found = _TARGET.fullmatch(text)
     if found is None:
-        raise InputError(f"--target '{text}' is none; expected METRIC<=VALUE or METRIC>=VALUE")
+        raise InputError(
+            f"--target '{text}' is not a target; expected METRIC<=VALUE or METRIC>=VALUE"
+        )
     metric, sign, given = found.groups()
     if sign not in ("<=", ">="):
-        raise InputError(f"--target '{text}': say <= or >=, not {sign}")
+        raise InputError(f"--target '{text}': use <= or >=, not {sign}")
     if metric not in GLOSSARY:
         hint = nearest(metric, GLOSSARY) or f"; there are {', '.join(GLOSSARY)}"
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
@@ -183,7 +191,7 @@ def _share(target: Target, unit: str, text: str) -> float:
     share = target.value / 100 if unit == "%" else target.value
     if unit not in ("", "%") or share > 1:
         raise InputError(
-            f"--target '{text}': {target.metric} is a share between 0 and 1; say 10% or 0.1"
+            f"--target '{text}': {target.metric} is a share between 0 and 1, such as 10% or 0.1"
         )
     return share
 
@@ -194,7 +202,7 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
         raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
     if tick is None or tick.seconds is None:
         name = "unknown" if tick is None else tick.name
-        raise InputError(f"--target '{text}': units.tick of the scenario is {name}; say ticks")
+        raise InputError(f"--target '{text}': units.tick of the scenario is {name}; use ticks")
     ticks = SECONDS[time] / tick.seconds
     return target._replace(value=target.value * ticks, time=time, ticks=ticks)
 

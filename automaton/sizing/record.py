@@ -72,9 +72,9 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
         },
         "estimand": "mean" if asked.mean else "share",
         "warm_up": asked.warm_up,
-        "share": None if asked.mean else asked.share,
-        "zone": asked.zone,
-        "error": asked.error,
+        "success_share": None if asked.mean else asked.success_share,
+        "indifference": asked.indifference,
+        "alpha": asked.alpha,
         "candidates": asked.candidates,
         "budget": asked.budget,
         "spent": session.spent,
@@ -127,7 +127,7 @@ def candidate_as_json(candidate: Candidate, asked: Question) -> dict[str, Any]:
 
 
 def interval_as_json(interval: Interval) -> dict[str, Any]:
-    """A figure with its interval."""
+    """A metric with its interval."""
     return interval._asdict()
 
 

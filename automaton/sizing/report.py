@@ -20,7 +20,7 @@ from automaton.statistics.intervals import Interval
 from automaton.units import count, number, percent
 
 USES = {
-    "busiest": "the busiest station",
+    "busiest_station_utilization": "the busiest station",
     "station_use": "robots at stations",
     "charger_use": "chargers",
     "utilization": "robots",
@@ -31,7 +31,7 @@ ROUNDS = (
 )
 MOST_CAUSES = 4
 LEAST_SHOWN = 0.0005  # of the robots' time
-WIDTH = 100  # a table of figures is no text to be folded
+WIDTH = 100  # a table of metrics is not text to be folded
 
 
 def print_answer(out: Console, session: Session, name: str, ends: str, price: float) -> None:
@@ -144,7 +144,7 @@ def last_run(search: Search) -> Candidate | None:
 
 def candidates_table(search: Search, asked: Question) -> Table:
     """Robots, runs, how many met the target, the interval of the share, the mean, the verdict."""
-    level = percent(1 - asked.error, 0)
+    level = percent(1 - asked.alpha, 0)
     table = plain_table(
         "robots", "runs", "met", "unfinished", f"share, {level}", f"mean {asked.target.metric}"
     )
@@ -303,13 +303,13 @@ def moved_line(moved: Moved, asked: Question) -> str:
 def method(session: Session, ends: str) -> Iterator[str]:
     """What the answer means, what was spent, and what it rests on."""
     asked = session.asked
-    sure = percent(1 - asked.error, 0)
+    sure = percent(1 - asked.alpha, 0)
     after = f" after the first {count(asked.warm_up, 'tick')}" if asked.warm_up else ""
     if asked.mean:
         yield (
             f"Estimand: the mean of {asked.target.metric}{after} over runs with seeds of their own."
         )
-        zone = f"{shown(asked.zone)} {asked.target.in_unit(asked.zone)}".strip()
+        zone = f"{shown(asked.indifference)} {asked.target.in_unit(asked.indifference)}".strip()
         yield (
             f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
             "target by that much passes and every one worse by that much fails; between them either "
@@ -319,17 +319,21 @@ def method(session: Session, ends: str) -> Iterator[str]:
     else:
         yield (
             f"Estimand: the share of runs, each with a seed of its own, that reach {asked.target.text}"
-            f"{after}; wanted {percent(asked.share)}."
+            f"{after}; wanted {percent(asked.success_share)}."
         )
-        low, high = asked.share - asked.zone, asked.share + asked.zone
+        low, high = (
+            asked.success_share - asked.indifference,
+            asked.success_share + asked.indifference,
+        )
         yield (
-            f"Zone {asked.zone:g}: with probability {sure} every fleet that reaches it in "
+            f"Zone {asked.indifference:g}: with probability {sure} every fleet that reaches it in "
             f"{percent(high)} of runs or more passes and every one in {percent(low)} or fewer fails; "
             "between them either may happen."
         )
         test = "Wald's sequential test"
     yield (
-        f"Each fleet by {test}, error {asked.error:g} / {asked.candidates} each; none is inferred from "
+        f"Each fleet by {test}, error {asked.alpha:g} / {asked.candidates} each; none is "
+        "inferred from "
         "another. Intervals of shares are confidence sequences, which stopping does not spoil; "
         "means are for orientation."
     )

@@ -36,7 +36,7 @@ from automaton.world.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTIO
 
 ORDER_METRICS = ("lead_time", "lead_time_p95", "legs_per_order")  # once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which a robot works there
-MEASURED = "measured"  # ticks of which the figures are
+MEASURED = "measured"  # ticks of which the metrics are
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
 
@@ -94,12 +94,12 @@ class Fleets:
         """
         if not self.ends_with_orders and not asked.warm_up:
             raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so their figures would "
-                "count the start-up; say how many ticks to leave out: --set measure.warm_up=N"
+                "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
+                "count the start-up; set how many ticks to leave out: --set measure.warm_up=N"
             )
-        if not self.ends_with_orders and asked.target.metric == "T_total":
+        if not self.ends_with_orders and asked.target.metric == "makespan":
             raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so T_total "
+                "--target: runs end at a given tick (stop: {when: never}), so makespan "
                 "is the same for every fleet; ask for throughput or a time of orders"
             )
         for strategy in asked.strategies:
@@ -118,11 +118,11 @@ class Fleets:
         reasons = {}
         for robots in range(asked.first, asked.last + 1):
             target, why = asked.target, ""
-            if target.metric == "T_total" and target.at_most and self.ends_with_orders:
+            if target.metric == "makespan" and target.at_most and self.ends_with_orders:
                 least, reason = least_ticks(found, robots)
                 if least > target.value:
                     many = f"at least {least:,.0f} ticks" if math.isfinite(least) else "without end"
-                    why = f"T_total is {many}: {reason}"
+                    why = f"makespan is {many}: {reason}"
             if target.metric == "throughput" and not target.at_most:
                 most, reason = most_throughput(found, robots, self.measured or math.inf)
                 if most < target.value:
@@ -144,13 +144,13 @@ class Fleets:
 
     @property
     def warm_up(self) -> int | None:
-        """Ticks that figures leave out; None for runs that end with their orders, which count whole."""
+        """Ticks that metrics leave out; None for runs that end with their orders, which count whole."""
         return None if self.ends_with_orders else warm_up_of(self.base.scenario)
 
     @property
     def measured(self) -> int:
-        """Ticks of a steady state of which figures are; 0 where runs end with their orders."""
-        return 0 if self.warm_up is None else self.base.scenario.stop.at_most - self.warm_up
+        """Ticks of a steady state of which metrics are; 0 where runs end with their orders."""
+        return 0 if self.warm_up is None else self.base.scenario.stop.max_duration - self.warm_up
 
     @property
     def ends_with_orders(self) -> bool:
@@ -221,11 +221,11 @@ def check_measured(target: Target, run: Run, tasks: bool) -> None:
     nothing_yet = {
         **dict.fromkeys(TASK_METRICS, tasks),
         **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
-        "part_time": "parts" in run.figures,
+        "part_flow_time": "parts_finished" in run.figures,
     }
     if target.metric not in run.figures and not nothing_yet.get(target.metric):
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
-        hint = "; say measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
+        hint = "; set measure: {warm_up: N}" if target.metric in TASK_METRICS else ""
         raise InputError(
             f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
         )
@@ -250,6 +250,11 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
             settings.append(f"durations.{name}={other}")
     chance = scenario.durations.move * percent / 100
     moves_as_before = not any(setting.startswith("durations.move=") for setting in settings)
-    if moves_as_before and percent > 0 and not scenario.world.extra_tick and chance <= 1:
+    if (
+        moves_as_before
+        and percent > 0
+        and not scenario.world.extra_tick_probability
+        and chance <= 1
+    ):
         settings.append(f"{MOVES_LATE}={chance:g}")
     return settings

@@ -38,7 +38,7 @@ class Effect(NamedTuple):
     relative: Interval | None  # a / b - 1; None unless both means are above 0
     p: float  # two-sided, of no difference
     paired: bool
-    correlation: float | None  # of runs with the same seed; None if they are no pairs
+    correlation: float | None  # of runs with the same seed; None if they are not pairs
     variance_ratio: float | None  # below 1: pairing helps
 
 
@@ -52,7 +52,7 @@ def effect(
     x, y = checked(a, 2), checked(b, 2)
     pairs = len(x) == len(y)
     if paired and not pairs:
-        raise ValueError(f"{len(x)} and {len(y)} runs are no pairs")
+        raise ValueError(f"{len(x)} and {len(y)} runs are not pairs")
     difference = mean_interval(x - y, level) if paired else unpaired(x, y, level)
     return Effect(
         difference=difference,

@@ -55,7 +55,8 @@ class Interval(NamedTuple):
 def mean_interval(values: Sequence[float] | Values, level: float = LEVEL) -> Interval:
     """The mean of independent runs, with Student's interval in their unit; none for one run.
 
-    Fewer than ENOUGH runs have a warning. Raises ValueError without runs or for what is no number.
+    Fewer than ENOUGH runs have a warning. Raises ValueError without runs or for what is not a
+    number.
     """
     x = checked(values)
     n, mean = len(x), float(x.mean())
@@ -68,7 +69,7 @@ def mean_interval(values: Sequence[float] | Values, level: float = LEVEL) -> Int
 
 
 def checked(values: Sequence[float] | Values, least: int = 1) -> Values:
-    """The values as an array. Raises ValueError for too few, or for what is no number."""
+    """The values as an array. Raises ValueError for too few, or for what is not a number."""
     x = np.asarray(values, np.float64)
     if x.ndim != 1 or len(x) < least:
         raise ValueError(f"at least {least} values are needed, not {x.size}")

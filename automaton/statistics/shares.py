@@ -85,10 +85,10 @@ def share_test(share: float, zone: float, error: float) -> ShareTest:
 def exact_share(met: int, runs: int, level: float = LEVEL) -> Interval:
     """The share of a fixed number of runs in which something happens, by Clopper and Pearson.
 
-    Raises ValueError for what is no share.
+    Raises ValueError for what is not a share.
     """
     if not 0 <= met <= runs or runs < 1 or not 0 < level < 1:
-        raise ValueError(f"{met} of {runs} runs at level {level} are no share")
+        raise ValueError(f"{met} of {runs} runs at level {level} are not a share")
     missed, tail = runs - met, (1 - level) / 2
     low = high = share = met / runs
     if met:
@@ -101,7 +101,7 @@ def exact_share(met: int, runs: int, level: float = LEVEL) -> Interval:
 def confidence_sequence(met: int, runs: int, level: float = LEVEL) -> Interval:
     """The share of runs that meet a target, valid whenever one stops; without unit."""
     if not 0 <= met <= runs:
-        raise ValueError(f"{met} of {runs} runs are no share")
+        raise ValueError(f"{met} of {runs} runs are not a share")
     if runs == 0:
         return Interval(math.nan, 0.0, 1.0, 0, "confidence sequence", level)
     missed, best = runs - met, met / runs

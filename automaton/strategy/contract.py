@@ -23,7 +23,7 @@ def check_decides(strategy: Strategy) -> None:
 
 
 def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
-    """What `reset` returns. Raises InputError if it is no memory for this fleet."""
+    """What `reset` returns. Raises InputError if it is not a memory for this fleet."""
     robots = len(view.robots.cell)
     shapes = {"per_robot": (2, "(robots, k)"), "shared": (1, "(q,)"), "parameters": (1, "(p,)")}
     if not isinstance(memory, Memory):

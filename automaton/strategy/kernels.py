@@ -108,7 +108,8 @@ __all__ = [
 
 @kernel
 def position(view, i):
-    """The cell from which a robot drives on: in a long move the one that it enters, in a bay its home."""
+    """The cell from which a robot drives on: in a long move the one that it enters, in a parking
+    bay its home."""
     return first_cell(view.robots, i)
 
 
@@ -119,7 +120,7 @@ def forecast_memory(
 
     Nothing in it outlasts a call but memory.per_robot[:, KEPT], a number of the strategy's own for
     each robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is
-    foreseen of a zone is a share of all ticks (`add_task_forecasts`).
+    predicted of a zone is a share of all ticks (`add_task_forecasts`).
     """
     traffic_zone_count = view.grid.traffic_zone_count
     shared = shared_size(traffic_zone_count, horizon)

@@ -9,7 +9,7 @@ the strategy's own memory, and the workspace of the searches.
 With `period` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
 reason is REASON_PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
 robots that are free to act (right of way); robots on their way (routing), that is, with a goal cell
-that their drive does not end in now, no route being asked for, and no withdrawal or TRY_DROP to do
+that their drive does not end in now, no route being asked for, and no retreat or TRY_DROP to do
 first. They may turn, wait or be in the middle of a long move: a new route replaces the rest of the
 old one when that is over. It begins in `position(view, robot)`, in a long move the cell that it
 enters.

@@ -114,6 +114,6 @@ def load(layer: str, name: str) -> Any:
         )
     if getattr(found, "layer", None) != layer:
         theirs = getattr(found, "layer", None)
-        what = "no strategy" if theirs is None else f"a strategy for layer {theirs!r}"
+        what = "not a strategy" if theirs is None else f"a strategy for layer {theirs!r}"
         raise InputError(f"{layer} strategy {name!r}: {class_name} is {what}")
     return found

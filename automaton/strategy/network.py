@@ -87,10 +87,10 @@ def load_network(path: Path) -> ZoneNetwork:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from error
     except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
-        raise InputError(f"{path} is no file of a zone network") from error
+        raise InputError(f"{path} is not a file of a zone network") from error
     network = ZoneNetwork(layers, about)
     if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
-        raise InputError(f"{path} is no file of a zone network")
+        raise InputError(f"{path} is not a file of a zone network")
     return network
 
 

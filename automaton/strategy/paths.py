@@ -18,7 +18,8 @@ UNREACHABLE = search.UNREACHABLE
 def position(view: World, robot: int) -> int:
     """The cell from which a robot (storage index) drives on.
 
-    In a long move that is the cell which it enters, in a bay the home cell through which it leaves.
+    In a long move that is the cell which it enters, in a parking bay the home cell through which it
+    leaves.
     """
     robots = view.robots
     cell, claim = int(robots.cell[robot]), int(robots.claim[robot])

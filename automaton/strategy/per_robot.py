@@ -90,7 +90,7 @@ class LocalView:
         return int(self.view.clock[state.CLOCK_TICK])
 
     def open_orders(self) -> list[Order]:
-        """Orders that wait and that nobody reserved, of those that the robot can do, by index."""
+        """Orders that wait and that no robot reserved, of those that the robot can do, by index."""
         orders = self.view.orders
         is_open = (
             (orders.state == state.ORDER_WAITING) & (orders.reserved_by == NIL) & (self._taken == 0)
@@ -133,7 +133,7 @@ class Me:
 
     @property
     def cell(self) -> tuple[int, int]:
-        """(x, y); in a long move the cell that it enters, in a bay its home cell."""
+        """(x, y); in a long move the cell that it enters, in a parking bay its home cell."""
         width = self._view.grid.width
         place = paths.position(self._view, self._robot)
         return place % width - 1, place // width - 1

@@ -1,4 +1,4 @@
-"""When orders become known: at once, one by one, in bursts, in a closed loop, or as listed.
+"""Draw when orders are released: at once, one by one, in bursts, in a closed loop, or as listed.
 
 Draws are addressed by the seed and the number of an order or a burst alone; of a closed loop only the
 sequence is drawn, and its ticks follow from the deliveries.
@@ -23,9 +23,9 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     """(count,) int64 each: the ticks from which orders are known, and their sequence."""
     orders = scenario.orders
     if orders.listed is not None:
-        released = np.array([line.at for line in orders.listed], np.int64)
+        released = np.array([line.release for line in orders.listed], np.int64)
         return released, np.argsort(released, kind="stable")
-    ticks = np.minimum(ticks_by_rank(orders, count, seed, scenario.stop.at_most + 1), NEVER)
+    ticks = np.minimum(ticks_by_rank(orders, count, seed, scenario.stop.max_duration + 1), NEVER)
     sequence = np.arange(count)
     if orders.generator not in DRAWN and ticks.any():  # not one row of shelves after the other
         sequence = drawn_sequence(count, seed)
@@ -37,16 +37,17 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
 def ticks_by_rank(orders: Orders, count: int, seed: int, last: int) -> Array:
     """(count,) int64: the tick of the first order, of the second, ...; those after `last` at it.
 
-    With an interval, the first at once and then one in each tick with probability 1/interval.
+    With a mean_interarrival_time, the first at once and then one in each tick with probability
+    1/mean_interarrival_time.
     """
     ticks = np.zeros(count, np.int64)
-    stream = orders.stream
-    if orders.interval:
+    arrivals = orders.arrivals
+    if orders.mean_interarrival_time:
         with np.errstate(over="ignore"):
-            chance = round(2**32 / orders.interval)
+            chance = round(2**32 / orders.mean_interarrival_time)
             draw_releases(ticks, chance, np.uint64(seed), last)
-    elif stream is not None and stream.bursts is not None:
-        ticks = np.minimum(burst_ticks(stream.bursts, count, seed), last)
+    elif arrivals is not None and arrivals.bursts is not None:
+        ticks = np.minimum(burst_ticks(arrivals.bursts, count, seed), last)
     elif orders.in_system:
         ticks[orders.in_system :] = NEVER
     return ticks

@@ -27,8 +27,8 @@ def drain_table(battery: Battery | None) -> Array:
     given = battery.drain
     for action, name in enumerate(ACTION_NAMES):
         percent = getattr(given, name, given.wait)
-        table[action] = units(percent), units(percent * given.loaded)
-    for name in ("charge", "bay_blocked", "out_of_order"):
+        table[action] = units(percent), units(percent * given.loaded_factor)
+    for name in ("charge", "bay_blocked", "down"):
         table[ACTION_NAMES.index(name)] = 0
     return table
 
@@ -37,7 +37,11 @@ def charging_curve(battery: Battery | None) -> Array:
     """(K, 2) int32: from this charge on, units that a tick at a charger gives."""
     if battery is None:
         return np.zeros((1, 2), np.int32)
-    steps = battery.charge if isinstance(battery.charge, tuple) else ((0.0, battery.charge),)
+    steps = (
+        battery.charge_rate
+        if isinstance(battery.charge_rate, tuple)
+        else ((0.0, battery.charge_rate),)
+    )
     return np.array([(units(since), units(rate)) for since, rate in steps], np.int32)
 
 
@@ -47,7 +51,7 @@ def first_charges(scenario: Scenario, seed: int) -> Array:
     charges = np.full(n, BATTERY_FULL, np.int32)
     if scenario.battery is None:
         return charges
-    start = scenario.battery.start
+    start = scenario.battery.initial_charge
     if isinstance(start, tuple):
         return np.array([units(percent) for percent in start], np.int32)
     if isinstance(start, float):
@@ -73,6 +77,6 @@ def ticks_or_never(ticks: int | None) -> int:
 
 
 def may_fail(scenario: Scenario) -> bool:
-    """Whether robots of this scenario may go out of order."""
+    """Whether robots of this scenario may go down."""
     faults = scenario.faults
-    return scenario.battery is not None or bool(faults.listed) or faults.rate > 0
+    return scenario.battery is not None or bool(faults.listed) or faults.failure_probability > 0

@@ -90,7 +90,7 @@ def build_world(
     """
     scenario = resolved.scenario
     kinematics, durations = scenario.fleet.kinematics, scenario.durations
-    zones = scenario.world.zones
+    zones = scenario.world.traffic_zones
     types = types_of(scenario)
     floor = floor_for(resolved.floor_plan, kinematics, durations.move, durations.turn, zones, types)
     starts = homes(resolved, floor, seed)
@@ -118,7 +118,7 @@ def build_world(
     tally = Tally(
         operations=np.zeros((n, ACTION_COUNT, 2), np.int64),
         ticks=np.zeros((n, ACTION_COUNT, 2), np.int64),
-        slowed=np.zeros(n, np.int64),
+        slowdown_ticks=np.zeros(n, np.int64),
         energy_used=np.zeros(n, np.int64),
         charged=np.zeros(n, np.int64),
         repaired=np.zeros(n, np.int64),
@@ -184,9 +184,9 @@ def build_robots(
     longest_route: int,
     orders: int,
 ) -> Robots:
-    """Robots in their bays or on their start cells; occupancy is updated for the latter.
+    """Robots in their parking bays or on their start cells; occupancy is updated for the latter.
 
-    `starts`: (n,) home cells and bays by identity.
+    `starts`: (n,) home cells and parking bays by identity.
     """
     n = resolved.scenario.fleet.robots
     home, bay = starts

@@ -65,7 +65,7 @@ CELL_KINDS: Final = (
     Kind(SHELF, "shelf", "holds one load", slot=True),
     Kind(DESTINATION, "destination", "where loads leave the floor", slot=True, is_sink=True),
     Kind(CHARGER, "charger", "floor where a robot charges", drivable=True),
-    Kind(BAY, "bay", "parks one robot beside its home cell"),
+    Kind(BAY, "parking-bay", "parks one robot beside its home cell"),
     Kind(
         RACK,
         "rack",
@@ -73,7 +73,7 @@ CELL_KINDS: Final = (
         slot=True,
         is_sink=True,
     ),
-    Kind(DOCK, "dock", "where loads come in, any number", slot=True, is_source=True),
+    Kind(DOCK, "dock", "where loads arrive, any number", slot=True, is_source=True),
     Kind(
         STATION,
         "station",

@@ -167,7 +167,7 @@ def sources_and_targets(
             return drawn(docks, count, seed, 0), drawn(racks, count, seed, 1)
         return among_stations(np.flatnonzero((kinds == STATION) & served), orders, seed)
     loaded = floor.slot_endless == 0
-    if orders.generator == "drawn-loads":
+    if orders.generator == "picture-loads":
         loaded &= resolved.floor_plan.loads.reshape(-1)[floor.slot_cell] == 1
     source = np.flatnonzero(loaded).astype(np.int32)
     return source, drawn(np.flatnonzero(kinds == DESTINATION), len(source), seed, 0)

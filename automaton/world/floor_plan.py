@@ -1,4 +1,5 @@
-"""The floor of a scenario as plain, immutable data: kinds of cells, exits, capacities, bays.
+"""The floor of a scenario as plain, immutable data: kinds of cells, exits, capacities, parking
+bays.
 
 Users count cells from (0, 0) at the upper left; the arrays have one border cell all round, so that
 no neighbour is ever outside: flat index c = (y + 1) * (width + 2) + (x + 1).
@@ -129,7 +130,7 @@ def make_floor_plan(
     `kind`, `leave`, `capacity`, `loads`: (height + 2, width + 2), border included; `leave` has the
     directions in which a cell lets robots out, whatever lies there. `starts`: flat cells;
     `numbered`: those of all stations, in the sequence of their numbers.
-    Raises InputError for a bay that opens on no drivable cell.
+    Raises InputError for a parking bay that opens on no drivable cell.
     """
     exits = derive_exits(kind, leave)
     height, width = kind.shape[0] - 2, kind.shape[1] - 2
@@ -160,7 +161,7 @@ def derive_exits(kind: CellBytes, leave: CellBytes) -> CellBytes:
 
 
 def home_of(kind: CellBytes, bay: int) -> int | None:
-    """The cell on which a bay opens: the first drivable one of east, west, south, north."""
+    """The cell on which a parking bay opens: the first drivable one of east, west, south, north."""
     stride = kind.shape[1]
     flat = kind.reshape(-1)
     offsets = {EAST: 1, WEST: -1, SOUTH: stride, NORTH: -stride}
@@ -179,7 +180,7 @@ def bays_of(kind: CellBytes) -> Cells:
         home = home_of(kind, bay)
         if home is None:
             x, y = bay % stride - 1, bay // stride - 1
-            raise InputError(f"the bay at ({x}, {y}) opens on no cell that robots drive on")
+            raise InputError(f"the parking bay at ({x}, {y}) opens on no cell that robots drive on")
         pairs.append((bay, home))
     return _frozen_cells(np.array(pairs, np.int32).reshape(-1, 2))
 

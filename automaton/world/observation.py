@@ -62,11 +62,11 @@ CAUSES: Final = (
         "two robots never swap over one edge",
         True,
     ),
-    Cause("worker ahead", "{blocker} holds {cell} while it works there", _HELD, True),
-    Cause("driver ahead", "{blocker} holds {cell} and is driving on", _HELD, True),
+    Cause("working ahead", "{blocker} holds {cell} while it works there", _HELD, True),
+    Cause("driving ahead", "{blocker} holds {cell} and is driving on", _HELD, True),
     Cause("idle ahead", "{blocker} holds {cell} and has nothing to do", _HELD, True),
     Cause(
-        "lost contest",
+        "vertex conflict",
         "{blocker} won {cell} in this tick",
         "of several claimants the higher priority wins, ties by a hash",
         True,
@@ -79,43 +79,46 @@ CAUSES: Final = (
     ),
     Cause(
         "bay",
-        "{blocker} holds {cell}, so {robot} cannot leave its bay",
-        "a robot leaves its bay when its home cell was empty",
+        "{blocker} holds {cell}, so {robot} cannot leave its parking bay",
+        "a robot leaves its parking bay when its home cell was empty",
         True,
     ),
     Cause(
-        "wait drawn",
-        "{cell} is free; right of way drew a wait that is not over",
+        "random wait",
+        "{cell} is free; a random wait of right of way is not over",
         "after a refused move a robot waits before it tries again",
         False,
     ),
     Cause(
-        "just freed",
-        "{cell} was given up only at the end of this tick",
-        "a cell is entered only when its holder gives it up in the same tick",
+        "following conflict",
+        "{cell} was vacated only at the end of this tick",
+        "a cell may be entered only if its holder vacates it within the same tick",
         True,
     ),
     Cause(
-        "withdrawal",
-        "{robot} decided to withdraw",
-        "right of way: a withdrawal takes the tick in which it is decided",
+        "retreat",
+        "{robot} decided to retreat",
+        "right of way: a retreat takes the tick in which it is decided",
         True,
     ),
     Cause("no order", "{robot} has no order", "allocation gave it nothing to do", False),
     Cause(
-        "no place", "{robot} holds a load and has no place for it", "allocation named none", False
+        "no drop-off slot",
+        "{robot} holds a load and has no slot to drop it at",
+        "allocation named none",
+        False,
     ),
     Cause("no route", "{robot} has a goal but no route to it", "routing gave none", False),
     Cause(
-        "illegal answer",
-        "a strategy's answer about {robot} broke a rule",
-        "an illegal answer costs a tick",
+        "illegal decision",
+        "a decision of a strategy about {robot} broke a rule",
+        "an illegal decision costs a tick",
         False,
     ),
     Cause(
         "charger",
-        "{robot} stands in line: {blocker} charges at {cell} or came before it",
-        "who came first to a charger charges first",
+        "{robot} queues: {blocker} charges at {cell} or arrived before it",
+        "chargers serve robots first come, first served",
         True,
     ),
     Cause(
@@ -131,14 +134,14 @@ CAUSES: Final = (
         False,
     ),
     Cause(
-        "driving slowly",
+        "reduced speed",
         "{robot} drives, but its moves take longer: slow zones or chance; it does not wait",
         "a move begun in a zone with m robots takes m times as long",
         False,
     ),
     Cause(
         "redesign",
-        "{robot} stands still while the zones are redesigned",
+        "{robot} stands still while the service zones are redesigned",
         "zoning halts robots while it decides who serves which stations",
         False,
     ),
@@ -166,12 +169,21 @@ EVENT_JOB_DONE: Final = 17  # none, part, station: the part goes on to its next 
 EVENT_PART_FINISHED: Final = 18  # none, part, its last station
 EVENT_ZONES_REDESIGNED: Final = 19  # none, none, stations that are in another zone now
 EVENT_NAMES: Final = (
-    *("", "took", "picked up", "set down", "delivered", "left bay", "parked", "withdrew"),
-    *("gave back", "charges", "illegal answer", "circular wait", "deadlock"),
+    *(
+        "",
+        "order taken",
+        "picked up",
+        "dropped",
+        "delivered",
+        "left parking bay",
+        "parked",
+        "retreated",
+    ),
+    *("order returned", "charges", "illegal decision", "wait cycle", "deadlock"),
     *("battery empty", "broken down", "towed", "back"),
-    *("work done", "part finished", "zones redesigned"),
+    *("job done", "part finished", "zones redesigned"),
 )
-DEADLOCK_TICKS: Final = 64  # most cycles are two robots head-on that soon withdraw
+DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots head-on that soon retreat
 
 # Entries of observation.count.
 COUNT_EVENTS: Final = 0  # rows of observation.events in use
@@ -209,7 +221,7 @@ class Scratch(Struct):
 
     count: Array  # (2,) int64
     entry: Array  # (n,) int32: the resource of `holder` that a waiting robot wants, or NIL
-    holder: Array  # (2C,) int32: storage index of who holds what somebody wants; NIL between ticks
+    holder: Array  # (2C,) int32: storage index of who holds what a robot wants; NIL between ticks
     sieve: Array  # (power of two,) uint8: whether a cell of this remainder is wanted
     marks: Array  # (n rounded up to eights,) uint8, by identity; zero between ticks
     words: Array  # (ceil(n / 8),) uint64
@@ -240,7 +252,7 @@ class Observation(Struct):
     lost: Array  # (n, CAUSE_COUNT) int64: ticks lost by cause
     lost_in_zone: Array  # (Z,) int64: of CAUSE_REDUCED_SPEED, those of moves that a zone slows
     busy_before: Array  # (n,) uint16: robots.busy after the tick before
-    dropped: Array  # (n,) int32: the load that it set down in this tick, or NIL
+    dropped: Array  # (n,) int32: the load that it drop in this tick, or NIL
     load_before: Array  # (n,) int32
     order_before: Array  # (n,) int32
     stays: Array  # (n,) int64: stays at chargers that events have told of
@@ -269,7 +281,7 @@ def is_waiting(cause: Array) -> Array:
 def visits_of(flow: Array, offset: Array) -> Array:
     """(C,) int32: robots that entered a cell, from the moves out of its neighbours.
 
-    `offset`: (4,) from a cell to its neighbours E S W N. Nobody leaves the cells of the border.
+    `offset`: (4,) from a cell to its neighbours E S W N. No robot leaves the cells of the border.
     """
     visits = np.zeros(len(flow), np.int32)
     for direction, step in enumerate(offset):

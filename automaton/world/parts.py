@@ -27,29 +27,33 @@ def part_ticks(orders: Orders, seed: int) -> list[int]:
     """The tick in which each part comes."""
     ticks: list[int] = []
     for row, kind in enumerate(orders.parts or ()):
-        between = gaps(kind.every, kind.count, seed, PARTS + row)
+        between = gaps(kind.interarrival_time, kind.count, seed, PARTS + row)
         after = np.concatenate([[0], np.cumsum(between[:-1])])
-        ticks += np.minimum(kind.at + after, NEVER - 1).tolist()
+        ticks += np.minimum(kind.first_release + after, NEVER - 1).tolist()
     return ticks
 
 
 def work_ticks(orders: Orders, station: Array, part: Array, place: Array, seed: int) -> Array:
     """(j,) int64: ticks of works, by station from 0; what is drawn, by part and place in its route."""
     ticks = np.zeros(len(station), np.int64)
-    works = orders.work if isinstance(orders.work, tuple) else (orders.work,)
-    for number, work in enumerate(works):
-        here = np.flatnonzero(station == number) if len(works) > 1 else np.arange(len(ticks))
-        if isinstance(work, int):
-            ticks[here] = work
+    times = (
+        orders.processing_time
+        if isinstance(orders.processing_time, tuple)
+        else (orders.processing_time,)
+    )
+    for number, time in enumerate(times):
+        here = np.flatnonzero(station == number) if len(times) > 1 else np.arange(len(ticks))
+        if isinstance(time, int):
+            ticks[here] = time
         else:
             ticks[here] = geometric(
-                work.mean, seed, random_numbers.STREAM_PROCESSING_TIMES, part[here], place[here]
+                time.mean, seed, random_numbers.STREAM_PROCESSING_TIMES, part[here], place[here]
             )
     return ticks
 
 
 def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
-    """(m,) each: slots where the orders of all parts begin and end, and when they become known."""
+    """(m,) each: slots where the orders of all parts begin and end, and when they are released."""
     slots = slot_of[resolved.floor_plan.stations()]
     ways = [
         (slots[here - 1], slots[then - 1])

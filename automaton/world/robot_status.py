@@ -1,7 +1,7 @@
 """The condition of a robot: the charge of its battery, and whether it is in order.
 
 A battery holds FULL units when it is full. What an operation takes is paid when it begins, all of
-it, so that no robot stops between two cells: one that lacks it is out of order where it stands.
+it, so that no robot stops between two cells: one that lacks it is down where it stands.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ BATTERY_PERCENT: Final = BATTERY_FULL // 100
 STATUS_UP: Final = 0
 STATUS_FAILING: Final = 1  # a fault takes it out as soon as what it does is over
 STATUS_EXHAUSTED: Final = 2  # its battery lacks what its next operation takes
-STATUS_DEPLETED: Final = 3  # out of order on the floor, for want of energy
-STATUS_FAILED: Final = 4  # out of order on the floor, for a fault
+STATUS_DEPLETED: Final = 3  # down on the floor, without charge
+STATUS_FAILED: Final = 4  # down on the floor because of a fault
 STATUS_TOWED: Final = 5  # off the floor, until it comes back
 STATUS_REMOVED: Final = 6  # off the floor for good
 STATUS_NAMES: Final = (

@@ -11,7 +11,7 @@ from automaton.struct import Struct
 
 Array = NDArray[Any]
 
-IN_DEGREE = 4  # ways into a pose: each may find it anew
+IN_DEGREE = 4  # ways into a pose: each may find it again
 
 
 class RouteSpace(Struct):
@@ -26,7 +26,7 @@ class RouteSpace(Struct):
     state: Array  # (8,) int64, automaton.kernels.routes.frontier
     stop: Array  # (1,) int64: not 0 = searches find nothing any more (Workspace.stop)
     closed: Array  # (Z,) uint8: 1 = no robot may enter
-    count: Array  # (Z,) int32: others that are foreseen in each zone
+    count: Array  # (Z,) int32: others that are predicted in each zone
 
 
 class MonteCarloWorkspace(Struct):

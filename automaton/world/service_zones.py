@@ -55,7 +55,7 @@ class ServiceZones(Struct):
     has_priority: Array  # (Z, S) uint8: 1 = its type has priority there
     server: Array  # (Z,) int32: identity of the robot that serves a zone
     queue: Array  # (m,) int32: the zone in whose queue an order is; NIL: none yet; -2 - zone: none
-    #   any more, since a robot of that zone set it down on its way
+    #   any more, since a robot of that zone dropped it on its way
     next_slot: Array  # (m,) int32: the slot where it is dropped next, or NIL
     skips_transfer: Array  # (m,) uint8: 1 = past the transfer stations, by load sharing
     picked_from: Array  # (m,) int32: the slot from which it was picked up last, or NIL

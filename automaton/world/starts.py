@@ -16,10 +16,10 @@ from automaton.world.types import closed_cells, first_open, type_of_each, types_
 
 
 def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
-    """(n,) home cells and (n,) bays by identity; NIL where a robot parks on the floor itself."""
+    """(n,) home cells and (n,) parking bays by identity; NIL where a robot parks on the floor itself."""
     fleet, floor_plan = resolved.scenario.fleet, resolved.floor_plan
     none = np.full(fleet.robots, NIL, np.int32)
-    if resolved.start == "bays":
+    if resolved.start == "parking-bays":
         bays = floor_plan.bays[
             np.concatenate(first_open(floor_plan.bays[:, 1], resolved.scenario, floor_plan))
         ]
@@ -27,7 +27,7 @@ def homes(resolved: Resolved, floor: Floor, seed: int) -> tuple[Array, Array]:
     if resolved.start == "random":
         cells = random_cells(floor_plan, seed)
         return cells[np.concatenate(first_open(cells, resolved.scenario, floor_plan))], none
-    if resolved.start == "stands":
+    if resolved.start == "racks":
         return stands_for_all(floor_plan, resolved.scenario, seed), none
     return np.array(resolved.start, np.int32), none
 

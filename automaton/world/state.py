@@ -38,14 +38,14 @@ ACTION_WAIT: Final = 6  # a random wait of right of way before a held cell
 ACTION_CHARGE: Final = 7
 ACTION_BLOCKED: Final = 8  # a tick lost to a refused move that started no wait
 ACTION_RETREAT: Final = 9  # the tick in which a retreat is decided
-ACTION_BAY_BLOCKED: Final = 10  # a tick in the bay because the home cell is held
+ACTION_BAY_BLOCKED: Final = 10  # a tick in the parking bay because the home cell is held
 ACTION_ILLEGAL: Final = 11  # a tick lost to an illegal decision
 ACTION_QUEUE: Final = 12  # a tick in the queue of a charger
 ACTION_DOWN: Final = 13  # a tick on the floor with an empty battery or a fault
 ACTION_COUNT: Final = 14
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
-    *("blocked", "withdraw", "bay_blocked", "illegal", "in_line", "out_of_order"),
+    *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -87,7 +87,7 @@ PHASE_CHARGING_AGAIN: Final = 3  # its entry
 REASON_IDLE: Final = 0  # it has nothing to do
 REASON_PICKED: Final = 1  # its pick has begun: where does the load go?
 REASON_ORDER_RETURNED: Final = 2  # it returned its order before a retreat: plan around robots
-REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made anew
+REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made again
 REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
 REASON_NEW_GOAL: Final = 5  # routing: a new goal
 REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots, a retreat is over
@@ -166,15 +166,15 @@ class Rules(Struct):
     holders: Array  # (5,) uint8: 1 = a layer's strategy reads traffic.holder
     slowdown: int  # 1: a move takes as many times longer as its zone has robots
     extra_tick: int  # of 2**32 moves, how many take a tick more
-    delay: int  # a pick or drop takes up to so many ticks more
+    handling_jitter: int  # a pick or drop takes up to so many ticks more
     battery: int  # 1: robots run on batteries
     drain: Array  # (A, 2) int32: units of charge that a tick of each action takes; [.., 1] loaded
     curve: Array  # (K, 2) int32: from this charge on, units that a tick at a charger gives
     reserve: int  # charge that plans never go below
-    tow_after: int  # ticks that a robot stands out of order before it is towed; NIL: it stays
+    tow_after: int  # ticks that a robot is down before it is towed; NIL: it stays
     repair: int  # ticks from towing until it comes back; NIL: never
     repaired: int  # charge with which it comes back; NIL: its own, or the reserve if it ran empty
-    may_fail: int  # 1: robots may go out of order
+    may_fail: int  # 1: robots may go down
     faults: Array  # (f, 2) int64: tick, identity; by tick
     breakdown: int  # of 2**32 ticks on the floor, how many end in a fault
 
@@ -194,7 +194,7 @@ class Robots(Struct):
     priority: Array  # (n,) int16: set by right of way, higher goes first
     load: Array  # (n,) int32: the order it carries, or NIL
     order: Array  # (n,) int32: the order it works on, or NIL
-    slot: Array  # (n,) int32: where it will set the load down, or NIL
+    slot: Array  # (n,) int32: where it will drop the load, or NIL
     goal_type: Array  # (n,) uint8: GOAL_*
     goal_cell: Array  # (n,) int32: the cell in which the goal is done, or NIL
     charge_target: Array  # (n,) int32: charge at which it leaves its charger
@@ -207,8 +207,9 @@ class Robots(Struct):
     retreat_moves: Array  # (n,) int16: moves left of a retreat
     failed_retries: Array  # (n,) uint8: failed retries since the last executed operation
     retry_state: Array  # (n,) uint8: RETRY_*
-    home: Array  # (n,) int32: cell in which it parks, through which it enters its bay, or has left
-    bay: Array  # (n,) int32: its bay's cell, or NIL: it parks on the floor, or leaves it
+    # (n,) int32: cell in which it parks, through which it enters its parking bay, or has left
+    home: Array
+    bay: Array  # (n,) int32: its parking bay's cell, or NIL: it parks on the floor, or leaves it
     parked: Array  # (n,) uint8
     service_zone: Array  # (n,) int32: the service zone of the robot, set by zoning
     charge: Array  # (n,) int32: units left in its battery
@@ -236,7 +237,7 @@ class Orders(Struct):
     reserved_by: Array  # (m,) int32: identity of the robot that reserved or carries it, or NIL
     release_tick: Array  # (m,) int32: tick from which it is known
     weight: Array  # (m,) int32: what a robot must be able to carry
-    release_sequence: Array  # (m,) int32: the orders, in the sequence in which they become known
+    release_sequence: Array  # (m,) int32: the orders, in the sequence in which they are released
     dispatched: Array  # (m,) int32: tick in which a robot last took it, or NIL
     dispatched_from: Array  # (m,) int32: the cell where that robot was then, or NIL
     dispatched_heading: Array  # (m,) uint8: its heading then
@@ -268,7 +269,7 @@ class Tally(Struct):
 
     operations: Array  # (n, A, 2) int64: operations begun
     ticks: Array  # (n, A, 2) int64: ticks of the operations begun
-    slowed: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
+    slowdown_ticks: Array  # (n,) int64: ticks that moves take beyond those of the robot's type
     energy_used: Array  # (n,) int64: units of charge used
     charged: Array  # (n,) int64: units of charge taken in at chargers
     repaired: Array  # (n,) int64: units of charge that repairs added

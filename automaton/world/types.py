@@ -25,7 +25,7 @@ class RobotType(NamedTuple):
     """What the robots of a type have in common."""
 
     name: str = ""
-    pace: int = 1  # a move takes so many times its duration
+    move_time_factor: int = 1  # a move takes so many times its duration
     payload: int = ANY_WEIGHT  # the heaviest order it carries
     closed: tuple[Rectangle, ...] = ()  # areas that it must not enter
 
@@ -35,7 +35,7 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
     return tuple(
         RobotType(
             kind.name,
-            kind.pace,
+            kind.move_time_factor,
             ANY_WEIGHT if kind.payload is None else kind.payload,
             tuple(
                 (*area.first, *area.last)
@@ -49,7 +49,9 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
 
 def least_move(scenario: Scenario) -> int:
     """Ticks that a move takes the fastest robots."""
-    return scenario.durations.move * min(robot_type.pace for robot_type in types_of(scenario))
+    return scenario.durations.move * min(
+        robot_type.move_time_factor for robot_type in types_of(scenario)
+    )
 
 
 def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:

@@ -1,8 +1,8 @@
 """What the robots of zones can do: stations that they serve, priority there, and how fast they are.
 
 A zone has the number of its robot. `accessible` and `has_priority` (Z, S) are given for a run: 1 = the
-robot gets to the station, and 1 = its type has priority there. Where all robots are alike, everybody
-serves everything and nobody has priority.
+robot gets to the station, and 1 = its type has priority there. Where all robots are alike, all
+robots serve everything and none has priority.
 """
 
 import numpy as np

@@ -123,7 +123,7 @@ def _zones(data: Any) -> list[dict[str, Any]]:
         if not entry["stations"]:
             raise InputError(f"zone {number} has no station")
         if not isinstance(entry.get("segments") or [], list):
-            raise InputError(f"the segments of zone {number} are no list")
+            raise InputError(f"the segments of zone {number} are not a list")
     return zones
 
 
@@ -158,7 +158,7 @@ def _point(floor_plan: FloorPlan, roads: Roads, where: str, one: Any, names: Nam
         if critical == cell:
             return p
     raise InputError(
-        f"{where}: ({x}, {y}) is no station, crossing, corner or dead end of this floor"
+        f"{where}: ({x}, {y}) is not a station, crossing, corner or dead end of this floor"
     )
 
 
@@ -169,7 +169,7 @@ def _whole(floor_plan: FloorPlan, roads: Roads, where: str, points: list[int]) -
         between = _straight(roads, path[-1], there)
         if not between:
             a, b = (floor_plan.xy(roads.cell[p]) for p in (path[-1], there))
-            raise InputError(f"{where} is no path: no straight way leads from {a} to {b}")
+            raise InputError(f"{where} is not a path: no straight way leads from {a} to {b}")
         path += between
     if len(set(path)) < len(path):
         raise InputError(f"{where} passes a point twice")

@@ -1,4 +1,4 @@
-"""Giving a station from one zone to another: what is left is joined anew by shortest paths.
+"""Giving a station from one zone to another: what is left is joined again by shortest paths.
 
 These kernels change a design in place and return 1, or 0 when it cannot be done; the design is then
 spoiled, so callers work on a copy.

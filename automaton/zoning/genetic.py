@@ -27,9 +27,9 @@ GENERATIONS = 100
 SELECTED = 10
 MUTATION = 0.45
 
-FAILURES = 60  # zones that do not fit, until a child is begun anew
+FAILURES = 60  # zones that do not fit, until a child is restarted
 MUTATIONS = 500  # tries to mutate a child
-CHILDREN = 100  # times that a child may be begun anew
+CHILDREN = 100  # times that a child may be restarted
 JOINS = 20  # tries for each station that is left over
 FEWEST = 2  # stations that a zone keeps
 

@@ -45,7 +45,7 @@ class Parts(Struct):
     to: Array  # (K,) int32: the next station of its route
     carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
     zone: Array  # (K,) int32: the zone in whose queue it is
-    stop: Array  # (K,) int32: the station where it is set down
+    stop: Array  # (K,) int32: the station where it is dropped
     zone_then: Array  # (K,) int32: what they would be in another design
     stop_then: Array  # (K,) int32
 

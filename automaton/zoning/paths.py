@@ -89,7 +89,7 @@ def add_segment(roads, design, workspace, zone, first, last):
 
 @kernel
 def hold(roads, design):
-    """design.held from the stations and segments; what is held by somebody out of sight stays so."""
+    """design.held from the stations and segments; what is held by a robot out of sight stays so."""
     for p in range(design.held.shape[0]):
         if design.held[p] >= 0:
             design.held[p] = NIL

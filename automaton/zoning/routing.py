@@ -13,10 +13,10 @@ NEIGHBOURS = 1  # rule of DDZ: without a common one, through the one that is nea
 
 @kernel
 def route(roads, design, workspace, rule, zone, at, to):
-    """(zone in whose queue it is, station where it is set down, 1 = that is the target).
+    """(zone in whose queue it is, station where it is dropped, 1 = that is the target).
 
     zone: whose part it is: that of the station where it was processed, or after a transfer that of
-    the robot that set it down. at, to: the station where it is, the next one of its route. A part
+    the robot that dropped it. at, to: the station where it is, the next one of its route. A part
     that waits at the transfer station to which it would be brought is the next robot's already.
     Where no transfers lead to the target, its own robot delivers: zones do not bind robots.
     """

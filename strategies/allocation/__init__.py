@@ -1,1 +1,1 @@
-"""Allocation: which order does a robot do next, and where does it set the load down?"""
+"""Allocation: which order does a robot do next, and where does it drop the load?"""

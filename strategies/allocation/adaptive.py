@@ -1,4 +1,5 @@
-"""Adaptive planning: carry or pass on, decided anew for each load by what the robot itself observed.
+"""Adaptive planning: carry or pass on, decided again for each load by what the robot itself
+observed.
 
 Grzejszczak & Nocon ask, as future work, for robots that switch between the two strategies by their
 own observations. Here a robot works in an alley as in the cooperative strategy; one that can reserve
@@ -9,7 +10,7 @@ none stays home instead of adding to the traffic. With each load it picks up it 
 
 and takes the cheaper one, in ticks. Carrying means to drive there and back; passing means that the
 load is handled once more at every table before its target, by whichever robot. `lost / driven` is
-the robot's own share of ticks lost to others (waits, refused moves, withdrawals) over ticks driven
+the robot's own share of ticks lost to others (waits, refused moves, retreats) over ticks driven
 (moves, turns) since the start, with 200 driven ticks of benefit of the doubt: who is often blocked
 passes loads on, who drives freely carries them. The robots need no communication beyond the order
 list.

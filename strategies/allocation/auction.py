@@ -2,9 +2,9 @@
 
 A robot bids what its list of orders costs with one more, charging included, as the scenario's
 charging strategy quotes it. Whoever is free takes the first order of its list. There is an auction
-when an order is for sale - it came in, was given back, or its robot failed - and somebody has nothing
-ahead of it, or orders have come since the last one. The loop leaves compiled code for it; all that is
-done for each bid is compiled.
+when an order is for sale - it came in, was given back, or its robot failed - and a robot has
+nothing ahead of it, or orders have come since the last one. The loop leaves compiled code for it;
+all that is done for each bid is compiled.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from automaton.world.state import (
     World,
 )
 from strategies.allocation.lists import has_empty_list, serve
-from strategies.allocation.parameters import MOST_LISTED, Auctions, EpsilonSchedule
+from strategies.allocation.parameters import MAX_LISTED_ORDERS, Auctions, EpsilonSchedule
 
 RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
 WINNERS: Final = {
@@ -89,11 +89,11 @@ class Auction(Strategy):
         """Room for a market of all robots, their lists, and the orders of an auction."""
         robots, most = view.robots.order_queue.shape
         given = self.parameters
-        self._limit = min(given.limit, most, max(1, MOST_LISTED // robots))
+        self._limit = min(given.max_orders_per_robot, most, max(1, MAX_LISTED_ORDERS // robots))
         # A branch brings the plans of another strategy.
         order_queue_length = view.robots.order_queue_length
-        tasks = max(robots * self._limit, int(order_queue_length.sum())) + given.horizon
-        longest = max(self._limit, int(order_queue_length.max())) + given.horizon
+        tasks = max(robots * self._limit, int(order_queue_length.sum())) + given.max_items
+        longest = max(self._limit, int(order_queue_length.max())) + given.max_items
         charging = self.other_layers.get("charging")
         policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}
         queues = True
@@ -101,13 +101,13 @@ class Auction(Strategy):
         if view.rules.battery and quoted is not None:
             policy, queues = quoted(), bool(getattr(charging, "queues", True))
         self._site = site_for(view, robots, tasks, longest, policy, queues)
-        self._sellable = np.zeros(given.horizon, np.int32)
+        self._sellable = np.zeros(given.max_items, np.int32)
         self._tools = self._prepared(robots, longest)
         return memory_of(view, per_robot=4, shared=4)
 
     def _prepared(self, robots: int, longest: int) -> Any:
         """What the kind of auction works in besides the market."""
-        robot_type, horizon = self.parameters.auction, self.parameters.horizon
+        robot_type, horizon = self.parameters.mechanism, self.parameters.max_items
         if robot_type in ("combinatorial", "exact"):
             return bundles_for(robots, min(horizon, MOST_BUNDLED))
         if robot_type == "genetic":
@@ -131,7 +131,7 @@ class Auction(Strategy):
         count, since = find_items(view, out, memory.shared[SINCE], self._sellable)
         memory.shared[SINCE] = since
         if count and (count != memory.shared[LEFT] or has_empty_list(view, batch, out)):
-            if self.parameters.auction == "exact":  # it knows no lists to begin with
+            if self.parameters.mechanism == "exact":  # it knows no lists to begin with
                 count = self._take_back(view, out, since)
             for center, items in self._auctioneers(view, memory, int(count)):
                 self._sell(view, out, memory, workspace, center, items)
@@ -141,7 +141,7 @@ class Auction(Strategy):
     def _take_back_late(
         self, view: World, out: Any, memory: Memory, workspace: Workspace, tolerance: int
     ) -> None:
-        """Lists that will be done so much later than was foreseen are for sale again."""
+        """Lists that will be done so much later than was predicted are for sale again."""
         if not (memory.per_robot[:, DUE] > 0).any():
             return
         site = self._site
@@ -174,7 +174,7 @@ class Auction(Strategy):
             nearest = self._nearest(view, seats, items)
             return [(seat, items[nearest == k]) for k, seat in enumerate(seats)]
         if robot_type == "time":
-            memory.shared[ROLE] = view.clock[CLOCK_TICK] // self.parameters.term % robots
+            memory.shared[ROLE] = view.clock[CLOCK_TICK] // self.parameters.auctioneer_term % robots
         else:
             memory.shared[ROLE] = memory.shared[ROUND] % robots
         return [(self._cell(view, int(memory.shared[ROLE])), items)]
@@ -198,12 +198,12 @@ class Auction(Strategy):
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
         parameters, site = self.parameters, self._site
-        most = MOST_SOLD.get(parameters.auction)
+        most = MOST_SOLD.get(parameters.mechanism)
         items = items[:most]
-        radius = NIL if parameters.radius is None else parameters.radius
+        radius = NIL if parameters.announcement_radius is None else parameters.announcement_radius
         center = NIL if parameters.region == "order" else center
         if center == NIL and parameters.region == "auctioneer":
-            radius = NIL  # the central auctioneer reaches everybody
+            radius = NIL  # the central auctioneer reaches all robots
         while len(items):
             robots = open_session(view, out, workspace, site, items, len(items))
             site.fleet.room[:robots], site.fleet.room[robots:] = self._limit, 0
@@ -223,26 +223,28 @@ class Auction(Strategy):
         """Sell so many items of the market by the rules of the scenario."""
         given, site = self.parameters, self._site
         market = (site.work, site.battery, site.fleet, site.scratch)
-        rule, epsilon = RULES[given.bid], self._epsilon(view, count)
-        if given.auction == "arrival":
+        rule, epsilon = RULES[given.bid_rule], self._epsilon(view, count)
+        if given.mechanism == "arrival":
             by_arrival(*market, site.item, count, rule, epsilon)
-        elif given.auction == "parallel":
+        elif given.mechanism == "parallel":
             parallel(*market, site.item, count, rule, epsilon)
-        elif given.auction == "assignment":
+        elif given.mechanism == "assignment":
             assign_once(*market, self._tools, site.item, count, rule, epsilon)
-        elif given.auction == "sequential" or not self._allot(view, market, memory, count, epsilon):
-            winner = WINNERS[given.winner]
+        elif given.mechanism == "sequential" or not self._allot(
+            view, market, memory, count, epsilon
+        ):
+            winner = WINNERS[given.winner_rule]
             sequential(*market, site.item, count, rule, epsilon, winner, 0)
-        if given.improve:
+        if given.local_search:
             improve(*market, epsilon)
 
     def _allot(self, view: World, market: Any, memory: Memory, count: int, epsilon: int) -> bool:
         """Look at whole allotments; False, with the lists as before, if none does every item."""
         fleet, tools, item = self._site.fleet, self._tools, self._site.item
         before = fleet.order.copy(), fleet.length.copy()
-        if self.parameters.auction == "combinatorial":
+        if self.parameters.mechanism == "combinatorial":
             value = combinatorial(*market, tools, item, count, epsilon)
-        elif self.parameters.auction == "exact":
+        elif self.parameters.mechanism == "exact":
             value = exact(*market, tools, item, count, epsilon)
         else:
             auction = int(memory.per_robot[:, HELD].sum())

@@ -1,6 +1,6 @@
 """First come, first served: a free robot takes the order that has waited longest.
 
-Orders are taken in the sequence in which they become known; ties: the lowest number. The robot
+Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
 carries it to its own target. A cursor goes over the orders once in a run: those before it were all
 taken. One that was given back is found by its robot, which remembers what it took last.
 (Where robots see only what is near, the cursor is forgotten and every robot looks at all orders.)

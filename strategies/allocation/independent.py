@@ -1,7 +1,7 @@
 """Independent planning (Grzejszczak & Nocon, Algorithm 1): every robot carries its load all the way.
 
 A free robot takes the unreserved order of least path cost (ties: lowest order) and sets the load
-down at the order's own target. An empty robot that gave its order back before a withdrawal decides
+down at the order's own target. An empty robot that gave its order back before a retreat decides
 with the cells of the other robots removed, or as if they were free if nothing is reachable so.
 
 Each question costs a look at all m orders of the run, done or not, and a search that ends at the
@@ -79,8 +79,8 @@ def take_nearest(view, out, workspace, k, i, released):
 
 @kernel
 def takes_load(view, out, slot):
-    """Whether a load may be set down at a slot: where any number fits, or on a shelf that is empty
-    and promised to nobody."""
+    """Whether a load may be dropped at a slot: where any number fits, or on a shelf that is empty
+    and promised to no robot."""
     if view.slots.unbounded[slot]:
         return True
     empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
@@ -89,7 +89,7 @@ def takes_load(view, out, slot):
 
 @kernel
 def set_down(view, out, k, i, slot):
-    """Decision k: robot i sets its load down at this slot, which takes it."""
+    """Decision k: robot i drops its load at this slot, which takes it."""
     out.command[k] = CMD_DROP_AT
     out.slot[k] = slot
     out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot)
@@ -99,7 +99,7 @@ def set_down(view, out, k, i, slot):
 
 @kernel
 def deliver(view, out, k, i):
-    """Decision k: set the load down at its order's own target; if it is full, ask again next tick."""
+    """Decision k: drop the load at its order's own target; if it is full, ask again next tick."""
     slot = np.int64(view.orders.target[view.robots.load[i]])
     if takes_load(view, out, slot):
         set_down(view, out, k, i, slot)

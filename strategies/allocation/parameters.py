@@ -22,8 +22,8 @@ class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     until: Annotated[Tick, Meta(description="tick from which it stays")]
 
 
-LISTED = 8  # orders in a robot's list, unless the fleet is too large for so many
-MOST_LISTED = 1000  # orders in all lists together: bounds the memory of a market
+DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
+MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
 
 
 class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -37,20 +37,21 @@ class ShortestJob(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
 
 class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How orders are sold to robots, and by whom."""
+    """How orders are auctioned among the robots, and by which auctioneers."""
 
-    auction: Annotated[
+    mechanism: Annotated[
         Literal[
             "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
         ],
         Meta(
-            description="sequential: one by one, the winner bids anew; arrival: each order to the "
-            "lowest bid as it came; parallel: all at once; combinatorial: bundles, small cases; "
+            description="sequential: one by one, the winner bids again; arrival: each order to the "
+            "lowest bid, in arrival order; parallel: all at once; combinatorial: bundles, small "
+            "cases; "
             "genetic, exact: the benchmarks of the paper, exact without batteries and with the "
             "ten oldest orders; assignment: one order for each robot."
         ),
     ] = "sequential"
-    bid: Annotated[
+    bid_rule: Annotated[
         Literal["mixed", "average", "average-paper"],
         Meta(
             description="mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: what an order "
@@ -64,57 +65,65 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
             "more orders wait for each robot, the nearer to 1."
         ),
     ] = 0.5
-    winner: Annotated[
+    winner_rule: Annotated[
         Literal["lowest", "difference", "fewest", "regret"],
         Meta(
             description="sequential: which order is sold next: that of the lowest bid (LB), of the "
             "biggest difference (BD), with the fewest bidders (FB), or of the largest regret."
         ),
     ] = "lowest"
-    improve: Annotated[bool, Meta(description="local search over all lists after each auction")] = (
-        False
-    )
-    limit: Annotated[int, Meta(ge=1, le=64, description="orders in a robot's list")] = LISTED
-    horizon: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
+    local_search: Annotated[
+        bool, Meta(description="local search over all lists after each auction")
+    ] = False
+    max_orders_per_robot: Annotated[
+        int, Meta(ge=1, le=64, description="orders in a robot's list")
+    ] = DEFAULT_LIST_LENGTH
+    max_items: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
     auctioneer: Annotated[
         Literal["central", "fixed", "time", "token"],
         Meta(
-            description="central: one that all hear; fixed: `auctioneers` robots, each sells the "
-            "orders nearest to it; time, token: one robot at a time, passed on after `term` ticks, "
+            description="central: one for all robots; fixed: `auctioneers` robots, each sells the "
+            "orders nearest to it; time, token: one robot at a time, passed on after "
+            "`auctioneer_term` ticks, "
             "or after each auction."
         ),
     ] = "central"
     auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
-    term: Annotated[int, Meta(ge=1, le=1_000_000, description="time: ticks")] = 100
+    auctioneer_term: Annotated[int, Meta(ge=1, le=1_000_000, description="time: ticks")] = 100
     region: Annotated[
         Literal["auctioneer", "order"],
-        Meta(description="who hears an order: robots around its auctioneer, or around the order"),
+        Meta(
+            description="which robots may bid: those around the auctioneer, or those around the "
+            "order"
+        ),
     ] = "auctioneer"
-    radius: Annotated[
+    announcement_radius: Annotated[
         Annotated[int, Meta(ge=1, le=100_000)] | None,
-        Meta(description="in cells; doubled while nobody bids; null: all hear everything"),
+        Meta(description="in cells; doubled while no robot bids; null: announced to all robots"),
     ] = None
     reauction_after: Annotated[
         Annotated[int, Meta(ge=0, le=1_000_000)] | None,
-        Meta(description="a robot so many ticks late gives its list back; null: never"),
+        Meta(description="a robot this many ticks late returns its list; null: never"),
     ] = None
     while_charging: Annotated[
         Literal["release", "keep"],
         Meta(
-            description="release: a robot that is to charge, stands in line or charges gives its list "
-            "back as soon as another one has nothing ahead of it; keep: it keeps its list."
+            description="release: a robot that is to charge, queues or charges returns its list "
+            "as soon as another robot has no order left; keep: it keeps its list."
         ),
     ] = "release"
 
     def __post_init__(self) -> None:
         asked_for = {
-            "auctioneers is for auctioneer fixed": self.auctioneers != 2
+            "auctioneers is for auctioneer: fixed": self.auctioneers != 2
             and self.auctioneer != "fixed",
-            "term is for auctioneer time": self.term != 100 and self.auctioneer != "time",
-            "winner is for auction sequential": self.winner != "lowest"
-            and self.auction != "sequential",
-            "region order needs a radius": self.region == "order" and self.radius is None,
-            "radius needs region order, or an auctioneer that is not central": self.radius
+            "auctioneer_term is for auctioneer: time": self.auctioneer_term != 100
+            and self.auctioneer != "time",
+            "winner_rule is for mechanism: sequential": self.winner_rule != "lowest"
+            and self.mechanism != "sequential",
+            "region: order needs an announcement_radius": self.region == "order"
+            and self.announcement_radius is None,
+            "announcement_radius needs region: order, or another auctioneer": self.announcement_radius
             is not None
             and self.region == "auctioneer"
             and self.auctioneer == "central",
@@ -128,24 +137,31 @@ class Auctions(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=
         robots = scenario.fleet.robots
         if scenario.information != "everything":
             return (
-                "an auction needs information: everything; who hears of an order is limited by its own "
-                "radius and region"
+                "an auction needs information: everything; its own announcement_radius and "
+                "region limit which robots "
+                "may bid"
             )
-        if robots > MOST_LISTED or (robots * self.limit > MOST_LISTED and self.limit > LISTED):
+        if robots > MAX_LISTED_ORDERS or (
+            robots * self.max_orders_per_robot > MAX_LISTED_ORDERS
+            and self.max_orders_per_robot > DEFAULT_LIST_LENGTH
+        ):
             return (
-                f"{robots:,} lists of {self.limit} orders are too many for one market: robots x limit "
-                f"may be {MOST_LISTED:,}"
+                f"{robots:,} lists of {self.max_orders_per_robot} orders are too many for one "
+                "market: robots x max_orders_per_robot "
+                f"may be {MAX_LISTED_ORDERS:,}"
             )
         if self.auctioneer == "fixed" and self.auctioneers > robots:
             return f"auctioneers is {self.auctioneers}, and fleet.robots is {robots}"
-        if self.auction == "exact" and scenario.battery is not None:
-            return "auction exact knows no charging; combinatorial does, or leave out the battery"
-        if self.auction in ("exact", "combinatorial") and robots > MOST_BUNDLING:
+        if self.mechanism == "exact" and scenario.battery is not None:
             return (
-                f"auction {self.auction} tries all ways to split orders among at most "
-                f"{MOST_BUNDLING} robots, and fleet.robots is {robots}"
+                "the mechanism exact ignores charging; use combinatorial, or leave out the battery"
+            )
+        if self.mechanism in ("exact", "combinatorial") and robots > MAX_BUNDLING_ROBOTS:
+            return (
+                f"the mechanism {self.mechanism} tries all ways to split orders among at most "
+                f"{MAX_BUNDLING_ROBOTS} robots, and fleet.robots is {robots}"
             )
         return None
 
 
-MOST_BUNDLING = 16  # robots whose bundles are all tried
+MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried

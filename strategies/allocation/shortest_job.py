@@ -1,8 +1,8 @@
 """Shortest job first with aging (Keith & La, Algorithm 2).
 
 A free robot takes the order of highest score: C_A times its age minus C_D times how long it takes to
-drive to it and to carry it to where it is set down next. The age counts from the tick in which the
-order became known, and is kept when it is set down at a transfer station. Ties: the lowest number.
+drive to it and to carry it to where it is dropped next. The age counts from the tick in which the
+order was released, and is kept when it is dropped at a transfer station. Ties: the lowest number.
 With zones a robot takes orders from the queues of the zones that it serves, and sets each down where
 zoning says; without, any order, which it carries to its target.
 """
@@ -43,7 +43,7 @@ def is_mine(view, order, identity):
 
 @kernel
 def next_stop(view, order):
-    """The slot where an order is set down next: where zoning says, or its target."""
+    """The slot where an order is dropped next: where zoning says, or its target."""
     if view.service_zones.queue.shape[0] and view.service_zones.next_slot[order] != NIL:
         return np.int64(view.service_zones.next_slot[order])
     return np.int64(view.orders.target[order])

@@ -11,10 +11,10 @@ Percent = Annotated[float, Meta(ge=0, le=100)]
 
 
 class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What quotes of charging reckon with."""
+    """What estimates of charging take into account."""
 
-    queues: Annotated[
-        bool, Meta(description="robots sent to a charger before make it cost more")
+    count_queues: Annotated[
+        bool, Meta(description="robots that were sent to a charger earlier make it cost more")
     ] = True
 
 
@@ -44,15 +44,16 @@ class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
     threshold: Annotated[Percent, Meta(description="percent")] = 20.0
     mode: Annotated[
-        Literal["look", "safe"],
+        Literal["threshold-only", "keep-charger-reachable"],
         Meta(
-            description="look: charge before a task that would end below the threshold; safe: also "
+            description="threshold-only: charge before a task that would end below the "
+            "threshold; keep-charger-reachable: also "
             "before one from whose end no charger could be reached"
         ),
-    ] = "safe"
+    ] = "keep-charger-reachable"
 
 
 class Opportunity(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When an idle robot charges."""
 
-    below: Annotated[Percent, Meta(description="percent")] = 80.0
+    start_below: Annotated[Percent, Meta(description="percent")] = 80.0

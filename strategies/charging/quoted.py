@@ -35,7 +35,7 @@ class Quoted(Strategy):
     @property
     def queues(self) -> bool:
         """Whether robots that were sent to a charger before count in a quote."""
-        queues: bool = self.parameters.queues
+        queues: bool = self.parameters.count_queues
         return queues
 
     def reset(self, view: World) -> Memory:
@@ -82,7 +82,7 @@ class ThresholdCharging(Quoted):
 
     def policy(self) -> dict[str, int]:
         return {
-            "policy": LOOK if self.parameters.mode == "look" else SAFE,
+            "policy": LOOK if self.parameters.mode == "threshold-only" else SAFE,
             "end_reach": 0,
             "threshold": round(self.parameters.threshold * BATTERY_PERCENT),
             "target": BATTERY_FULL,
@@ -90,13 +90,13 @@ class ThresholdCharging(Quoted):
 
 
 class OpportunityCharging(InsertCharging):
-    """Idle robots charge where nobody is, and leave for any order that they can finish."""
+    """Idle robots charge where no robot is, and leave for any order that they can finish."""
 
     Parameters: ClassVar[Any] = Opportunity
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)
-        self.idle_below = round(self.parameters.below * BATTERY_PERCENT)
+        self.idle_below = round(self.parameters.start_below * BATTERY_PERCENT)
 
     def policy(self) -> dict[str, int]:
         return {"policy": HIERARCHICAL, "end_reach": 1, "threshold": 0, "target": BATTERY_FULL}

@@ -1,9 +1,10 @@
-"""Wait, retry, withdraw (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a deadlock.
+"""Wait, retry, retreat (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a
+deadlock.
 
-The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot withdraws if
-the other one wants its cell (head-on), or when it failed `limit` times; else it keeps its plan.
-A withdrawal is a random number of moves away from the target; the plan is made anew after it.
-With `give_way` a robot that has nothing to do makes room for one that wants its cell.
+The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot
+retreats if the other one wants its cell (head-on), or when it failed `limit` times; else it keeps
+its plan. A retreat is a random number of moves away from the target; the plan is made again after
+it. With `idle_give_way` a robot that has nothing to do makes room for one that wants its cell.
 
 Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
 """
@@ -122,7 +123,7 @@ def holder_of(view, crowds, cell, direction):
 
 @kernel
 def is_head_on(view, crowds, i):
-    """Whether the robot ahead plans to move into robot i's cell next, and is not withdrawing."""
+    """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
     robots, grid = view.robots, view.grid
     if robots.route_index[i] >= robots.route_length[i]:
         return False
@@ -148,7 +149,7 @@ def may_turn(view, i, flags):
 
 @kernel
 def step_away(view, workspace, i):
-    """The direction of a withdrawal's next move, NIL if every way is closed.
+    """The direction of a retreat's next move, NIL if every way is closed.
 
     A straight move that raises the path cost to the target, else the one of largest cost.
     """
@@ -212,7 +213,7 @@ def who_wants_in(view, crowds, i):
 
 @kernel
 def is_hemmed_in(view, i):
-    """Whether robot i, which is idle or withdraws, has no room on any way out of its cell."""
+    """Whether robot i, which is idle or retreats, has no room on any way out of its cell."""
     robots, grid = view.robots, view.grid
     if not is_idle(view, i) and not robots.retreat_moves[i]:
         return False
@@ -228,8 +229,8 @@ def is_hemmed_in(view, i):
 def who_presses(view, crowds, files, i):
     """A robot beside robot i that has to leave its cell and cannot, NIL if none is seen.
 
-    Found by what is seen alone: along a file of robots that are hemmed in, up to one that withdraws or
-    whose cell is wanted. The one of lowest identity.
+    Found by what is seen alone: along a file of robots that are hemmed in, up to one that retreats
+    or whose cell is wanted. The one of lowest identity.
     """
     robots = view.robots
     best = np.int64(NIL)
@@ -394,7 +395,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Withdraw(Strategy):
-    """Wait, retry, and withdraw by a random number of moves when that does not help."""
+    """Wait, retry, and retreat by a random number of moves when that does not help."""
 
     layer = "right_of_way"
     compiled = decide
@@ -402,7 +403,7 @@ class Withdraw(Strategy):
 
     def __init__(self, parameters=None):
         super().__init__(parameters)
-        self.period = int(self.parameters.give_way)
+        self.period = int(self.parameters.idle_give_way)
 
     def wait_ranges(self):
         p = self.parameters
@@ -412,9 +413,9 @@ class Withdraw(Strategy):
         """The parameters; where idle robots give way, all robots are asked about in every tick."""
         p, cell_flags, n = self.parameters, view.grid.cell_flags, len(view.robots.cell)
         unlimited = bool(np.any((cell_flags & 15 != 0) & (cell_flags >> 5 & 3 == 0)))
-        files = 1 + 8 * n if p.give_way else 0
+        files = 1 + 8 * n if p.idle_give_way else 0
         return memory_of(
             view,
             shared=files + (len(cell_flags) + 2 * n if unlimited else 0),
-            parameters=(p.limit, *p.withdraw, *p.abort_wait, files),
+            parameters=(p.max_retries, *p.retreat_moves, *p.abort_wait, files),
         )

@@ -1,4 +1,4 @@
-"""A* with the Manhattan estimate: ignores robots at first, plans around them after a withdrawal.
+"""A* with the Manhattan estimate: ignores robots at first, plans around them after a retreat.
 
 Of several shortest paths the tie rule picks one; where robots slow each other down it matters which.
 """
@@ -14,7 +14,7 @@ RULE = 0  # memory.parameters: the tie rule, an index of TIES
 
 @kernel
 def around_robots(view, workspace, i, reason, steps):
-    """The length of a way around the other robots if a withdrawal is over; NIL if not, or if none."""
+    """The length of a way around the other robots if a retreat is over; NIL if not, or if none."""
     if reason != REASON_AROUND_ROBOTS:
         return NIL
     heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
@@ -64,4 +64,4 @@ class AStar(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return memory_of(view, parameters=(TIES.index(self.parameters.ties),))
+        return memory_of(view, parameters=(TIES.index(self.parameters.tie_break),))

@@ -3,9 +3,10 @@
 All plans are replayed ahead with the slow zones of the world, so it is known how many robots will be
 in which zone at which tick. Robots that need a route get the cheapest one through that, one after
 another in the order of their identities, each seeing the routes of those before it. For comparison,
-robots may foresee less: where the others would be if nobody delayed them on the A* paths of their tasks
-(`tasks`), or which share of their time each of them spends in a zone so (`shares`). A detour around
-robots that stood in the way is driven to its end: made anew, it would lead back to where they stand.
+robots may predict less: where the others would be if no robot delayed them on the A* paths of their
+tasks (`tasks`), or which share of their time each of them spends in a zone so (`task-averages`). A
+detour around robots that stood in the way is driven to its end: made again, it would lead back to
+where they stand.
 """
 
 import numpy as np
@@ -30,7 +31,7 @@ from strategies.catalogue import SharedPlans
 
 BETA = OWN_PARAMETERS
 BY_TASKS = OWN_PARAMETERS + 1  # 1: nothing is known of the others but their tasks
-DETOUR = KEPT  # memory.per_robot: 1 + the stand to which a detour leads, or 0
+DETOUR = KEPT  # memory.per_robot: 1 + the goal cell to which a detour leads, or 0
 
 
 @kernel
@@ -86,7 +87,8 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Congestion(Strategy):
-    """Least cost through the foreseen traffic: a move costs 1 + beta for each other robot in its zone."""
+    """Least cost through the predicted traffic: a move costs 1 + beta for each other robot in its
+    zone."""
 
     layer = "routing"
     Parameters = SharedPlans
@@ -94,10 +96,10 @@ class Congestion(Strategy):
 
     def __init__(self, parameters=None):
         super().__init__(parameters)
-        self.period = self.parameters.every
+        self.period = self.parameters.replan_period
 
     def reset(self, view):
         beta = round(1000 * self.parameters.beta)
-        knows = self.parameters.foresees
+        knows = self.parameters.forecast
         own = (beta, int(knows != "plans"))
-        return forecast_memory(view, self.parameters.horizon, own, shares=knows == "shares")
+        return forecast_memory(view, self.parameters.horizon, own, shares=knows == "task-averages")

@@ -1,4 +1,4 @@
-"""Shortest path with turn costs: ignores robots at first, plans around them after a withdrawal."""
+"""Shortest path with turn costs: ignores robots at first, plans around them after a retreat."""
 
 import numpy as np
 

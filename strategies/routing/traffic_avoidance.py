@@ -1,14 +1,15 @@
-"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are foreseen.
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are predicted.
 
-A robot that gets a task foresees which zones the others use. All it knows of them is where their
-tasks began, pick up and set down: it foresees the zones on the A* paths of the whole task, as if nobody
-delayed them, or a noisy version of those, or what a network says that has learnt such paths. It plans
-both legs of its own task at once, with the zones of A or more others closed for A = 1, 2, ..., and
-keeps the plan that takes the least time so.
+A robot that gets a task predicts which zones the others use. All it knows of them is where their
+tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
+robot delayed them, or a noisy version of those, or what a network says that has learnt such paths.
+It plans both legs of its own task at once, with the zones of A or more others closed for A = 1, 2,
+..., and keeps the plan that takes the least time so.
 
 The noisy version is that of the trials of Table 5 (automaton.kernels.routes.noise). In a fleet of many
-nearly every zone has A or more others foreseen for each A up to most_threshold; then no way is left open,
-and plain A* is all there is. How often another plan was taken is counted: `alternatives`.
+nearly every zone has A or more others predicted for each A up to max_threshold; then no way is left
+open, and plain A* is all there is. How often another plan was taken is counted:
+`alternative_routes`.
 """
 
 from typing import ClassVar
@@ -42,19 +43,19 @@ from strategies.routing.astar import RULE, around_robots, start_pose
 
 # memory.parameters, after RULE
 MOST = 1  # the largest A
-KEEP_ZONE = 2  # the chances of the noise in units of 1 / CERTAIN: a zone used is foreseen,
+KEEP_ZONE = 2  # the chances of the noise in units of 1 / CERTAIN: a zone used is predicted,
 ADD_ZONE = 3  # and another one
 NETWORK = 4  # where a packed network begins, if there is one; memory.shared is its scratch
 
 # memory.per_robot
-STAND = 0  # the zones foreseen of a robot are those of its way to this cell ...
+STAND = 0  # the zones predicted of a robot are those of its way to this cell ...
 NEXT = 1  # ... and on to this one
 PLAN_FROM = 2  # the leg that was planned before its time
 PLAN_TO = 3
 TAKEN = 4  # the order whose first leg a network was last asked about, plus 1 ...
 TAKEN_AT = 5  # ... and the cell from which that leg began
 ALTERNATIVES = 6  # plans that were not plain A*'s
-SETS = 7  # two sets of zones, a bit for each: those foreseen, those closed to the planned leg
+SETS = 7  # two sets of zones, a bit for each: those predicted, those closed to the planned leg
 
 
 @kernel
@@ -101,13 +102,13 @@ def foresee_task(view, memory, workspace, i):
 
 @kernel
 def is_on_second_leg(view, memory, i):
-    """Whether robot i has its load and brings it where it was foreseen to."""
+    """Whether robot i has its load and brings it where it was predicted to."""
     return view.robots.load[i] != NIL and memory.per_robot[i, NEXT] == view.robots.goal_cell[i]
 
 
 @kernel
 def is_foreseen(view, memory, i):
-    """Whether the zones foreseen of robot i are those of its present task."""
+    """Whether the zones predicted of robot i are those of its present task."""
     per_robot = memory.per_robot
     same = per_robot[i, STAND] == view.robots.goal_cell[i] and per_robot[i, NEXT] == next_goal_cell(
         view, i
@@ -146,9 +147,9 @@ def predict(view, memory, i):
 
 @kernel
 def count_others(view, memory, workspace, i):
-    """workspace.routes.count = how many others are foreseen in each zone.
+    """workspace.routes.count = how many others are predicted in each zone.
 
-    Each is foreseen once for a task. With limited sight nothing is remembered about others.
+    Each is predicted once for a task. With limited sight nothing is remembered about others.
     """
     count = workspace.routes.count
     count[:] = 0
@@ -248,11 +249,11 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class TrafficAvoidance(Strategy):
-    """A* around the zones in which many others are foreseen."""
+    """A* around the zones in which many others are predicted."""
 
     layer = "routing"
     compiled = decide
-    counters: ClassVar = {"alternatives": ALTERNATIVES}
+    counters: ClassVar = {"alternative_routes": ALTERNATIVES}
 
     def reset(self, view):
         p = self.parameters
@@ -260,9 +261,9 @@ class TrafficAvoidance(Strategy):
         keep, add = 1.0, 0.0
         if p.predictor == "noisy":
             keep = p.recall
-            add = false_alarms(p.precision, p.recall, p.used or USED_SHARE)
+            add = false_alarms(p.precision, p.recall, p.prevalence or USED_SHARE)
         chances = (round(keep * CERTAIN), round(add * CERTAIN))
-        parameters = (TIES.index(p.ties), p.most_threshold, *chances)
+        parameters = (TIES.index(p.tie_break), p.max_threshold, *chances)
         own = SETS + 2 * words
         if p.predictor in ("exact", "noisy"):
             return memory_of(view, own, parameters=parameters)

@@ -15,7 +15,7 @@ def is_running(view, i):
 
 @kernel
 def is_free(view, order):
-    """Whether an order waits and nobody has it."""
+    """Whether an order waits and no robot has it."""
     return view.orders.state[order] == ORDER_WAITING and view.orders.reserved_by[order] == NIL
 
 

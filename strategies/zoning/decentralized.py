@@ -3,8 +3,8 @@
 Each robot looks at its own load every now and then. From time to time all agree on the mean of their
 loads by consensus, one step in a tick. A robot that has been out of tolerance for long signals; the
 signal spreads from robot to robot. The first leader tries exchanges of stations with its neighbours,
-then names the next leader, until everybody has led often enough. Meanwhile robots stand still as long
-as the scenario says.
+then names the next leader, until all robots have led often enough. Meanwhile robots stand still as
+long as the scenario says.
 
 A robot uses nothing but its own memory, what it sees, and what those in range tell it (`said`). With
 `information: {radius: ..., shape: circle, orders: zones}` the view holds nothing else.
@@ -70,7 +70,7 @@ from strategies.zoning.units import cells, rules_of_zones, ticks
 
 @kernel
 def replace_broken(view, out, i, far):
-    """Robot i serves its own zone, and that of one that it sees out of order and unreplaced."""
+    """Robot i serves its own zone, and that of one that it sees down and unreplaced."""
     identity = np.int64(view.robots.identity[i])
     for zone in range(view.service_zones.server.shape[0]):
         server = np.int64(view.service_zones.server[zone])
@@ -200,7 +200,7 @@ class DecentralizedZones(Strategy):
     layer = "zoning"
     Parameters = Decentralized
     compiled = decide
-    counters = {"redesigns": REDESIGNS, "load_shares": SHARES, "messages": MESSAGES}  # noqa: RUF012
+    counters = {"redesigns": REDESIGNS, "shared_orders": SHARES, "messages": MESSAGES}  # noqa: RUF012
 
     def reset(self, view):
         """What each robot remembers; the parameters in ticks, cells and nano-minutes."""

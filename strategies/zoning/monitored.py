@@ -1,9 +1,9 @@
-"""Zones of one central computer: watched, shared when out of balance, and perhaps designed anew.
+"""Zones of one central computer: watched, shared when out of balance, and perhaps redesigned.
 
 Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
 minute, every third minute when it has been good for a while. Out of balance, robots share orders from
 time to time; out of balance for long, new zones are made from the flow of that moment, and take effect
-when a computer would be done with them. All that waits is queued anew then.
+when a computer would be done with them. All that waits is queued again then.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Monitored(Strategy):
     parameters: Any
     counters: ClassVar = {
         "redesigns": REDESIGNS,
-        "load_shares": SHARED,
+        "shared_orders": SHARED,
         "ticks_in_balance": BALANCED,
         "ticks_watched": WATCHED,
     }
@@ -162,7 +162,7 @@ class Monitored(Strategy):
             )
             add_charging(view, workspace.zoning, self._rules)
             value = balance(workspace.zoning.load)
-            if len(workspace.zoning.load) > 1:  # one zone is out of balance with nobody
+            if len(workspace.zoning.load) > 1:  # one zone is out of balance with no robot
                 good = int(0.0 < value <= self.parameters.tolerance)
         state[LAST_LOOK], state[WAS_GOOD] = now, good
         often = ticks(view, self.parameters.often)

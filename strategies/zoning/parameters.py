@@ -119,7 +119,7 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             counted = "stations" if len(floor_plan.stations()) else "groups of slots (raise groups)"
             return (
                 f"each robot serves a zone with a station at least, and there are {robots} robots and "
-                f"{stations} {counted}; take fewer robots"
+                f"{stations} {counted}; use fewer robots"
             )
         if not isinstance(zones, list) or len(zones) == robots:
             return self.flaw(scenario, floor_plan)
@@ -153,7 +153,7 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
 
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """When zones are designed anew."""
+    """When zones are redesigned."""
 
     patience: Annotated[Minutes, Meta(description="out of balance so long: new zones")] = 15.0
     compute: Annotated[Seconds, Meta(description="until a new design takes effect")] = 200.0

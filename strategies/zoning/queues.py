@@ -1,7 +1,7 @@
 """Which robot's queue an order comes into, and how queues share orders.
 
-An order that waits at a station belongs to the zone of that station; one that was set down on its way
-still belongs to the zone whose robot brought it, and is routed on from there (Keith & La).
+An order that waits at a station belongs to the zone of that station; one that was dropped on its
+way still belongs to the zone whose robot brought it, and is routed on from there (Keith & La).
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ from strategies.zoning.able import (
     zone_can,
 )
 
-FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone set down on its way
+FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone dropped on its way
 
 
 @kernel
@@ -196,7 +196,7 @@ def share(view, workspace, out, age, job):
 
 @kernel
 def take_over(view, out):
-    """Who is out of order is replaced by a running robot until it is back.
+    """Who is down is replaced by a running robot until it is back.
 
     By one that serves all its stations if there is any, then by that with the shortest queue.
     """
@@ -217,7 +217,7 @@ def take_over(view, out):
 def record_flow(view, window, now, flow):
     """flow[i, j] = orders from i to j that are known and not delivered longer than `window` ticks ago.
 
-    Returns how many there are. An order that begins and ends at one station is no flow.
+    Returns how many there are. An order that begins and ends at one station is not a flow.
     """
     flow[:] = 0.0
     total = 0

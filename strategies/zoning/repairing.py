@@ -1,4 +1,4 @@
-"""Zones that are designed anew: by simulated annealing, or by a genetic algorithm."""
+"""Zones that are redesigned: by simulated annealing, or by a genetic algorithm."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class StaticZones(Monitored):
 
 
 class Repaired(Monitored, ABC):
-    """Zones that are designed anew when they have been out of balance for long."""
+    """Zones that are redesigned when they have been out of balance for long."""
 
     def _consider(self, view: World, state: Any) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""

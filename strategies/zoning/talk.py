@@ -9,7 +9,7 @@ from automaton.zoning.space import RULES
 from strategies.zoning.able import is_running
 
 NANO = 1_000_000_000  # loads are told in this part of a minute
-DEGREES = 1 << 12  # more robots than anybody has in range
+DEGREES = 1 << 12  # more robots than any robot has in range
 BIAS = NANO // 10  # that consensus begins with
 
 # memory.per_robot

@@ -190,7 +190,7 @@ def seek_recorded() -> float:
 
 
 def seek_live() -> float:
-    run = LiveRun(resolve("tabletop-mini", ["stop={when: never, at_most: 1000000}"]), 1)
+    run = LiveRun(resolve("tabletop-mini", ["stop={when: never, max_duration: 1000000}"]), 1)
     run.show(10**9, 99.0)
     return seek(run)
 

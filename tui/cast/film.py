@@ -34,7 +34,8 @@ class Film:
     """One recording, as requested. Nothing is played before pictures are asked for."""
 
     def __init__(self, path: Path, request: Request) -> None:
-        """Raises InputError for what is no recording, and for requests that it does not meet."""
+        """Raises InputError for a file that is not a recording, and for requests that it does not
+        meet."""
         self._opening = recorded(path)
         (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
         self.last = self.recording.ticks

@@ -95,7 +95,7 @@ class Status:
             Word(done, styles.DONE),
         ]
         if circling:
-            said.append(Word(f"{circling:>{width},} in a circle", styles.FAULT))
+            said.append(Word(f"{circling:>{width},} in a wait cycle", styles.FAULT))
         return said
 
 

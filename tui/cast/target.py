@@ -17,7 +17,7 @@ def checked(path: Path) -> Path:
         if not path.parent.is_dir():
             raise refusal("there is no such folder", path.parent)
         if path.exists() and not path.is_file():
-            raise refusal("this is no ordinary file; '-' is standard output", path)
+            raise refusal("this is not a regular file; '-' is standard output", path)
         if path.exists() and _is_recording(path):
             raise refusal("this is a recording; --out names another file", path)
     except (OSError, RuntimeError) as error:

@@ -52,7 +52,8 @@ HALF: Final = Zoom("half", "pixels", 1, 1, 2)
 
 
 def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
-    """The smallest rectangle that holds everything but outer walls; bays may lie in the border."""
+    """The smallest rectangle that holds everything but outer walls; parking bays may lie in the
+    border."""
     rows, columns = np.nonzero(floor_plan.kind != WALL)
     if not rows.size:
         return Rectangle(1, 1, floor_plan.height + 1, floor_plan.width + 1)

@@ -52,7 +52,7 @@ def ground(scene: Scene, cell: int) -> str:
         return "passing aisle"
     if kind == FLOOR and detail == CROWD:
         return "floor for any number of robots"
-    return CELL_KINDS[kind].name
+    return CELL_KINDS[kind].name.replace("-", " ")
 
 
 def _content(scene: Scene, cell: int) -> str:
@@ -124,7 +124,9 @@ def _robot(scene: Scene, robot: int) -> str:
         return " ".join([*words, "parked"])
     if robots.cause[robot]:
         waits = f", waits: {CAUSES[robots.cause[robot]].name}"
-        return " ".join(words) + waits + (" in a circle" if robots.wait_cycle_ticks[robot] else "")
+        return (
+            " ".join(words) + waits + (" in a wait cycle" if robots.wait_cycle_ticks[robot] else "")
+        )
     if robots.action[robot] != ACTION_IDLE:
         words.append(f"({ACTION_NAMES[robots.action[robot]]})")
     return " ".join(words)

@@ -99,7 +99,7 @@ def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...]
 
 
 def _served(service_zones: ServiceZones, zone: int) -> str:
-    who = "nobody" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
+    who = "no robot" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
     many = int(np.count_nonzero(service_zones.design.zone == zone))
     return f"{who}, {many} station{'s' * (many != 1)}"
 

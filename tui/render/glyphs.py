@@ -64,14 +64,14 @@ class GlyphSet:
     low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a battery that is nearly empty
     low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
     charging: Final = _shape("⊞", "C")
-    drained: Final = _shape("∅", "E")  # out of order for want of energy
-    fault: Final = _shape("✗", "X")  # out of order for a fault
+    drained: Final = _shape("∅", "E")  # down, without charge
+    fault: Final = _shape("✗", "X")  # down because of a fault
     cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
     # Cells.
     floor: Final = ord(".")  # a byte, where ⋅ has three: robots that move uncover much floor
     wall: Final = _shape("░", "%")
     track: Final = _shapes("╌╎", "-|")  # by axis
-    crossing: Final = ord("+")  # of tracks, where nobody turns
+    crossing: Final = ord("+")  # of tracks, where no robot turns
     turntable: Final = _shape("◍", "@")
     one_way: Final = _shapes(
         "\u203a⌄\u2039⌃", ")u(n"

@@ -68,7 +68,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         Entry(signs(fleet.EMPTY, fleet.HOLLOW, ways), "robot, and the way it faces"),
         Entry(signs(fleet.LOADED, fleet.FILLED, ways), "robot with a load"),
         Entry(signs(fleet.WAITS, fleet.HOLLOW, (0,)), "waits"),
-        Entry(signs(fleet.DEADLOCK, fleet.HOLLOW, (0,)), "waits in a circle of robots"),
+        Entry(signs(fleet.DEADLOCK, fleet.HOLLOW, (0,)), "waits in a wait cycle"),
         Entry(signs(fleet.PARKED, fleet.SQUARE, (0,)), "parked"),
     ]
     if scene.floor.battery:
@@ -77,7 +77,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
             Entry(signs(fleet.CHARGING, fleet.PLUG, (0,)), "charges"),
             Entry(signs(fleet.LOW, fleet.THIN, ways), low),
             Entry(signs(fleet.LOW, fleet.BOXED, ways), f"{low}, with a load"),
-            Entry(signs(fleet.DEADLOCK, fleet.VOID, (0,)), "battery empty, out of order"),
+            Entry(signs(fleet.DEADLOCK, fleet.VOID, (0,)), "battery empty, down"),
         ]
     if scene.floor.faults:
         entries.append(Entry(signs(fleet.DEADLOCK, fleet.CROSS, (0,)), "broken down"))
@@ -92,7 +92,7 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
 
 
 def _far_robots(scene: Scene, sign: int) -> list[Entry]:
-    worst = "waiting in a circle" + (", out of order" if scene.floor.loads_may_lie else "")
+    worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
     names = {
         fleet.DEADLOCK: worst,
         fleet.WAITS: "waiting",
@@ -173,7 +173,7 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         ink = FAR_SHELF if kind in (SHELF, RACK) else ink_of(look(kind))
         return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
 
-    return [Entry((sign(kind),), CELL_KINDS[kind].name) for kind in kinds]
+    return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
 
 
 def _meaning(number: int) -> str:
@@ -187,5 +187,5 @@ def _meaning(number: int) -> str:
             detail, "one-way floor"
         )
     return {"turntable": "turntable: robots turn here"}.get(
-        CELL_KINDS[kind].name, CELL_KINDS[kind].name
+        CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
     )

@@ -23,7 +23,7 @@ EMPTY: Final = 2
 LOADED: Final = 3
 LOW: Final = 4  # its battery is
 WAITS: Final = 5
-DEADLOCK: Final = 6  # and out of order
+DEADLOCK: Final = 6  # and down
 SELECTED: Final = 7
 INKS: Final = np.array(
     [
@@ -48,7 +48,7 @@ LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 class Robots(NamedTuple):
     """The fleet as it is drawn; all (n,), by identity."""
 
-    cell: NDArray[np.int32]  # its bay's if it is there; NIL: it cannot be drawn
+    cell: NDArray[np.int32]  # its parking bay's if it is there; NIL: it cannot be drawn
     state: NDArray[np.uint8]
     direction: NDArray[np.uint8]
     shape: NDArray[np.uint8]
@@ -86,7 +86,7 @@ def draw_batteries(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uin
 
 
 def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
-    """Robots that stand out of order, and such as were towed, which show in a bay alone."""
+    """Robots that are down, and such as were towed, which show in a parking bay alone."""
     assert scene.snapshot is not None
     status = scene.snapshot.robots.status
     for code, sign in ((DRAINED, VOID), (STATUS_FAILED, CROSS)):

@@ -100,7 +100,7 @@ class Floor:
     headings: int = 4  # distinguished by the robots: 1 omni, 2 rail (axes), 4 differential
     traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries
-    faults: bool = False  # robots may go out of order
+    faults: bool = False  # robots may go down
 
     @cached_property
     def looks(self) -> NDArray[np.uint8]:

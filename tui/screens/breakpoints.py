@@ -17,7 +17,7 @@ from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 
 GRAMMAR: Final = (
-    "deadlock, circular wait, zones redesigned, delivered 7, stuck > 50, or a condition on "
+    "deadlock, wait cycle, zones redesigned, delivered 7, stalled > 50, or a condition on "
     "a robot, such as waiting > 20 and loaded, cause == 'head-on'"
 )
 
@@ -99,7 +99,7 @@ class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
         self._list = StopList(stops, signs)
 
     def inside(self) -> ComposeResult:
-        yield Input(placeholder="add one: stuck > 50", compact=True)
+        yield Input(placeholder="add one: stalled > 50", compact=True)
         yield Static(f"Write {GRAMMAR}.", classes="hint", markup=False)
         yield Static(f"A robot has {', '.join(FIELDS)}.", classes="hint", markup=False)
         yield Static(WAYS, classes="hint spare", markup=False)

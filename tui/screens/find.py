@@ -25,7 +25,7 @@ from tui.widgets.zone_facts import robots_in
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, 12,4, station 11, zone 9, "
-    "or a condition: waiting > 20 and loaded, deadlock, stuck > 50, battery < 20, in line"
+    "or a condition: waiting > 20 and loaded, deadlock, stalled > 50, battery < 20, queueing"
 )
 
 

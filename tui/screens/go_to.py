@@ -19,7 +19,7 @@ def tick_of(text: str, now: int, head: int, end: int | None, of: Unit) -> int:
     """The tick that a text means, be it after the end; `head` is the last so far. Raises InputError."""
     found = AMOUNT.fullmatch(text.strip())
     if found is None:
-        raise InputError(f"'{text.strip()}' is no tick; write {examples(of)}")
+        raise InputError(f"'{text.strip()}' is not a tick; expected {examples(of)}")
     sign, amount, name = found[1], float(found[2].replace(",", "")), found[3] or "ticks"
     ticks = round(_ticks(amount, name, head if end is None else end, of))
     if sign:

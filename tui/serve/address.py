@@ -49,7 +49,7 @@ def origin(url: str) -> str:
         parts = urlsplit(url)
         port = parts.port
     except ValueError:
-        raise InputError(f"--public-url: '{url}' is no address") from None
+        raise InputError(f"--public-url: '{url}' is not an address") from None
     extra = parts.path.strip("/") or parts.query or parts.fragment or "@" in parts.netloc
     if parts.scheme not in DEFAULT_PORTS or not parts.hostname or extra:
         raise InputError(

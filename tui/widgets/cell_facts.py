@@ -53,7 +53,7 @@ def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     """Everything about one cell."""
     kind = CELL_KINDS[int(view.floor_plan.kind.reshape(-1)[cell])]
     x, y = view.floor_plan.xy(cell)
-    lines = [line(title(f"cell ({x}, {y}) "), kind.name), line(dim(kind.meaning))]
+    lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
     facts = [
         *_ground(view, cell),
         *station_facts(view, cell),
@@ -192,7 +192,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
 
 
 def _lead_time(view: View, order: int) -> Parts:
-    """From its becoming known to its delivery, or to now."""
+    """From its release to its delivery, or to now."""
     orders = view.snapshot.orders
     known, state = int(orders.release_tick[order]), int(orders.state[order])
     if state == ORDER_UNRELEASED:

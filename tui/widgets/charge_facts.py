@@ -27,9 +27,9 @@ def has_batteries(view: View) -> bool:
 
 
 def may_fail(view: View) -> bool:
-    """Whether robots may go out of order."""
+    """Whether robots may go down."""
     faults = view.run.resolved.scenario.faults
-    return has_batteries(view) or bool(faults.listed or faults.rate)
+    return has_batteries(view) or bool(faults.listed or faults.failure_probability)
 
 
 def battery(view: View, robot: int, signs: Signs) -> Parts:
@@ -43,7 +43,7 @@ def battery(view: View, robot: int, signs: Signs) -> Parts:
 
 
 def charging_plan(view: View, robot: int) -> Parts:
-    """Up to which level it charges or is going to, how long that takes, and its place in line."""
+    """Up to which level it charges or is going to, how long that takes, and its place in the queue."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     if fleet.goal_type[robot] != GOAL_CHARGE:
         return []
@@ -53,14 +53,14 @@ def charging_plan(view: View, robot: int) -> Parts:
     told = f"up to {percent(int(fleet.charge_target[robot]) / BATTERY_FULL, 0)}"
     in_line = line_before(snapshot, cell)
     if robot in in_line:
-        told += f", place {in_line.index(robot) + 1} of {len(in_line)} in line"
+        told += f", place {in_line.index(robot) + 1} of {len(in_line)} in the queue"
     elif ahead := len(in_line) + len(charging_at(snapshot, cell)):
         told += f"; {count(ahead, 'robot')} {'is' if ahead == 1 else 'are'} there now"
     return [told]
 
 
 def condition(view: View, robot: int) -> list[str | Span]:
-    """Whether it is out of order, since when and until when."""
+    """Whether it is down, since when and until when."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     if not may_fail(view):
         return []
@@ -77,7 +77,7 @@ def condition(view: View, robot: int) -> list[str | Span]:
 
 
 def charger_lines(view: View, cell: int, width: int) -> list[Line]:
-    """Who charges in a cell, who stands in line, and who is on the way."""
+    """Who charges in a cell, who queues, and who is on the way."""
     snapshot = view.snapshot
     lines: list[Line] = []
     there = charging_at(snapshot, cell)
@@ -86,10 +86,10 @@ def charger_lines(view: View, cell: int, width: int) -> list[Line]:
         words = f" at {charge}, {up_to(snapshot, robot)}"
         lines += fact("charges", robot_link(robot), words, width=width)
     if not there:
-        lines += fact("charges", "nobody", width=width)
+        lines += fact("charges", "no robot", width=width)
     in_line = line_before(snapshot, cell)
     for place, robot in enumerate(in_line[:LINES]):
-        lines += fact("" if place else "in line", *_arriving(view, robot), width=width)
+        lines += fact("" if place else "queue", *_arriving(view, robot), width=width)
     if len(in_line) > LINES:
         lines += fact("", f"and {len(in_line) - LINES:,} more", width=width)
     for place, robot in enumerate(sent_to(snapshot, cell)[:LINES]):

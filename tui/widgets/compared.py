@@ -1,6 +1,6 @@
 """The metrics of two runs beside each other, with the difference and which is better.
 
-Only figures of the same tick are judged, or those of two runs that have both delivered everything:
+Only metrics of the same tick are judged, or those of two runs that have both delivered everything:
 after one has ended the other goes on, and what it does then is no merit and no fault.
 """
 
@@ -14,12 +14,12 @@ from tui.view import View
 from tui.widgets.lines import Line, Span, dim, line, title, wrapped
 from tui.widgets.signs import Signs
 
-GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "completions"}
-HEADLINES: Final = ("delivered", "throughput", "blocked", "utilization", "T_total")
-NEITHER: Final = {"legs_per_order", "withdrawals", "ticks_per_operation"}
-NAME: Final = 19
+GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}
+HEADLINES: Final = ("delivered", "throughput", "blocked_share", "utilization", "makespan")
+NEITHER: Final = {"legs_per_order", "retreats", "ticks_per_operation"}
+NAME: Final = 28
 UNEQUAL: Final = "not compared: one run has ended before this tick"
-ONE_LINE: Final = 52  # columns that a metric needs for its name and figures
+ONE_LINE: Final = 52  # columns that a metric needs for its name and values
 
 
 def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
@@ -70,7 +70,7 @@ def _together(view: View) -> bool:
 
 
 def _ticks(view: View, narrow: bool, column: int) -> Line:
-    """Of which ticks the figures are."""
+    """Of which ticks the metrics are."""
     ticks = "".join(f"{figures.tick:>{column},} " for figures in view.shot.figures)
     return line(dim(("" if narrow else "at tick".ljust(NAME)) + ticks))
 

@@ -1,4 +1,4 @@
-"""A figure over time, drawn in braille: two points of time and four levels in each character.
+"""A metric over time, drawn in braille: two points of time and four levels in each character.
 
 24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
  0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.

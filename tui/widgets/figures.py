@@ -1,4 +1,4 @@
-"""The figures of the run: now, so far, and over time; of two runs side by side."""
+"""The metrics of the run: now, so far, and over time; of two runs side by side."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
 from tui.widgets.zone_facts import zone_link
 
-NAME: Final = 13  # columns for the name of a figure
-FIGURE: Final = 5  # columns of a figure, one digit behind the point
+NAME: Final = 13  # columns for the name of a metric
+FIGURE: Final = 5  # columns of a metric, one digit behind the point
+CAUSE: Final = 19  # columns for the name of a cause
 ROWS: Final = 3  # of a curve
 ZONES: Final = 5  # that are listed
 UNIT: Final = "/1000 ticks"
@@ -74,8 +75,8 @@ class Figures(TextPanel):
             _figure("delivered", f"{done:,} of {len(orders):,} ", bar(share, room, self.signs)),
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {curve.NOW_TICKS}", f"{_short(now)} {unit}"),
-            *self._share("utilization", view, width),
-            *self._share("blocked", view, width),
+            *self._share("utilization", "utilization", view, width),
+            *self._share("blocked_share", "blocked", view, width),
             *_robots(view, width),
             *self._energy(view, width),
             *_out_of_order(view, width),
@@ -107,24 +108,24 @@ class Figures(TextPanel):
         there, waiting = charging(fleet), np.count_nonzero(in_line(fleet))
         look = "warn" if charge[0] * BATTERY_FULL < LOW_CHARGE else "plain"
         least, mean = percent(charge[0], 0), percent(charge[1], 0)
-        chargers = f"{np.count_nonzero(there):,}, {waiting:,} in line"
+        chargers = f"{np.count_nonzero(there):,}, {waiting:,} queue"
         link = ("share", list(GLOSSARY).index("energy"))
         used = f"{_short(float(metrics['energy']))} batteries"
         return [
             _figure("at chargers", chargers),
-            *self._share("charging", view, width),
+            *self._share("charging_share", "charging", view, width),
             (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
             line(*term("energy", link, NAME), used),
             *self.explanation(link, GLOSSARY["energy"][1], width),
         ]
 
-    def _share(self, name: str, view: View, width: int) -> list[Line]:
+    def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
         """A share of time, and what counts."""
         link = ("share", list(GLOSSARY).index(name))
         share = percent(float(view.shot.figures[view.side].metrics[name]))
         value = f"{share:>{FIGURE + 2}}"
         told = self.explanation(link, GLOSSARY[name][1], width)
-        return [line(*term(name, link, NAME), value), *told]
+        return [line(*term(label, link, NAME), value), *told]
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""
@@ -153,12 +154,12 @@ class Figures(TextPanel):
             return [line(title("no time lost so far"))]
         whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
         lines = [line(title("time lost"), dim(" of all robot ticks"))]
-        room = max(0, width - NAME - 12)
+        room = max(0, width - CAUSE - 10)
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         for cause in causes:
             drawn = lost_time.drawn(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME + 2))
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, CAUSE))
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
         return [*lines, lost_time.key(causes, self.signs)]
@@ -217,7 +218,7 @@ def _out_of_order(view: View, width: int) -> list[Line]:
     standing = int(np.count_nonzero((status == STATUS_DEPLETED) | (status == STATUS_FAILED)))
     towed = int(np.count_nonzero(status >= STATUS_TOWED))
     out = Span(count(standing, "robot"), "fault" if standing else "plain")
-    return fact("out of order", out, f", {towed:,} towed", width=width, label=NAME)
+    return fact("down", out, f", {towed:,} towed", width=width, label=NAME)
 
 
 def _figure(name: str, *parts: str) -> Line:

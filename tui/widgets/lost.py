@@ -2,7 +2,7 @@
 
 HHHQ....................     all of the time: a letter for each share of it, dots for the rest
 H head-on       ⣿⣿⣿⣿⣿⣿⡇      a full bar: another robot is in the way, which counts as blocked
-w wait drawn    ⠶⠆           a thin one, and a small letter: it waits for something else
+w random wait   ⠶⠆           a thin one, and a small letter: it waits for something else
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from automaton.world.observation import CAUSES
 from tui.widgets.lines import Line, Span, dim, line
 from tui.widgets.signs import Signs, bar
 
-LETTERS: Final = ".QHWDICLBwFRopriPebsz"  # by cause; capitals count as blocked
+LETTERS: Final = ".QHWDIVLBwFRopriPebsz"  # by cause; capitals count as blocked
 BLOCKED: Final = "warn"
 OTHER: Final = "plain"
 

@@ -88,7 +88,7 @@ def station_at(view: View, cell: int) -> int:
 
 
 def line_at(view: View, station: int) -> list[int]:
-    """The works of a station that are not done: the one under way first."""
+    """Return the jobs of a station that are not done, the one in service first."""
     stations, works = view.snapshot.stations, []
     work = int(stations.in_service[station])
     while work != NIL:
@@ -111,7 +111,7 @@ def _work(view: View, station: int) -> list[tuple[str, Parts]]:
     busy = int(stations.processing_time[mine & (stations.completion_tick != NIL)].sum())
     return [
         ("works on", [now]),
-        ("in line", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
+        ("queue", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
         ("so far", [f"{count(done, 'part')} in {count(busy, 'tick')} of work"]),
     ]
 
@@ -138,7 +138,7 @@ def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
 
 
 def queued(view: View, zones: list[int]) -> list[int]:
-    """The orders that wait in the queues of zones and that nobody has taken, oldest first."""
+    """The orders that wait in the queues of zones and that no robot has taken, oldest first."""
     orders, service_zones = view.snapshot.orders, view.snapshot.service_zones
     there = (
         np.isin(service_zones.queue, zones)
@@ -160,7 +160,7 @@ def work_words(view: View, zones: list[int]) -> str:
 
 
 def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
-    """The queue that an order is in, where it is set down next, and whether it goes there directly."""
+    """The queue that an order is in, where it is dropped next, and whether it goes there directly."""
     service_zones, orders = partition_of(view), view.snapshot.orders
     if service_zones is None or orders.state[order] not in (ORDER_WAITING, ORDER_CARRIED):
         return []
@@ -189,9 +189,7 @@ def part_of_order(view: View, order: int) -> list[tuple[str, Parts]]:
     return [
         (
             "moves",
-            [
-                f"part {stations.part[work]} to its next work, {stations.processing_time[work]} ticks"
-            ],
+            [f"part {stations.part[work]} to its next job, {stations.processing_time[work]} ticks"],
         )
     ]
 
@@ -207,14 +205,14 @@ def checked_served(service_zones: ServiceZones, number: int) -> int:
 def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
     """Everything about one zone that a robot serves."""
     if zone >= len(service_zones.server):  # of the other of two runs
-        return [line(title(f"zone {zone + 1} "), "is none of this run")]
+        return [line(title(f"zone {zone + 1} "), "is not in this run")]
     design, server = service_zones.design, int(service_zones.server[zone])
     waiting = queued(view, [zone])
     lines = [
         line(title(f"zone {zone + 1} "), dim(f"of {len(service_zones.server)} that robots serve"))
     ]
     facts: list[tuple[str, Parts]] = [
-        ("served by", ["nobody" if server == NIL else robot_link(server)]),
+        ("served by", ["no robot" if server == NIL else robot_link(server)]),
         ("stations", several(_stations(view, design.zone == zone))),
     ]
     for other in range(len(service_zones.server)):

@@ -33,7 +33,16 @@ OUT_OF_ORDER: Final = {
 }
 DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
 PARKED: Final = "parked"
-SHORT: Final = {"illegal answer": "illegal", "none": ""}
+SHORT: Final = {
+    "driving ahead": "driving",
+    "following conflict": "following",
+    "illegal decision": "illegal",
+    "no drop-off slot": "no slot",
+    "none": "",
+    "reduced speed": "slow",
+    "vertex conflict": "conflict",
+    "working ahead": "working",
+}
 
 
 class Column(NamedTuple):
@@ -55,14 +64,14 @@ def doing(fleet: Fleet, robot: int) -> str:
     if fleet.parked[robot]:
         return PARKED
     if in_line(fleet)[robot]:
-        return "in line"
+        return "queues"
     if is_waiting(fleet.cause[robot]):
         return "waits"
     return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
 
 
 def _doing_keys(view: View) -> Array:
-    """In the order of DOING: idle, at work, waiting; then parked, last out of order and towed."""
+    """In the order of DOING: idle, at work, waiting; then parked, last down and towed."""
     fleet = view.snapshot.robots
     keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
     keys[is_waiting(fleet.cause)] = ACTION_NAMES.index("wait")

@@ -82,7 +82,7 @@ def _type(view: View, robot: int) -> list[str | Span]:
     kind = type_of(view, robot)
     if kind is None:
         return []
-    facts = [f"{kind.pace} x durations.move" if kind.pace > 1 else ""]
+    facts = [f"{kind.move_time_factor} x durations.move" if kind.move_time_factor > 1 else ""]
     facts += [f"carries up to {kind.payload:,}" if kind.payload else ""]
     told = ", ".join(fact for fact in facts if fact)
     return [kind.name, f": {told}" if told else ""]
@@ -95,7 +95,7 @@ def _state(view: View, robot: int) -> str:
         return doing(view.snapshot, robot)
     ticks = view.snapshot.tick - int(fleet.since[robot])
     name = CAUSES[int(fleet.cause[robot])].name
-    circle = ", in a circle" if fleet.wait_cycle_ticks[robot] else ""
+    circle = ", in a wait cycle" if fleet.wait_cycle_ticks[robot] else ""
     return f"{count(ticks, 'tick')}: {name}{circle}"
 
 
@@ -122,7 +122,7 @@ def _place(view: View, robot: int) -> list[str | Span]:
     if cell == NIL:
         if fleet.status[robot] >= STATUS_TOWED:
             return ["off the floor, towed"]
-        return ["in its bay" if fleet.bay[robot] != NIL else "off the floor"]
+        return ["in its parking bay" if fleet.bay[robot] != NIL else "off the floor"]
     parts: list[str | Span] = [
         cell_link(floor_plan, cell),
         f" {CELL_KINDS[_kind(view, cell)].name}",
@@ -187,7 +187,7 @@ def _goal(view: View, robot: int) -> list[str | Span]:
         return ["to charge at ", cell_link(view.floor_plan, int(fleet.goal_cell[robot]))]
     if goal == GOAL_PICK:
         slot = NIL if order == NIL else int(orders.current_slot[order])
-    parts: list[str | Span] = ["to set down" if goal == GOAL_DROP else "to pick up"]
+    parts: list[str | Span] = ["to drop" if goal == GOAL_DROP else "to pick up"]
     return parts if slot == NIL else [*parts, " at ", _slot(view, slot)]
 
 
@@ -198,7 +198,7 @@ def _route(view: View, robot: int) -> list[str | Span]:
         return []
     parts: list[str | Span] = [f"{count(steps, 'cell')} to ", cell_link(view.floor_plan, goal_cell)]
     if fleet.retreat_moves[robot] > 0:
-        parts.append(f", withdrawing {count(int(fleet.retreat_moves[robot]), 'step')}")
+        parts.append(f", retreating {count(int(fleet.retreat_moves[robot]), 'step')}")
     return parts
 
 

@@ -20,7 +20,7 @@ class Signs(NamedTuple):
     here: str  # the present, the current choice
     on: str
     off: str
-    better: str  # the better of two figures
+    better: str  # the better of two metrics
     full: str  # of a bar
     half: str
     thin: str  # of a bar of the second kind

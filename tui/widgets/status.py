@@ -89,7 +89,7 @@ def fleet_words(snapshot: Snapshot) -> list[Word]:
         word(f"{now.delivered:,}/{now.orders:,} delivered", styles.DONE, "events", 1),
     ]
     if now.circling:
-        said.insert(2, word(f"{now.circling:,} in a circle", styles.FAULT, "why", 4))
+        said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.FAULT, "why", 4))
     return said
 
 

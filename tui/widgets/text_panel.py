@@ -9,7 +9,7 @@ from tui.widgets.signs import UNICODE, Signs
 
 
 class TextPanel(Rows):
-    """Subclasses write the lines for a width; they are made anew only when something changed."""
+    """Subclasses write the lines for a width; they are made again only when something changed."""
 
     def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)

@@ -16,7 +16,7 @@ from tui.widgets.lines import Line, Link, Span, dim, line, linked, robot_link, t
 from tui.widgets.text_panel import TextPanel
 
 MOST: Final = 40  # robots in the list to pick from
-NAME: Final = 17  # columns for the letter and the name of a cause
+NAME: Final = 21  # columns for the letter and the name of a cause
 PERCENT: Final = 6
 FIRST: Final = 12  # links of a chain that are told from its beginning
 LAST: Final = 4

@@ -21,7 +21,7 @@ MOST = 24  # robots that are named one by one
 
 def zones_in(view: View) -> TrafficZones:
     """The zones of the floor, as the rules have them by now."""
-    return traffic_zones_of(view.floor_plan, view.run.resolved.scenario.world.zones)
+    return traffic_zones_of(view.floor_plan, view.run.resolved.scenario.world.traffic_zones)
 
 
 def checked_zone(view: View, zone: int) -> int:
@@ -90,23 +90,27 @@ def _slow(view: View) -> bool:
 
 
 def _free(view: View) -> Parts:
-    return [", which slows nobody down"] if _slow(view) else []
+    return [", which slows no robot down"] if _slow(view) else []
 
 
 def _pace(view: View, zone: int) -> Parts:
-    """How long a move takes that begins now in a zone; nothing to say where zones slow nobody."""
+    """How long a move takes that begins now in a zone; nothing to say where zones slow no robot."""
     if not _slow(view):
         return []
     move = int(view.run.resolved.scenario.durations.move)
     many = max(1, len(robots_in(view, zone)))
     ticks = f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
     types = view.run.resolved.scenario.fleet.types
-    slower = ", times the pace of its type" if any(kind.pace > 1 for kind in types) else ""
+    slower = (
+        ", times the move_time_factor of its type"
+        if any(kind.move_time_factor > 1 for kind in types)
+        else ""
+    )
     return [f"from here takes {ticks}{slower}"]
 
 
 def _cost(view: View, zone: int) -> Parts:
-    """What the zone has cost; nothing to say where zones slow nobody and never did."""
+    """What the zone has cost; nothing to say where zones slow no robot and never did."""
     lost = int(view.snapshot.lost_in_zone[zone])
     return [f"moves from here took {count(lost, 'tick')} longer"] if lost or _slow(view) else []
 
@@ -118,7 +122,7 @@ def zone_lines(view: View, zone: int, width: int) -> list[Line]:
         return served_zone_lines(view, service_zones, zone, width)
     traffic_zones = zones_in(view)
     if zone >= traffic_zones.count:  # of the other of two runs
-        return [line(title(f"zone {zone} "), "is none of this floor")]
+        return [line(title(f"zone {zone} "), "is not on this floor")]
     cells = np.flatnonzero((traffic_zones.of == zone).any(axis=1))
     robots = robots_in(view, zone)
     ends: Parts = [cell_link(view.floor_plan, int(cells[0]))]

@@ -1,4 +1,5 @@
-"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are foreseen.
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are
+predicted.
 
 For A = 1, 2, ... the zones with A or more others are closed, save those that touch the robot's own
 start, pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
@@ -16,7 +17,7 @@ from automaton.world.state import NIL
 PLAIN = 0  # in place of A: nothing is closed
 
 LEAST_TIME = (
-    0  # which candidate is taken: of least foreseen time, ties to plain A*, then to least A
+    0  # which candidate is taken: of least predicted time, ties to plain A*, then to least A
 )
 MOST_CAUTIOUS = 1  # the one of least A
 

@@ -1,9 +1,9 @@
 """Plans replayed ahead of time: the world's rule of slow zones, without anything else.
 
 Each robot takes its steps as soon as it is free. A move takes as many times longer as its zone has
-robots when it begins; nobody waits for a cell. Who leaves a bay is counted from the next tick on. A
-robot whose plan has ended is counted for one more tick, then its next task is unknown; one that has
-nothing to do stays.
+robots when it begins; no robot waits for a cell. Who leaves a parking bay is counted from the next
+tick on. A robot whose plan has ended is counted for one more tick, then its next task is unknown;
+one that has nothing to do stays.
 """
 
 import numpy as np
@@ -124,7 +124,7 @@ def depart(view, memory, crowd, calendar, i, tick):
 
 @kernel
 def zone_left(view, row):
-    """The zone of the move that comes next, NIL if it is no move."""
+    """The zone of the move that comes next, NIL if it is not a move."""
     step = row[COLUMNS + row[STEP]]
     return zone_of(view.grid, row[PLACE], step) if step < PICKS else NIL
 

@@ -31,11 +31,11 @@ def blur(used, traffic_zone_count, keep, add, seed, task, robot):
 
 
 def false_alarms(precision: float, recall: float, used: float) -> float:
-    """The probability with which a zone that a task does not use is foreseen all the same.
+    """The probability with which a zone that a task does not use is predicted all the same.
 
         recall * used * (1 - precision) / (precision * (1 - used))
 
-    `used`: the share of the zones that a task uses on average. Of all zones that are foreseen of many
-    tasks, the share `precision` is then right.
+    `used`: the share of the zones that a task uses on average. Of all zones that are predicted of
+    many tasks, the share `precision` is then right.
     """
     return min(1.0, recall * used * (1 - precision) / (precision * (1 - used)))

@@ -1,7 +1,8 @@
 """What each robot is going to do, as far as it is known: its route, then the rest of its task.
 
 A plan begins where the robot is free for its next step. It consists of directions, of the work at
-the stand, and of the way with the load to the order's target, for which the path of plain A* stands.
+the goal cell, and of the way with the load to the order's target, for which the path of plain A*
+stands.
 """
 
 import numpy as np
@@ -71,7 +72,7 @@ def append(memory, i, step):
 
 @kernel
 def append_rest(view, workspace, memory, i, heading):
-    """Add what follows when robot i is at its stand with a heading: the rest of its task."""
+    """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
     robots = view.robots
     if robots.goal_type[i] == GOAL_DROP:
         append(memory, i, DROPS)

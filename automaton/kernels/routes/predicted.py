@@ -14,7 +14,7 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
     """field: (C,) int32, how many robots on a way are going to drive through each cell.
 
     `besides`: the identity of a robot that does not count. A robot's way is the rest of its route,
-    or the path to its stand, and the path from there to where it sets down what it picks up.
+    or the path to its goal cell, and the path from there to where it drops what it picks up.
     `workspace`,
     `steps` (L,) uint8 and `seen` (C,) int32 are scratch.
     """
@@ -47,7 +47,7 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
 
 @kernel
 def next_goal_cell(view, i):
-    """Where robot i will set down what it drives to pick up; NIL if it does not."""
+    """Where robot i will drop what it drives to pick up; NIL if it does not."""
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal_type[i] != GOAL_PICK:
         return np.int64(NIL)

@@ -1,8 +1,9 @@
 """What is expected of others by who knows their tasks and not their plans (Bhattathiri, Li & Kuhl).
 
-Of each robot it is known where and when its task began, where it picks up and where it sets down. It is
-expected on the paths of plain A*, as if nobody delayed it: at the ticks that follow from that, or, where
-shares are foreseen, at any time with the probability ticks in a zone / ticks of the task.
+Of each robot it is known where and when its task began, where it picks up and where it drops. It is
+predicted on the paths of plain A*, as if no robot delayed it: at the ticks that follow from that,
+or, where shares are predicted, at any time with the probability ticks in a zone / ticks of the
+task.
 """
 
 import numpy as np
@@ -100,7 +101,7 @@ def begin_task(view, memory, i):
 
 @kernel
 def replay_task(view, memory, i):
-    """Enter robot i's visits from now on, as if nobody had delayed it or will."""
+    """Enter robot i's visits from now on, as if no robot had delayed it or will."""
     begin_task(view, memory, i)
     row, horizon = memory.per_robot[i], memory.parameters[HORIZON]
     row[ZONE] = NIL

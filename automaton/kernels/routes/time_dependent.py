@@ -36,10 +36,11 @@ BOTH = 32
 
 @kernel
 def time_dependent_path(view, workspace, memory, beta, i, around, steps):
-    """Write the route of least cost of robot i to its stand, or as much as fits; its length, or NIL.
+    """Write the route of least cost of robot i to its goal cell, or as much as fits; its length, or
+    NIL.
 
     `beta`: cost of another robot in thousandths of a move. `around`: cells without room now, the
-    stand excepted, are removed from the floor.
+    goal cell excepted, are removed from the floor.
     """
     robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
     duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]

@@ -1,8 +1,9 @@
-"""Who will be where: foreseen robots in each zone, tick by tick, from now to a horizon.
+"""Who will be where: predicted robots in each zone, tick by tick, from now to a horizon.
 
 memory.shared   the counts of the zones, four ticks to a word; then room for a replay, and whether a
                 count has overflowed. All of it is zero between two calls of a strategy.
-memory.per_robot[i]   what is foreseen of robot i: the columns below, then the steps of its plan, then its
+memory.per_robot[i]   what is predicted of robot i: the columns below, then the steps of its plan,
+then its
                 visits to zones, which are what it adds to the counts.
 
 A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goes up to 65,535; one
@@ -14,7 +15,7 @@ from automaton.world.state import NIL
 
 HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them
 ZONES = 1
-SHARES = 2  # 1: what is foreseen of a zone is a share of all ticks, the same for each of them
+SHARES = 2  # 1: what is predicted of a zone is a share of all ticks, the same for each of them
 OWN_PARAMETERS = 3
 
 # Columns of memory.per_robot; ticks are counted from now.
@@ -28,9 +29,8 @@ ZONE = 6  # where it is counted, or NIL
 SINCE = 7  # the tick in which it came there
 VISITS = 8
 LINK = 9  # the robot whose step begins in the same tick, plus one
-IN_BAY = (
-    10  # 1: its first step begins in a bay, 2 or more: it has left it, its step ends after so many
-)
+# 1: its first step begins in a parking bay, 2 or more: it has left it, its step ends after so many
+IN_BAY = 10
 KEPT = 11  # a number that a strategy keeps from call to call
 TASK = 12  # of which task the plan is, where whole tasks are planned
 COLUMNS = 13
@@ -40,7 +40,7 @@ LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
 MAX_HORIZON = MASK  # of a horizon
-WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are foreseen
+WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
 
 
 def row_size(horizon: int) -> int:
@@ -66,7 +66,7 @@ def words_of_zone(memory):
 
 @kernel
 def present(memory, zone, tick):
-    """Robots foreseen in a zone at a tick; none where there is no zone, and beyond the horizon."""
+    """Robots predicted in a zone at a tick; none where there is no zone, and beyond the horizon."""
     if zone == NIL or tick >= memory.parameters[HORIZON]:
         return 0
     word = memory.shared[zone * words_of_zone(memory) + tick // LANES]

@@ -1,4 +1,4 @@
-"""Go on from any tick of a recording with other settings, and compare the two futures.
+"""Continue a recording from any tick with other settings, and compare the two futures.
 
 The branch is recorded with its past. Exit code 0: it finished, or came to --until; 1: it did not
 finish; 2: bad input, a failing strategy included.
@@ -36,7 +36,7 @@ class Future(NamedTuple):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments of `automaton fork`."""
+    """The arguments of `automaton branch`."""
     add = parser.add_argument
     add("file", type=Path, metavar="RECORDING", help="a recording, whole or cut short")
     add("--at", type=tick, required=True, metavar="TICK", help="what changes holds after this tick")

@@ -1,4 +1,4 @@
-"""`automaton explain` and `automaton fork`: questions put to a recording without a screen."""
+"""`automaton explain` and `automaton branch`: questions put to a recording without a screen."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_circle_is_named() -> None:
 
     floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
     lines = chain_lines(explain(floor.snapshot(), floor.floor_plan, 2))
-    assert lines[-1] == "a circle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    assert lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
 
 
 @pytest.mark.parametrize(
@@ -84,13 +84,13 @@ def test_a_circle_is_named() -> None:
     [
         (("explain", "--robot", "4", "--at", "3"), "there is no robot 4: it has robots 0 to 3"),
         (("explain", "--robot", "0", "--at", "901"), "there is no tick 901: it has ticks 0 to 900"),
-        (("fork", "--at", "901"), "there is no tick 901"),
-        (("fork", "--at", "10", "--until", "10"), "--until 10 is not after --at 10"),
+        (("branch", "--at", "901"), "there is no tick 901"),
+        (("branch", "--at", "10", "--until", "10"), "--until 10 is not after --at 10"),
         (
-            ("fork", "--at", "10", "--set", "seed=3"),
+            ("branch", "--at", "10", "--set", "seed=3"),
             "seed=3: seed cannot change while a run goes on",
         ),
-        (("fork", "--at", "10", "--set", "durations.move=0"), "durations.move must be"),
+        (("branch", "--at", "10", "--set", "durations.move=0"), "durations.move must be"),
     ],
 )
 def test_what_there_is_not_is_told_in_a_sentence(
@@ -107,7 +107,7 @@ def test_a_recording_is_not_overwritten_by_its_branch(
     recorded: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = recorded.read_bytes()
-    assert main(["fork", str(recorded), "--at", "5", "--out", str(recorded)]) == 2
+    assert main(["branch", str(recorded), "--at", "5", "--out", str(recorded)]) == 2
     assert "--out is the recording itself" in capsys.readouterr().err
     assert recorded.read_bytes() == before
 
@@ -117,7 +117,9 @@ def test_without_a_change_the_future_repeats(
 ) -> None:
     for at in (0, 300, 899):
         out = str(tmp_path / f"{at}.rec")
-        found = told(capsys, "fork", str(recorded), "--at", str(at), "--out", out, "--until", "900")
+        found = told(
+            capsys, "branch", str(recorded), "--at", str(at), "--out", out, "--until", "900"
+        )
         assert found["difference"] is None
         assert found["branch"] | {"name": "original"} == found["original"]
         branch, original = (read_recording(path).stored() for path in (out, recorded))
@@ -129,7 +131,7 @@ def test_a_branch_is_marked_verifies_and_is_compared(
 ) -> None:
     out = tmp_path / "branch.rec"
     arguments = (
-        "fork",
+        "branch",
         str(recorded),
         "--at",
         "300",
@@ -140,7 +142,10 @@ def test_a_branch_is_marked_verifies_and_is_compared(
     )
     found = told(capsys, *arguments, "--out", str(out))
     assert found["difference"] > 300 and found["branch"]["ticks"] == 900
-    assert found["branch"]["metrics"]["T_R"] < found["original"]["metrics"]["T_R"]
+    assert (
+        found["branch"]["metrics"]["operations_per_robot"]
+        < found["original"]["metrics"]["operations_per_robot"]
+    )
     marks = [frame.content for frame in read_recording(out).frames if frame.kind == CONDITIONS]
     assert [(mark["tick"], list(mark["settings"])) for mark in marks][-1] == (
         300,
@@ -152,7 +157,7 @@ def test_a_branch_is_marked_verifies_and_is_compared(
     assert "branched off after tick 300: durations.move=9" in text
     assert "the runs differ first at tick" in text and "x goes" not in text
     assert "metric" in text and "original" in text and "lost_refused" in text
-    # The viewer shows both with one clock; in a pipe, figures of both.
+    # The viewer shows both with one clock; in a pipe, metrics of both.
     assert main(["replay", str(recorded), str(out)]) == 0
     text = capsys.readouterr().out
     assert f"the runs differ first at tick {found['difference']}" in text
@@ -166,7 +171,7 @@ def test_a_branch_that_cannot_be_written_is_not_compared_with_an_older_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     out = tmp_path / "branch.rec"
-    arguments = ["fork", str(recorded), "--at", "300", "--out", str(out)]
+    arguments = ["branch", str(recorded), "--at", "300", "--out", str(out)]
     assert main([*arguments, "--set", "durations.move=9"]) == 0
     older = out.read_bytes()
     capsys.readouterr()
@@ -177,22 +182,36 @@ def test_a_branch_that_cannot_be_written_is_not_compared_with_an_older_one(
     monkeypatch.setattr("automaton.recording.recorder.RecordingFile.write", full)
     assert main([*arguments, "--set", "durations.turn=9"]) == 2
     said = capsys.readouterr()
-    assert "the runs" not in said.out and "recorded in" not in said.out and "T_R" in said.out
+    assert (
+        "the runs" not in said.out
+        and "recorded in" not in said.out
+        and "operations_per_robot" in said.out
+    )
     assert said.err == f"automaton: {out}: recording has stopped: No space left on device\n"
     assert out.read_bytes() == older
 
 
 def test_a_branch_that_does_not_finish_says_so_by_its_code(recorded: Path, tmp_path: Path) -> None:
     out = str(tmp_path / "branch.rec")
-    arguments = ["fork", str(recorded), "--at", "300", "--set", "stop.at_most=400", "--out", out]
+    arguments = [
+        "branch",
+        str(recorded),
+        "--at",
+        "300",
+        "--set",
+        "stop.max_duration=400",
+        "--out",
+        out,
+    ]
     assert main(arguments) == 1
 
 
 @pytest.mark.parametrize(
     "orders",
     [
-        "{generator: stations, count: 60, stream: {closed: {in_system: 4}}}",
-        "{parts: [{route: [1, 2, 3], count: 20, every: {mean: 20}}], work: {mean: 9}}",
+        "{generator: stations, count: 60, arrivals: {closed_loop: {in_system: 4}}}",
+        "{parts: [{route: [1, 2, 3], count: 20, interarrival_time: {mean: 20}}], "
+        "processing_time: {mean: 9}}",
     ],
 )
 def test_streams_go_on_in_a_branch(
@@ -203,7 +222,7 @@ def test_streams_go_on_in_a_branch(
         main(["run", "depots", "--set", f"orders={orders}", "--until", "600", "--record", path])
         == 0
     )
-    fork = ("fork", path, "--at", "200", "--until", "600", "--out")
-    assert told(capsys, *fork, same)["difference"] is None
-    assert told(capsys, *fork, other, "--set", "durations.pick=9")["difference"] > 200
+    branch = ("branch", path, "--at", "200", "--until", "600", "--out")
+    assert told(capsys, *branch, same)["difference"] is None
+    assert told(capsys, *branch, other, "--set", "durations.pick=9")["difference"] > 200
     assert verify(same).passed and verify(other).passed

@@ -1,4 +1,4 @@
-"""The words of the schema: what its structs have in common."""
+"""Types of fields that the structs of the schema share."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Weight = Annotated[
     int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
 ]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
-Text = Annotated[str, Meta(min_length=1)]
-Line = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+NonEmptyText = Annotated[str, Meta(min_length=1)]
+SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 
 
-class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A part of a scenario: immutable, unknown keys refused."""
+class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A section of a scenario: immutable; unknown keys are refused."""

@@ -1,4 +1,4 @@
-"""What is allowed in a scenario, but hardly meant: said as a warning, and run all the same."""
+"""Warn about scenario settings that are legal but probably mistakes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
 
 NO_STRATEGY = "none"
 KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
-KEEPS_PLACE = ("wait", "withdraw")  # strategies of right of way under which idle robots may stay
+KEEPS_PLACE = ("wait", "retreat")  # strategies of right of way under which idle robots may stay
 MOST_STATIONS = 100  # between which all ways are measured
 
 
-def doubts(resolved: Resolved) -> list[str]:
-    """A sentence for each."""
+def scenario_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
     found = (
         nothing_to_avoid(resolved),
         parks_on_charger(resolved),
@@ -36,40 +36,40 @@ def doubts(resolved: Resolved) -> list[str]:
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:
-    """Avoiding traffic where no robot slows another."""
+    """Warn about avoiding traffic where no robot slows another."""
     world, routing = resolved.scenario.world, resolved.strategies["routing"].name
     floor_plan = resolved.floor_plan
     crowds = bool((floor_plan.capacity[floor_plan.drivable()] == UNLIMITED).all())
     if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
         return (
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
-            "and world.slowdown is none, so no robot slows another; say world.slowdown: zones"
+            "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
         )
     return ""
 
 
 def parks_on_charger(resolved: Resolved) -> str:
-    """A robot parks where it begins: on a charger it is in the way of those that must charge."""
+    """Warn about robots that begin, and so park, on a charger that other robots need."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
     robots, chargers = scenario.fleet.robots, int(np.count_nonzero(floor_plan.kind == CHARGER))
     if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
         return ""
-    if scenario.fleet.when_done != "park" or chargers >= robots:
+    if scenario.fleet.when_idle != "park" or chargers >= robots:
         return ""
     for robot, cell in enumerate(start):
         if floor_plan.kind.flat[cell] == CHARGER:
             x, y = floor_plan.xy(cell)
             return (
                 f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
-                f"need: {robots} robots share {chargers}; let it begin beside it"
+                f"need: {robots} robots share {chargers}; start it next to the charger"
             )
     return ""
 
 
 def out_of_range(resolved: Resolved) -> str:
-    """An order that takes more than a full battery, from a charger and back to one, above the reserve.
+    """Warn about an order that needs more than a full battery, from a charger and back to one.
 
-    By the moves alone: with turns and handling it takes more.
+    Counted above the reserve and by the moves alone: with turns and handling it takes more.
     """
     scenario, floor_plan, choice = (
         resolved.scenario,
@@ -90,7 +90,7 @@ def out_of_range(resolved: Resolved) -> str:
         ahead = steps_from(floor_plan, [source])
         for target in (target for begin, target in pairs if begin == source):
             empty, loaded = int(there[source] + back[target]), int(ahead[target])
-            cost = move * (empty + battery.drain.loaded * loaded)
+            cost = move * (empty + battery.drain.loaded_factor * loaded)
             if cost > dearest:
                 dearest, way = cost, (source, target)
     least = 100 - battery.reserve
@@ -99,36 +99,38 @@ def out_of_range(resolved: Resolved) -> str:
     (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
     return (
         f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
-        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from a "
-        "charger never does it"
+        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
+        "a charger "
+        "will never take it"
     )
 
 
 def never_charges(resolved: Resolved) -> str:
-    """Batteries and chargers, and nobody who says when to charge."""
+    """Warn about batteries and chargers without a charging strategy."""
     chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
     none = resolved.strategies["charging"].name == NO_STRATEGY
     if resolved.scenario.battery is None or not chargers or not none:
         return ""
     return (
         f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
-        "is none, so nobody ever charges; say charging: insertion, fill-up, threshold or opportunity"
+        "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
+        "threshold or opportunity"
     )
 
 
 def stays_on_station(resolved: Resolved) -> str:
-    """Who has nothing to do stands on a station for one robot that others must reach, for ever."""
+    """Warn about idle robots that stand for ever on a station that other robots must reach."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
     right_of_way = resolved.strategies["right_of_way"]
     settled = right_of_way.name in KEEPS_PLACE and not getattr(
-        right_of_way.parameters, "give_way", False
+        right_of_way.parameters, "idle_give_way", False
     )
     used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
     if not settled or not used or scenario.fleet.robots < 2:
         return ""
     if getattr(resolved.strategies["allocation"].parameters, "idle", "park") == "stay":
-        who = "robots without an order stay where they set down the last one (idle: stay)"
-    elif scenario.fleet.when_done != "park" or start in ("bays", "stands"):
+        who = "robots without an order stay where they dropped the last one (idle: stay)"
+    elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
         return ""
     elif start == "random":
         who = "robots begin anywhere (fleet.start: random), and so park on stations too"
@@ -138,14 +140,14 @@ def stays_on_station(resolved: Resolved) -> str:
             return ""
         who = f"robot {begun[0]} begins on a station, and so parks there"
     return (
-        f"{who}, and a station holds one robot: others that must reach it may wait for ever; say "
-        "right_of_way: {name: withdraw, give_way: true}, or give robots places of their own with "
-        "fleet.start or bays"
+        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
+        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
+        "with fleet.start or parking bays"
     )
 
 
 def counts_as_seconds(resolved: Resolved) -> str:
-    """Zoning has parameters in seconds and minutes, and a tick is in a unit that is no time."""
+    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
     text = resolved.scenario.units.tick
     tick = unit(text)
     if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
@@ -153,8 +155,9 @@ def counts_as_seconds(resolved: Resolved) -> str:
     if tick.name in ("tick", "ticks"):
         return ""
     return (
-        f"units.tick is {text!r}, no time: for the seconds and minutes of zoning a tick counts as a "
-        f"second; times are in {alternatives(SECONDS)}"
+        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
+        "tick counts "
+        f"as a second; use {alternatives(SECONDS)}"
     )
 
 

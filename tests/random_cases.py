@@ -210,7 +210,7 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
     busy = draw(st.integers(0, 5)) == 5  # everybody on the move: rings would be rare otherwise
     floor_plan = draw_floor(draw(st.sampled_from(LOOPS))) if busy else draw(plans())
     if len(floor_plan.bays):
-        n, start = draw(st.sampled_from(range(len(floor_plan.bays), 0, -1))), "bays"
+        n, start = draw(st.sampled_from(range(len(floor_plan.bays), 0, -1))), "parking-bays"
     else:
         cells = draw(st.permutations(np.flatnonzero(floor_plan.drivable()).tolist()))
         n = draw(st.sampled_from(range(min(6, len(cells)), 0, -1)))

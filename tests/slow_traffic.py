@@ -46,7 +46,7 @@ class Traffic:
         bays: int = 0,
         routing: Strategy | None = None,
         kinematics: str = "omni",
-        zones: str = "undirected",
+        traffic_zones: str = "undirected",
         slowdown: str = "zones",
         move: int = 1,
         turn: int = 1,
@@ -68,7 +68,7 @@ class Traffic:
             fleet=Fleet(robots=bays or len(start), kinematics=kinematics),  # type: ignore[arg-type]
             durations=Durations(move=move, turn=turn),
             orders=Orders(generator="picture-loads"),
-            world=WorldRules(traffic_zones=zones, slowdown=slowdown),  # type: ignore[arg-type]
+            world=WorldRules(traffic_zones=traffic_zones, slowdown=slowdown),  # type: ignore[arg-type]
             stop=Stop(when="never", max_duration=10_000),
         )
         picks = {layer: StrategyChoice("none", NoParameters()) for layer in LAYER_NAMES}

@@ -252,21 +252,21 @@ def road(options: dict[str, Any], *robots: int) -> Simulation:
 @pytest.mark.parametrize(("column", "rounds"), [(1, 1), (2, 2), (3, 3), (4, 3), (5, 4), (8, 4)])
 def test_a_region_is_doubled_until_somebody_bids(column: int, rounds: int) -> None:
     """Radius 1, 2, 4, 8: each round is an auction; only those who hear cost messages."""
-    run = road({"region": "order", "radius": 1}, column)
+    run = road({"region": "order", "announcement_radius": 1}, column)
     assert run.counted == {"auctions": rounds, "bids": 1, "messages": 3}
     assert run.world.orders.reserved_by[0] == 0
 
 
 def test_a_region_leaves_out_robots_that_are_far_away() -> None:
     everybody = road({}, 2, 9, 10)
-    near = road({"region": "order", "radius": 3}, 2, 9, 10)
+    near = road({"region": "order", "announcement_radius": 3}, 2, 9, 10)
     assert everybody.counted == {"auctions": 1, "bids": 3, "messages": 3 + 3 + 1}
     assert near.counted == {"auctions": 1, "bids": 1, "messages": 1 + 1 + 1}
 
 
 def test_around_an_auctioneer_those_hear_it_who_are_near_to_it() -> None:
     """The second of two robots has the token first: around it there is nobody else."""
-    run = road({"auctioneer": "token", "radius": 2}, 2, 9)
+    run = road({"auctioneer": "token", "announcement_radius": 2}, 2, 9)
     assert run.counted == {"auctions": 1, "bids": 1, "messages": 3}
     assert run.world.orders.reserved_by[0] == 1, "though the other one is nearer"
 
@@ -346,7 +346,7 @@ def test_genetic_auctions_of_other_seeds_and_of_one_run_draw_apart(
 
 
 def test_kinds_that_cannot_do_a_scenario_say_so() -> None:
-    with pytest.raises(InputError, match="auction exact knows no charging"):
+    with pytest.raises(InputError, match="mechanism exact ignores charging"):
         auction("mechanism: exact")
     for kind in ("exact", "combinatorial"):
         with pytest.raises(InputError, match=r"at most 16 robots, and fleet\.robots is 17"):

@@ -306,7 +306,7 @@ STILL = ("--picture", "still.svg")
         (("film.cast",), "film.cast: cannot write it: this is a recording"),
         (("run.rec", "--out", "."), "cannot write it: this is a folder"),
         (("run.rec", "--out", "no/film.cast"), "no: cannot write it: there is no such folder"),
-        (("run.rec", "--out", "/dev/null"), "no ordinary file; '-' is standard output"),
+        (("run.rec", "--out", "/dev/null"), "not a regular file; '-' is standard output"),
         (("run.rec", "--picture", "still.png"), "'still.png' names no picture: allowed are"),
         (("run.rec", *STILL, *MADE), "--out is for films: it does not go together with --picture"),
         (("run.rec", *STILL, "--to", "0"), "--to is for films"),

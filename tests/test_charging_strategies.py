@@ -98,7 +98,12 @@ def test_safe_also_charges_where_no_charger_could_be_reached_afterwards() -> Non
         for mode in ("threshold-only", "keep-charger-reachable")
         for start in (35.0, 33.0)
     }
-    assert runs == {("look", 35.0): 0, ("safe", 35.0): 0, ("look", 33.0): 0, ("safe", 33.0): 1}
+    assert runs == {
+        ("threshold-only", 35.0): 0,
+        ("keep-charger-reachable", 35.0): 0,
+        ("threshold-only", 33.0): 0,
+        ("keep-charger-reachable", 33.0): 1,
+    }
 
 
 def test_a_robot_that_took_an_order_gives_it_back_to_charge_first() -> None:

@@ -46,7 +46,7 @@ def test_exact_shares_of_many_runs_agree_with_scipy() -> None:
 
 @pytest.mark.parametrize(("met", "runs", "level"), [(1, 0, 0.95), (3, 2, 0.95), (1, 2, 1.0)])
 def test_what_is_no_share_is_refused(met: int, runs: int, level: float) -> None:
-    with pytest.raises(ValueError, match="no share"):
+    with pytest.raises(ValueError, match="not a share"):
         exact_share(met, runs, level)
 
 

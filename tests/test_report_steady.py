@@ -89,7 +89,8 @@ def steady(tmp_path: Path) -> Path:
     (tmp_path / "own.yaml").write_text(shipped.replace("max_duration: 2300", "max_duration: 1200"))
     (tmp_path / "steady.yaml").write_text(
         "name: steady\nscenario: own.yaml\nreplications: 20\ndesign: steady-state\nwindow: 20\n"
-        "warm_up: 400\npoints: [{fleet.robots: 10}]\nanalysis: {metrics: [throughput, delay, blocked]}\n"
+        "warm_up: 400\npoints: [{fleet.robots: 10}]\n"
+        "analysis: {metrics: [throughput, delay, blocked_share]}\n"
     )
     with ThreadPoolExecutor(1) as executor:
         sweep(tmp_path / "steady.yaml", tmp_path / "deep" / "results", executor)

@@ -87,7 +87,7 @@ def test_a_failure_depends_on_the_seed_alone() -> None:
     [(first,), *_] = [fault.listed for fault in drawn[0]]
     assert 1 <= first.at <= LAST_FAILURE
     assert {fault.listed[0].robot for fault in drawn[0]} == {0, 1, 2, 3}
-    assert {(fault.tow_after, fault.repair) for fault in drawn[0]} == {(TOW_AFTER, None)}
+    assert {(fault.tow_after, fault.repair_time) for fault in drawn[0]} == {(TOW_AFTER, None)}
     ticks = sorted(fault.listed[0].at for fault in drawn[0])
     assert ticks[20] < 0.2 * LAST_FAILURE and ticks[180] > 0.8 * LAST_FAILURE
 
@@ -99,7 +99,7 @@ def test_looking_at_lines_changes_no_run() -> None:
     figures = with_lines(watched)
     assert watched.digest == plain.digest
     assert figures["delivered"] == 30 and 0 <= figures["in_line"] <= 1
-    assert figures["lost_in_line"] == pytest.approx(figures["wait"] * figures["stays"])
+    assert figures["lost_queueing"] == pytest.approx(figures["wait"] * figures["stays"])
 
 
 def test_jobs_come_back_in_their_order_whoever_does_them() -> None:

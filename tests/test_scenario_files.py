@@ -114,7 +114,7 @@ def test_set_replaces_single_values_with_the_type_that_yaml_gives_them() -> None
     assert not scenario.world.following
     choice = resolved.strategies["right_of_way"]
     assert choice.name == "retreat", "the name that was there is kept"
-    assert msgspec.to_builtins(choice.parameters)["limit"] == 5
+    assert msgspec.to_builtins(choice.parameters)["max_retries"] == 5
     assert resolved.overrides[0] == "fleet.robots=2"
 
 

@@ -220,6 +220,6 @@ def test_a_ratio_that_may_be_anything_has_no_upper_end() -> None:
 
 
 def test_unequal_numbers_are_no_pairs() -> None:
-    with pytest.raises(ValueError, match="no pairs"):
+    with pytest.raises(ValueError, match="not pairs"):
         effect([1, 2, 3], [1, 2], paired=True)
     assert effect([1, 2, 3], [1, 2]).correlation is None

@@ -83,7 +83,7 @@ def test_a_reader_between_two_writes_has_the_study_that_its_manifest_has(tmp_pat
     read = Store(store.folder)
     assert read.study == plan.study and read.rows().num_rows == 200
     (store.folder / "sweep.json").write_text('{"format": 1}')
-    with pytest.raises(InputError, match="is of format 1, not 4: use another folder"):
+    with pytest.raises(InputError, match="is of format 1, not 5: use another folder"):
         Store(store.folder)
 
 

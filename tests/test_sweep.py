@@ -90,7 +90,7 @@ def test_what_is_done_is_not_done_again(
     study = small_study(tmp_path)
     assert main(["sweep", str(study), "--out", str(swept), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told["runs"], told["found"], told["done"]) == (24, 24, 0)
+    assert (told["runs"], told["existing"], told["done"]) == (24, 24, 0)
     assert row_files(swept) == files and Store(swept).rows().column("wall_s") == times
     assert sorted(path.name for path in swept.iterdir()) == [
         ".lock",

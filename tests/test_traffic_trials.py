@@ -30,7 +30,7 @@ SEED = 1
 
 
 @pytest.fixture(scope="module")
-def plan() -> FloorPlan:
+def floor_plan() -> FloorPlan:
     return Racks(preset="E1").build()
 
 

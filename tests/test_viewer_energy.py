@@ -125,7 +125,7 @@ def test_a_robot_in_line_tells_its_battery_its_place_and_its_plan(width: int) ->
     said_then = shown(Inspector(), selected(view, two), width)
     for words in (
         f"⋅ {in_percent(view, 'charge', two):.1f} %",
-        f"charging up to {in_percent(view, 'level', two):.0f} %, place 2 of 2 in the queue",
+        f"charging up to {in_percent(view, 'charge_target', two):.0f} %, place 2 of 2 in the queue",
         "condition in order",
         "goal to charge at (4, 0)",
         "ahead order 7, order 3, order 11",
@@ -156,7 +156,7 @@ def test_the_plan_of_a_robot_comes_with_the_snapshot_when_it_is_selected() -> No
 def test_a_robot_that_charges_says_how_long_and_keeps_its_word() -> None:
     view, holder, _, _ = in_line()
     said_then = shown(Inspector(), of_robot(view, holder), WIDE)
-    level = in_percent(view, "level", holder)
+    level = in_percent(view, "charge_target", holder)
     ticks = int(np.ceil(level - in_percent(view, "charge", holder)))  # 1 % in each
     assert f"robot {holder} charges up to {level:.0f} %, {ticks} tick" in said_then
     assert f"charging up to {level:.0f} %, {ticks} tick" in said_then
@@ -195,11 +195,11 @@ def test_a_charger_tells_who_charges_who_waits_and_who_comes() -> None:
     view, holder, one, two = in_line()
     said_then = shown(Inspector(), of_cell(view, 4, 0), WIDE)
     assert "cell (4, 0) charger" in said_then
-    charge, level = (in_percent(view, name, holder) for name in ("charge", "level"))
+    charge, level = (in_percent(view, name, holder) for name in ("charge", "charge_target"))
     assert f"charges robot {holder} at {charge:.0f} %, up to {level:.0f} %, " in said_then
     queue = said_then.partition("queue ")[2]
     for robot in (one, two):
-        charge, level = (in_percent(view, name, robot) for name in ("charge", "level"))
+        charge, level = (in_percent(view, name, robot) for name in ("charge", "charge_target"))
         assert f"robot {robot} at {charge:.0f} %, up to {level:.0f} %" in queue
     assert queue.index(f"robot {one}") < queue.index(f"robot {two}")
     sent = living(first(is_sent))
@@ -298,7 +298,7 @@ def test_lost_time_names_charger_empty_and_broken() -> None:
 def test_why_tells_the_line_before_a_charger() -> None:
     view, holder, one, two = in_line()
     line, charges = explain(view.snapshot, view.floor_plan, two).lines
-    level = in_percent(view, "level", holder)
+    level = in_percent(view, "charge_target", holder)
     assert f"robot {two} queues: robot {holder} charges at (4, 0) up to {level:.0f} %" in line
     assert line.endswith(f" to go; robot {one} came before it")
     assert charges.startswith(f"robot {holder} charges up to {level:.0f} %, ")

@@ -177,7 +177,7 @@ def test_robots_that_stand_still_say_why_and_for_how_long(factory: View) -> None
     said = shown(Inspector(), of_robot(view, 1), 60)
     assert "halted zones are redesigned: it stands still for 30 ticks" in said
     (link,) = explain(snapshot, view.floor_plan, 1).chain
-    assert "stands still while the zones are redesigned" in link.text
+    assert "stands still while the service zones are redesigned" in link.text
 
 
 # Find, the table, the metrics
@@ -320,7 +320,7 @@ def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFix
     assert 0 < float(uneven[4:8]) <= 1
     assert any(line.startswith("station 14, zone 3: ") for line in lines)
     assert main(["run", "factory", "--until", "1000", "--picture", "--json"]) == 0
-    zones = json.loads(capsys.readouterr().out)["zones"]
+    zones = json.loads(capsys.readouterr().out)["service_zones"]
     assert told[0] in zones and uneven in zones
 
 

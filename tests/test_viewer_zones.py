@@ -238,7 +238,7 @@ def test_a_cell_tells_its_zone_who_is_in_it_and_what_a_move_takes(crowded: View)
     crossing = crowded.floor_plan.xy(
         int(np.flatnonzero(traffic_zones_of(crowded.floor_plan).intersection)[0])
     )
-    assert "zone none: an intersection, which slows nobody down" in shown(
+    assert "zone none: an intersection, which slows no robot down" in shown(
         Inspector(), of_cell(crowded, *crossing)
     )
 

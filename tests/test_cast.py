@@ -142,7 +142,7 @@ def test_the_header_says_what_players_ask_for(crossing: Path, tmp_path: Path) ->
     header, _ = film_of(out)
     assert header == {
         "version": 2,
-        "width": 48,
+        "width": 52,
         "height": 10,
         "title": "automaton: crossing, 4 robots, seed 1",
         "env": {"TERM": "xterm-256color"},
@@ -156,7 +156,7 @@ def test_an_event_comes_when_its_tick_does(crossing: Path, tmp_path: Path) -> No
     _, events = film_of(out)
     times = [time for time, _ in events]
     assert times == [round(tick * 0.2, 6) for tick in range(41)] + [10.0]
-    screen = pyte.Screen(48, 10)
+    screen = pyte.Screen(52, 10)
     stream = pyte.Stream(screen)
     shown = []
     for _, data in events[:-1]:
@@ -230,7 +230,7 @@ BROAD = (
     ("scenario", "zoom", "size"),
     [
         ("tabletop-2", "fit", (73, 10)),  # 23 cells of 3 columns, and a margin
-        ("tabletop-mini", "1x1", (48, 11)),  # the status is broader
+        ("tabletop-mini", "1x1", (52, 11)),  # the status is broader
         (BROAD, "fit", (66, 12)),  # 123 x 32 cells, 2 x 4 in a character
         (BROAD, "3x1", (120, 35)),  # as many columns as there may be, and a single line below
     ],
@@ -253,7 +253,7 @@ def test_a_still_is_a_drawing_or_text(crossing: Path, tmp_path: Path) -> None:
     for name in ("still.svg", "still.txt"):
         assert cast(crossing, "--picture", tmp_path / name, "--at", 90, "--layer", "visits") == 0
     (snapshot,) = snapshots_at(90, layer="visits")
-    codes = intended(resolve("crossing"), snapshot, 48, 10, UNICODE, "visits")
+    codes = intended(resolve("crossing"), snapshot, 52, 10, UNICODE, "visits")
     text, drawing = ((tmp_path / f"still.{suffix}").read_text() for suffix in ("txt", "svg"))
     assert text == as_text(codes, UNICODE) and text.count("visits") == 1
     title = "crossing, 4 robots, seed 1"
@@ -268,7 +268,7 @@ def test_the_film_has_its_name_and_says_how_large_it_is(
     cast(here, "--to", 10)
     out = tmp_path / "my.run.cast"
     size = out.stat().st_size
-    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 48x10\n"
+    assert capsys.readouterr().out == f"{out}: 12 events, {size:,} bytes, 3.0 s of 52x10\n"
     cast(here, "--to", 0)
     assert out.stat().st_size < size  # replaced
 

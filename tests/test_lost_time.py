@@ -239,7 +239,7 @@ def test_what_is_observed_is_what_happened() -> None:
         assert observed(again, other) == observed(run, chronicle), "how robots are stored matters"
 
     check()
-    rare = {"charger", "redesign"}  # staged in test_waiting and in test_zoning_strategies
+    rare = {"charger", "lane", "redesign"}  # staged in test_waiting and test_zoning_strategies
     missing = [cause.name for cause in CAUSES[1:] if not reached[cause.name]]
     missing = [name for name in missing if name not in rare]
     assert not missing, f"never reached: {missing}; reached: {dict(reached)}"

@@ -196,7 +196,7 @@ def test_one_robot_gives_the_same_runs_under_every_right_of_way(
     study.write_text(
         "name: rules\nscenario: tabletop-mini\nfactors:\n  fleet.robots: [1, 2]\n"
         "  strategy.right_of_way: [wait, retreat]\nreplications: 3\nanalysis:\n"
-        "  metrics: [blocked]\n  baseline: {strategy.right_of_way: wait}\n"
+        "  metrics: [blocked_share]\n  baseline: {strategy.right_of_way: wait}\n"
         "  comparisons: baseline\n"
     )
     out = str(tmp_path / "results")

@@ -176,7 +176,7 @@ def busy() -> dict[str, Any]:
 def test_a_turn_never_ends_worse_than_it_began(busy: dict[str, Any]) -> None:
     parts, workspace = busy["parts"], busy["workspace"]
     negotiation.loads_of_queues(
-        *(busy[name] for name in ("roads", "rules", "design", "space")),
+        *(busy[name] for name in ("roads", "rules", "design", "workspace")),
         *(parts, parts.zone, parts.stop, busy["reach"]),
     )
     mean = float(workspace.load.mean())

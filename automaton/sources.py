@@ -49,7 +49,7 @@ def sources(module: str, file: Path) -> set[Path]:
 
     A module without a file, such as a cell of a notebook, may call whatever strategies may.
     """
-    found: set[Path] = set()
+    sources: set[Path] = set()
     pending = [(module, file)]
     if not file.is_file():
         public = _file_of(PUBLIC)
@@ -57,10 +57,10 @@ def sources(module: str, file: Path) -> set[Path]:
         pending = [(PUBLIC, public)]
     while pending:
         name, path = pending.pop()
-        if path not in found:
-            found.add(path)
+        if path not in sources:
+            sources.add(path)
             pending += _imports(name, path, module.partition(".")[0])
-    return found
+    return sources
 
 
 @cache
@@ -77,15 +77,15 @@ def _imports(module: str, file: Path, home: str) -> list[tuple[str, Path]]:
 
 def _imported_names(source: str, package: str) -> Iterator[str]:
     """What the import statements of a source may name: each module, and each name in it."""
-    for found in _IMPORT.finditer(source):
-        if found["indent"] and _runs_later(source, found.start(), len(found["indent"])):
+    for statement in _IMPORT.finditer(source):
+        if statement["indent"] and _runs_later(source, statement.start(), len(statement["indent"])):
             continue
-        names = _COMMENT.sub("", found["names"] or found["modules"]).replace("\\\n", " ")
-        if found["origin"] is None:
+        names = _COMMENT.sub("", statement["names"] or statement["modules"]).replace("\\\n", " ")
+        if statement["origin"] is None:
             for clause in names.split(","):
                 yield clause.split(" as ")[0].strip()
             continue
-        base = _absolute(found["origin"], package)
+        base = _absolute(statement["origin"], package)
         yield base
         for name in _NAME.findall(names):
             yield f"{base}.{name}"

@@ -12,15 +12,15 @@ from typing import Any
 
 import numba
 
-from automaton.errors import InputError
+from automaton.unfit_numba import UnfitNumbaError
 
 TRIED = "0.61", "0.68"  # the first and the last; pyproject.toml says the same (tested)
 
 
-def unfit(what: str) -> InputError:
+def unfit(what: str) -> UnfitNumbaError:
     """The error that names the versions with which compiled code here works."""
     first, last = TRIED
-    return InputError(
+    return UnfitNumbaError(
         f"compiled code here does not work with Numba {numba.__version__} ({what}); it was tried with "
         f"{first} to {last}: pip install 'numba=={last}.*'"
     )

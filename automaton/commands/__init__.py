@@ -17,6 +17,7 @@ from typing import NoReturn
 from automaton.errors import InputError, WorkerDied, nearest
 from automaton.interruption import Terminated, signals_heeded
 from automaton.printable import PrintedText, one_line
+from automaton.unfit_numba import UnfitNumbaError
 
 COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
@@ -73,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("automaton: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except InputError as error:
+    except (InputError, UnfitNumbaError) as error:
         _show_traceback(debug)
         print(f"automaton: {error}", file=sys.stderr)
         return BAD_INPUT

@@ -13,7 +13,6 @@ from automaton.kernels.operations import (
     reserve_order,
     set_goal,
 )
-from automaton.world.cells import CHARGER
 from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import GOAL_CHARGE, KEEP, LAYER_CHARGING, NIL, REASON_IDLE, REASON_REPLAN
 
@@ -48,7 +47,7 @@ def commit_charging(world, record, batch, decisions):
 def is_charger(world, i, goal_cell):
     """Whether `goal_cell` is a charger that robot i gets to."""
     inside = 0 <= goal_cell < world.grid.cell_flags.shape[0]
-    if not inside or world.rules.battery == 0 or world.grid.kind[goal_cell] != CHARGER:
+    if not inside or world.rules.battery == 0 or world.chargers.charger_at[goal_cell] == NIL:
         return False
     return world.slots.reachable[world.robots.type[i], goal_cell] != 0
 

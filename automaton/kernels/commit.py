@@ -24,7 +24,7 @@ from automaton.kernels.operations import (
 )
 from automaton.kernels.random_numbers import splitmix64
 from automaton.recording.codes import CHANGE_DURATION, EXECUTED_RETREAT, EXECUTED_WAIT
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.robot_status import STATUS_EXHAUSTED
 from automaton.world.state import (
     ACTION_RETREAT,

@@ -13,7 +13,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.motion import has_room
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
 
 UNREACHABLE = 1 << 30  # cost of what cannot be reached

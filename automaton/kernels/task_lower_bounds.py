@@ -12,7 +12,7 @@ from automaton.kernels.search import (
     reach,
 )
 from automaton.kernels.slot_access import dropoff_cell, pickup_cell
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose

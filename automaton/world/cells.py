@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+NIL: Final = -1  # no cell, slot, zone or order; the state has the same
+
 EAST: Final = 0
 SOUTH: Final = 1
 WEST: Final = 2
@@ -26,8 +28,6 @@ NO_EXITS: Final = 0
 ALONG_X: Final = EXIT_EAST | EXIT_WEST
 ALONG_Y: Final = EXIT_SOUTH | EXIT_NORTH
 ALL_EXITS: Final = ALONG_X | ALONG_Y
-
-MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
 
 UNLIMITED: Final = 0  # capacity of a cell that holds any number of robots
 

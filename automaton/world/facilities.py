@@ -5,13 +5,15 @@ C cells with the border, s slots, m orders, K types of robots. NIL (-1) means no
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
 
 Array = NDArray[Any]
+
+MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
 
 
 class Grid(Struct):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.world.cells import CELL_KINDS, MAY_TURN
+from automaton.world.cells import CELL_KINDS
+from automaton.world.facilities import MAY_TURN
 from automaton.world.floor_plan import CAN_TURN, DRIVABLE, FloorPlan
 from automaton.world.reachability import slot_access
 from automaton.world.route_space import route_space

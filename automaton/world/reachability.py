@@ -9,9 +9,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automaton.world.cells import EAST, NORTH, RACK, SOUTH, STATION, WEST
+from automaton.world.cells import EAST, NIL, NORTH, RACK, SOUTH, STATION, WEST
 from automaton.world.floor_plan import CAN_TURN, Cells, FloorPlan
-from automaton.world.state import NIL
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
 

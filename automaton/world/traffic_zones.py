@@ -14,9 +14,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from automaton.world.cells import EAST, NORTH, SOUTH, WEST
+from automaton.world.cells import EAST, NIL, NORTH, SOUTH, WEST
 from automaton.world.floor_plan import FloorPlan
-from automaton.world.state import NIL
 
 Mask = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int32]

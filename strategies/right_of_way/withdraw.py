@@ -22,7 +22,7 @@ from automaton.strategy.kernels import (
     random_between,
 )
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.state import (
     CLOCK_TICK,
     CMD_RETREAT,

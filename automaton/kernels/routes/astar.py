@@ -24,7 +24,7 @@ from automaton.kernels.routes.frontier import (
     take,
 )
 from automaton.kernels.search import STARTED, TURNED_AHEAD, TURNED_BEHIND, parent_of
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
 
 NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest

@@ -23,7 +23,7 @@ from automaton.kernels.search import (
     push,
     write_path,
 )
-from automaton.world.cells import MAY_TURN
+from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
 
 UNIT = 1000  # cost of a tick; beta is given in the same unit

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from drawn_networks import drawn_network
 
+from automaton import provenance
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.learning.legs import members
-from automaton.recording import header
 from automaton.scenario.branch import branched
 from automaton.scenario.reading import SHIPPED_FOLDER
 from automaton.scenario.resolve import resolve
@@ -205,10 +205,10 @@ def test_networks_that_are_shipped_are_among_the_sources(tmp_path, monkeypatch):
     (package / "__init__.py").write_text("")
     (package / "floor.npz").write_bytes(b"one")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(header, "PACKAGES", ("decides",))
-    before = header.source_hash.__wrapped__()
+    monkeypatch.setattr(provenance, "PACKAGES", ("decides",))
+    before = provenance.source_hash.__wrapped__()
     (package / "floor.npz").write_bytes(b"another")
-    assert header.source_hash.__wrapped__() != before
+    assert provenance.source_hash.__wrapped__() != before
 
 
 def test_the_shipped_network_refuses_another_floor_before_the_run_begins(capsys):

@@ -18,7 +18,7 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.experiments.study import Levels, Study
-from automaton.recording.header import DECIDING, PACKAGES, file_hashes
+from automaton.provenance import DECIDING, PACKAGES, file_hashes
 from automaton.scenario.measures import warm_up_of
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup

@@ -21,7 +21,7 @@ from automaton.experiments.study import (
     study_document,
 )
 from automaton.glossary import GLOSSARY
-from automaton.recording.header import versions
+from automaton.provenance import versions
 from automaton.scenario.document import Document, Override, line_of
 from automaton.scenario.measures import not_measured, warm_up_of
 from automaton.scenario.overrides import keys_of

@@ -5,29 +5,20 @@ Nothing in it needs the scenario's file, the generator of its floor, or Numba to
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
-import platform
-from functools import cache
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from automaton.errors import InputError
+from automaton.provenance import file_hashes, recorded_files, source_hash, versions
 from automaton.recording.contents import Content
-from automaton.scenario.reading import content_hash
 from automaton.scenario.resolve import Resolved, StrategyChoice
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
-from automaton.strategy.entry import AsRecorded, files_of
+from automaton.strategy.entry import AsRecorded
 from automaton.world.floor_plan import FloorPlan
 
-PACKAGES = ("automaton", "strategies", "layouts")
-DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks
-LIBRARIES = ("fleet-automaton", "numpy", "numba", "msgspec")
 FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads")
 
 
@@ -142,54 +133,6 @@ def _strategy_choice(layer: str, name: str, parameters: Content) -> StrategyChoi
         raise InputError(
             f"the recorded parameters of the {layer} strategy {name!r} do not fit it now: {error}"
         ) from None
-
-
-@cache
-def source_hash(plugins: tuple[str, ...] = ()) -> str:
-    """16 hex digits of all that is installed and decides; `plugins`: "module:Class" names.
-
-    Where the packages are installed does not matter.
-    """
-    digest = hashlib.sha256()
-    for package in PACKAGES:
-        spec = importlib.util.find_spec(package)
-        if spec is not None and spec.origin is not None:
-            root = Path(spec.origin).parent
-            found = (path for path in root.rglob("*") if path.suffix in DECIDING)
-            for path in sorted(path for path in found if path.is_file()):
-                digest.update(path.relative_to(root.parent).as_posix().encode())
-                digest.update(path.read_bytes())
-    for plugin in sorted(plugins):
-        spec = importlib.util.find_spec(plugin.partition(":")[0])
-        if spec is not None and spec.origin is not None:
-            digest.update(plugin.encode() + Path(spec.origin).read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def file_hashes(resolved: Resolved) -> Content:
-    """{"files": {file: 16 hex digits of its content}} of those that strategies read, if any do."""
-    files = [
-        file for choice in resolved.strategies.values() for file in files_of(choice.parameters)
-    ]
-    return {"files": {str(file): content_hash(file) for file in files}} if files else {}
-
-
-def recorded_files(resolved: Resolved) -> Content:
-    """The files of strategies, and of orders as they were when the scenario was read."""
-    found = {**file_hashes(resolved).get("files", {}), **dict(resolved.files)}
-    return {"files": found} if found else {}
-
-
-@cache
-def versions() -> dict[str, str]:
-    """The versions of what computed the run, by name; what is not installed is left out."""
-    found = {"python": platform.python_version()}
-    for library in LIBRARIES:
-        try:
-            found[library] = metadata.version(library)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
 
 
 def state_of(world: Any, names: dict[str, tuple[str, ...]]) -> Content:

@@ -16,6 +16,7 @@ from automaton.errors import InputError
 from automaton.kernels.decisions import first_other_tick
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.metrics import metrics_of
+from automaton.provenance import file_hashes, source_hash
 from automaton.recording.codes import (
     ACTION_MASK,
     DROPPED_ON_ARRIVAL,
@@ -35,11 +36,9 @@ from automaton.recording.frames import (
 )
 from automaton.recording.header import (
     changed,
-    file_hashes,
     header_of,
     resolved_of,
     rules_of,
-    source_hash,
     state_of,
 )
 from automaton.recording.validator import ACTS, Report, validate_stored

@@ -13,11 +13,12 @@ from automaton.errors import InputError
 from automaton.interruption import give_up, interruptible
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
-from automaton.recording.contents import KEYFRAME_TICKS
+from automaton.recording.codes import KEYFRAME_TICKS
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 from automaton.strategy.compilation import compiled_decide
 from automaton.strategy.contract import (
+    check_counters,
     check_decides,
     checked_memory,
     checked_period,
@@ -26,6 +27,7 @@ from automaton.strategy.contract import (
 from automaton.strategy.layer import Strategy
 from automaton.strategy.patience import Watchdog
 from automaton.struct import window
+from automaton.sums import TAKEN
 from automaton.world.build import (
     build_buffers,
     build_observation,
@@ -183,6 +185,7 @@ class Simulation:
             return no_memory()
         with self._in_time():
             memory = strategy.reset(self.view)
+        check_counters(strategy, TAKEN)
         return checked_memory(strategy, memory, self.view)
 
     def _start(self) -> Iterator[int]:

@@ -18,10 +18,9 @@ from recording_trials import put_together, taken_apart
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.recording import frames as stored
-from automaton.recording.codes import CHANGE_DURATION
+from automaton.recording.codes import CHANGE_DURATION, KEYFRAME_TICKS
 from automaton.recording.contents import (
     HEADER,
-    KEYFRAME_TICKS,
     MOST_CHANGES,
     MOST_LABELS,
     MOST_LEVELS,

@@ -15,8 +15,13 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.recording.codes import CHANGE_DURATION, CHANGE_ORDER_RESERVED, CHANGE_PICKED
-from automaton.recording.contents import CONDITIONS, END, KEYFRAME, KEYFRAME_TICKS, TICKS, Frame
+from automaton.recording.codes import (
+    CHANGE_DURATION,
+    CHANGE_ORDER_RESERVED,
+    CHANGE_PICKED,
+    KEYFRAME_TICKS,
+)
+from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
 from automaton.recording.frames import encoded, read_recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.verification import LABELS

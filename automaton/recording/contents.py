@@ -60,7 +60,6 @@ MOST_LABELS: Final = 10_000  # settings, files, versions, names of digests
 MOST_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
 
 FRAME_TICKS: Final = 256  # at most in a TICKS frame
-KEYFRAME_TICKS: Final = 2048  # a KEYFRAME stands after each of so many ticks, and at the end
 MOST_ROWS: Final = 64  # changes of a robot in a tick
 MOST_CHANGES: Final = 4_000_000  # in a TICKS frame
 LAST_TICK: Final = 2_000_000_000

@@ -30,11 +30,11 @@ import msgspec
 import numpy as np
 
 from automaton.errors import InputError
+from automaton.recording.codes import KEYFRAME_TICKS
 from automaton.recording.contents import CONDITIONS as CONDITIONS
 from automaton.recording.contents import END as END
 from automaton.recording.contents import (
     FRAME_TICKS,
-    KEYFRAME_TICKS,
     MOST_BYTES,
     array_out,
     read_content,

@@ -20,6 +20,7 @@ from automaton.errors import InputError
 from automaton.kernels.decisions import words_until
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.metrics import metrics_of
+from automaton.recording.codes import KEYFRAME_TICKS
 from automaton.recording.contents import (
     CONDITIONS,
     END,
@@ -27,7 +28,6 @@ from automaton.recording.contents import (
     HEADER,
     KEYFRAME,
     KEYFRAME_ARRAYS,
-    KEYFRAME_TICKS,
     TICKS,
     Content,
 )

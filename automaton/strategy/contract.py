@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from automaton.errors import InputError, nearest
 from automaton.strategy.layer import Strategy
-from automaton.sums import TAKEN
 from automaton.world.state import Memory, World
 
 MAX_WAIT_TICKS = 10_000  # ticks of a wait
@@ -36,8 +36,6 @@ def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
     if memory.parameters.flags.writeable:
         raise _fault(strategy, "reset() must give memory.parameters read-only, as memory_of does")
     for name, column in strategy.counters.items():
-        if name in TAKEN:
-            raise _fault(strategy, f"counter {name!r}: every run counts this itself; rename it")
         columns = memory.per_robot.shape[1]
         if not isinstance(column, int) or not 0 <= column < columns:
             found = f"memory.per_robot has {columns} columns, found {column!r}"
@@ -45,6 +43,13 @@ def checked_memory(strategy: Strategy, memory: Any, view: World) -> Memory:
                 strategy, f"counter {name!r} must name a column of memory.per_robot: {found}"
             )
     return memory
+
+
+def check_counters(strategy: Strategy, reserved: Collection[str]) -> None:
+    """Raises InputError for a counter with a name that every run counts under."""
+    for name in strategy.counters:
+        if name in reserved:
+            raise _fault(strategy, f"counter {name!r}: every run counts this itself; rename it")
 
 
 def checked_wait_ranges(strategy: Strategy) -> tuple[int, ...]:

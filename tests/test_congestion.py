@@ -13,8 +13,8 @@ from automaton.metrics import metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.world.state import LAYER_ROUTING
-from strategies.catalogue import SharedPlans
 from strategies.routing.congestion import Congestion
+from strategies.routing.congestion_parameters import SharedPlans
 
 
 def routing(**parameters: float) -> Congestion:

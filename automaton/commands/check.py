@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from automaton.strategy.entry import files_of
 from automaton.units import count
 from automaton.whole_file import refusal, written
 from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
+
+if TYPE_CHECKING:
+    from automaton.world.state import Array, Grid
 
 SLOTS = {  # what a scenario's line counts
     SHELF: ("shelf", "shelves"),
@@ -92,9 +96,22 @@ def check_files(resolved: Resolved, document: Document) -> None:
         check = getattr(choice.parameters, "check_files", None)
         try:
             if check is not None:
-                check(resolved)
+                check(lambda: grid_and_durations(resolved))
         except InputError as error:
             raise document.error(("strategy", layer), f"strategy.{layer}: {error}") from None
+
+
+def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
+    """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
+    from automaton.world.floor import floor_for  # needs Numba, as most checks do not
+    from automaton.world.rules import rules_for
+    from automaton.world.types import types_of
+
+    scenario = resolved.scenario
+    kinematics, durations = scenario.fleet.kinematics, scenario.durations
+    driving = (kinematics, durations.move, durations.turn, scenario.world.traffic_zones)
+    grid = floor_for(resolved.floor_plan, *driving, types_of(scenario)).grid
+    return grid, rules_for(scenario, scenario.seed).duration[0]
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

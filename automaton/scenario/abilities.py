@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from automaton.errors import nearest
 from automaton.scenario.document import Document, Keys
+from automaton.scenario.orders import ENDS
 from automaton.scenario.schema import Scenario
-from automaton.world.cells import CELL_KINDS, DESTINATION, DOCK, RACK, SHELF, STATION, UNLIMITED
+from automaton.world.cells import CELL_KINDS, UNLIMITED
 from automaton.world.floor_plan import DRIVABLE, FloorPlan
 from automaton.world.reachability import around_home, rack_stands, slot_access
 from automaton.world.state import NIL
@@ -37,13 +38,6 @@ PLACES = {
     "racks": "cells in front of racks",
     "random": "cells",
 }  # by start
-ENDS = {  # generator: kinds of slots where its orders begin and end
-    "full-shelves": (SHELF, DESTINATION),
-    "picture-loads": (SHELF, DESTINATION),
-    "dock-to-rack": (DOCK, RACK),
-    "stations": (STATION, STATION),
-    "visits": (STATION, STATION),
-}
 
 
 def check_areas(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
@@ -161,17 +155,6 @@ def ways(scenario: Scenario, floor_plan: FloorPlan, served: Mask) -> Iterator[Wa
         weight = orders.weight if isinstance(orders.weight, int) else orders.weight.most
         keys: Keys = ("orders", "generator")
         yield Way(keys, "an order", begin, end, weight, orders.generator == "visits")
-
-
-def sources(scenario: Scenario, floor_plan: FloorPlan) -> set[int]:
-    """The kinds of slots where orders begin."""
-    orders = scenario.orders
-    found = {
-        int(floor_plan.kind.flat[floor_plan.cell(*line.source)]) for line in orders.listed or ()
-    }
-    if orders.generator is not None:
-        found.add(ENDS[orders.generator][0])
-    return found | ({STATION} if orders.parts is not None else set())
 
 
 def abilities(way: Way, floor_plan: FloorPlan, types: tuple[RobotType, ...], served: Mask) -> Any:

@@ -21,23 +21,17 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.scenario.orders import DRAWN
+from automaton.scenario.orders import DRAWN, ENDS
 from automaton.scenario.part_bounds import part_bounds, ways
 from automaton.scenario.resolve import Resolved
 from automaton.scenario.schema import Battery, ChargeRange
-from automaton.world.cells import CHARGER, DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.world.cells import CHARGER, STATION
 from automaton.world.floor_plan import CAN_TURN
 from automaton.world.reachability import backward_exits, slot_access
 from automaton.world.state import NIL, Array
 from automaton.world.types import least_move
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
-ENDS: Final = {  # generator: kinds of slots where its orders begin and end
-    "full-shelves": (SHELF, DESTINATION),
-    "picture-loads": (SHELF, DESTINATION),
-    "dock-to-rack": (DOCK, RACK),
-    "stations": (STATION, STATION),
-}
 
 
 class Bounds(NamedTuple):
@@ -139,7 +133,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
         cells = floor_plan.stations().tolist()
         pairs = [(cells[here - 1], cells[then - 1]) for here, then in ways(orders)]
         return _listed_drives(resolved, pairs, price), len(pairs), len(pairs)
-    if orders.generator not in ENDS:
+    if orders.generator not in ENDS or orders.generator == "visits":  # visits drive no load
         return np.zeros(orders.count or 0), 0, 0
     begin, end = ENDS[orders.generator]
     slots = floor_plan.slots()

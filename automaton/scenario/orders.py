@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
@@ -16,8 +16,17 @@ from automaton.scenario.field_types import (
     Ticks,
     Weight,
 )
+from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.world.floor_plan import FloorPlan
 
 DRAWN = ("dock-to-rack", "stations", "visits")  # generators that draw so many orders
+ENDS: Final = {  # generator: kinds of slots where its orders begin and end
+    "full-shelves": (SHELF, DESTINATION),
+    "picture-loads": (SHELF, DESTINATION),
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION, STATION),
+    "visits": (STATION, STATION),
+}
 
 
 class Mean(ConfigSection, frozen=True, kw_only=True):
@@ -224,3 +233,13 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         """Orders that a closed loop keeps open; 0: it is none."""
         loop = None if self.arrivals is None else self.arrivals.closed_loop
         return 0 if loop is None else loop.in_system
+
+
+def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
+    """Return the kinds of slots where orders begin."""
+    found = {
+        int(floor_plan.kind.flat[floor_plan.cell(*line.source)]) for line in orders.listed or ()
+    }
+    if orders.generator is not None:
+        found.add(ENDS[orders.generator][0])
+    return found | ({STATION} if orders.parts is not None else set())

@@ -28,7 +28,8 @@ def resolve_paths(parameters: Any, folder: Path) -> Any:
     """Parameters with the files that they name found from a folder, as absolute paths.
 
     Parameters that name files have a method `resolve_paths(folder)`, and `files` that lists them;
-    they may have `check_files(resolved)`, which reads them and raises InputError.
+    they may have `check_files(driving)`, which reads them and raises InputError; `driving()` gives the
+    floor's grid, and the ticks of each action of robots of the first type.
     """
     return parameters.resolve_paths(folder) if hasattr(parameters, "resolve_paths") else parameters
 

@@ -27,7 +27,7 @@ from automaton.strategy.kernels import (
 )
 from automaton.strategy.layer import Strategy
 from automaton.world.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC
-from strategies.catalogue import SharedPlans
+from strategies.routing.congestion_parameters import SharedPlans
 
 BETA = OWN_PARAMETERS
 BY_TASKS = OWN_PARAMETERS + 1  # 1: nothing is known of the others but their tasks

@@ -1,0 +1,29 @@
+"""The parameters of methods that pass loads along alleys. Imports no Numba."""
+
+from __future__ import annotations
+
+import msgspec
+
+from automaton.scenario.orders import kinds_of_sources
+from automaton.scenario.schema import Scenario
+from automaton.world.cells import CELL_KINDS
+from automaton.world.floor_plan import FloorPlan
+
+
+class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """No parameters; but loads are looked for on shelves alone."""
+
+    def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
+        """Loads at docks and stations belong to no alley: no robot would ever fetch them."""
+        begun = kinds_of_sources(scenario.orders, floor_plan)
+        names = [
+            f"{robot_type.name}s"
+            for robot_type in CELL_KINDS
+            if robot_type.is_source and robot_type.code in begun
+        ]
+        if not names:
+            return None
+        places = " and ".join(names)
+        return (
+            f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
+        )

@@ -1,0 +1,42 @@
+"""The parameters of right of way. Imports no Numba."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+Span = Annotated[
+    tuple[Annotated[int, Meta(ge=1, le=10_000)], Annotated[int, Meta(ge=1, le=10_000)]],
+    Meta(description="[from, to], both included"),
+]
+
+
+class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How long a blocked robot waits, in ticks."""
+
+    wait_empty: Span = (1, 5)
+    wait_loaded: Span = (5, 10)
+
+    def __post_init__(self) -> None:
+        for name in self.__struct_fields__:
+            span = getattr(self, name)
+            if isinstance(span, tuple) and span[0] > span[1]:
+                raise ValueError(f"{name} must go from the smaller to the larger number")
+
+
+class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """How long a blocked robot waits, and when and how far it retreats."""
+
+    retries: Annotated[
+        int, Meta(ge=1, le=254, description="failed retries before it may retreat")
+    ] = 1
+    max_retries: Annotated[
+        int, Meta(ge=1, le=254, description="failed retries after which it retreats in any case")
+    ] = 2
+    retreat_moves: Span = (1, 12)
+    abort_wait: Span = (1, 5)  # ticks, when every way is closed
+    idle_give_way: Annotated[
+        bool, Meta(description="idle robots make room for robots that want their cell")
+    ] = False

@@ -10,7 +10,7 @@ from automaton.bench.measurement import EXPONENT, slope
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.zoning.roads import roads_of
+from automaton.world.build_service_zones import roads_of
 
 
 @pytest.mark.parametrize("stations", [18, 50, 200])

@@ -10,10 +10,9 @@ from zoning_scenes import drawn
 
 from automaton.picture.ways import ways_of
 from automaton.scenario.pictures import draw_floor
-from automaton.world.build_service_zones import service_zones_of
+from automaton.world.build_service_zones import roads_of, service_zones_of
 from automaton.world.state import NIL
 from automaton.zoning.designs import read_design
-from automaton.zoning.roads import roads_of
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.describe import describe

@@ -11,12 +11,12 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
+from automaton.world.service_zones import empty_design
 from automaton.world.state import ORDER_DELIVERED
 from automaton.zoning.annealing import repair
 from automaton.zoning.designs import design_arrays
 from automaton.zoning.genetic import evolve
 from automaton.zoning.herd import population_for
-from automaton.zoning.space import empty_design
 
 SCENARIO = """name: edge
 layout:

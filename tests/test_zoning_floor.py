@@ -9,10 +9,11 @@ import pytest
 from zoning_scenes import DISTANCES, drawn, factory
 
 from automaton.errors import InputError
+from automaton.world.build_service_zones import roads_of
 from automaton.world.cells import DIRECTION_VECTORS
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL
-from automaton.zoning.roads import roads_of, typical_distance
+from automaton.zoning.roads import typical_distance
 from layouts.factory import FEET, SEGMENTS, Factory
 from layouts.racks import Racks
 

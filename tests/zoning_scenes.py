@@ -11,10 +11,11 @@ import yaml
 
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.reading import SHIPPED_FOLDER
+from automaton.world.build_service_zones import roads_of
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.service_zones import Design, Roads
 from automaton.zoning.designs import read_design
-from automaton.zoning.roads import roads_of, typical_distance
+from automaton.zoning.roads import typical_distance
 from automaton.zoning.space import ZoneSpace, space_for, zone_rules
 from layouts.factory import Factory
 

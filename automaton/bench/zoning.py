@@ -31,12 +31,13 @@ from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Scenario
 from automaton.simulation import Simulation
 from automaton.units import unit
-from automaton.world.service_zones import Design, Roads
+from automaton.world.build_service_zones import roads_of
+from automaton.world.service_zones import Design, Roads, empty_design
 from automaton.zoning.annealing import COLD, HOT, MOST, REPAIRS, STEPS, repair
 from automaton.zoning.genetic import GENERATIONS, INDIVIDUALS, MUTATION, SELECTED, evolve
 from automaton.zoning.herd import population_for
-from automaton.zoning.roads import roads_of, typical_distance
-from automaton.zoning.space import ZoneSpace, empty_design, space_for, zone_rules
+from automaton.zoning.roads import typical_distance
+from automaton.zoning.space import ZoneSpace, space_for, zone_rules
 
 Array = NDArray[Any]
 

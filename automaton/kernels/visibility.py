@@ -16,8 +16,8 @@ import numpy as np
 
 from automaton.compiled import kernel
 from automaton.kernels.motion import CLAIMS, FLAGS_SHIFT, U
+from automaton.kernels.zone_segments import copy_segment
 from automaton.world.state import ACTION_COUNT, NEVER, NIL, NO_STEP, ORDER_UNRELEASED
-from automaton.zoning.paths import copy_segment
 
 HIDDEN = -2  # design.held: the point belongs to a robot out of sight
 

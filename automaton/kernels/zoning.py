@@ -10,6 +10,7 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.kernels.operations import record_change
 from automaton.kernels.visibility import is_visible, is_zone_visible
+from automaton.kernels.zone_segments import copy_segment
 from automaton.recording.codes import CHANGE_ZONE
 from automaton.world.state import (
     CLOCK_HALTED_UNTIL,
@@ -22,7 +23,6 @@ from automaton.world.state import (
     NIL,
     ORDER_WAITING,
 )
-from automaton.zoning.paths import copy_segment
 
 MAX_HALT_TICKS = 60_000  # ticks
 

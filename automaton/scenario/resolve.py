@@ -28,7 +28,8 @@ from automaton.scenario.overrides import override
 from automaton.scenario.reading import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, is_study, read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
-from automaton.strategy.entry import files_of, resolve_paths
+from automaton.strategy.entry import NoParameters, files_of, resolve_paths
+from automaton.strategy.zone_parameters import ZoningParameters, zoning_parameters_of
 from automaton.world.floor_plan import FloorPlan
 
 
@@ -52,6 +53,12 @@ class Resolved:
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
+
+    @property
+    def zoning(self) -> ZoningParameters:
+        """What the zoning strategy says of the zones at the start. Raises InputError."""
+        choice = self.strategies.get("zoning")  # a story has no strategies
+        return zoning_parameters_of(choice.parameters if choice else NoParameters())
 
 
 def resolve(

@@ -200,7 +200,7 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     settings = []
     if isinstance(resolved.scenario.fleet.start, tuple):
         settings.append("fleet.start=random")
-    if getattr(resolved.strategies["zoning"].parameters, "design", None) is not None:
+    if resolved.zoning.design is not None:
         settings.append("strategy.zoning.design=null")
     return settings
 

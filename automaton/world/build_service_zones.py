@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,21 +12,20 @@ from automaton.scenario.floors import point_names
 from automaton.units import count
 from automaton.world.facilities import Slots, Stations
 from automaton.world.floor_plan import FloorPlan
-from automaton.world.reachability import slot_access, steps_from
-from automaton.world.service_zones import MESSAGE_WORDS, Roads, ServiceZones
+from automaton.world.service_zones import MESSAGE_WORDS, Roads, ServiceZones, design_for
 from automaton.world.state import NIL, Array, Workspace, World
+from automaton.world.station_groups import grouped
 from automaton.world.types import type_of_each, types_of
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
-from automaton.zoning.roads import roads_of
-from automaton.zoning.space import design_for, space_for
+from automaton.zoning.roads import road_network
+from automaton.zoning.space import space_for
 
 if TYPE_CHECKING:
     from automaton.scenario.resolve import Resolved
     from automaton.world.floor import Floor
 
 NO_STRATEGY = "none"
-DEFAULT_STATION_GROUPS = 18  # stations that the slots of a floor without stations are grouped into
 
 
 def build_service_zones(
@@ -38,27 +37,24 @@ def build_service_zones(
     if choice is None or choice.name == NO_STRATEGY:
         return service_zones_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
 
+    parameters = resolved.zoning
     station_of = np.full(len(slots.cell), NIL, np.int32)
     if len(stations.slot):
         cells = floor.slot_cell[stations.slot]
         station_of[: slots.first_spare] = stations.at[: slots.first_spare]
     else:
-        cells, groups = grouped(
-            resolved.floor_plan, int(getattr(choice.parameters, "groups", DEFAULT_STATION_GROUPS))
-        )
+        cells, groups = grouped(resolved.floor_plan, parameters.groups)
         station_of[: slots.first_spare] = groups
     roads = roads_of(resolved.floor_plan, cells)
     serves = served_stations(resolved, slots, station_of, len(cells))
-    priority = getattr(choice.parameters, "priority", {})
     # Room for one order at least: without any, there are zones all the same.
     service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
-        accessible=serves, has_priority=priorities(resolved, priority, len(cells))
+        accessible=serves, has_priority=priorities(resolved, parameters.priority, len(cells))
     )
-    data = getattr(choice.parameters, "design", None)
-    if data is None:
+    if parameters.design is None:
         return service_zones
     names = point_names(resolved.scenario.layout)
-    design = read_design(resolved.floor_plan, roads, data, names)
+    design = read_design(resolved.floor_plan, roads, parameters.design, names)
     if len(design.transfer) != robots:
         zones = count(len(design.transfer), "zone")
         raise InputError(f"the zone design has {zones}, one for each robot; there are {robots}")
@@ -70,6 +66,11 @@ def build_service_zones(
                 f"but robot {zone} ({name}) does not get there"
             )
     return service_zones.replaced(design=design)
+
+
+def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | Array) -> Roads:
+    """station_cells: the drivable flat cell of each station. Raises InputError."""
+    return Roads(**road_network(floor_plan, station_cells)._asdict())
 
 
 def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
@@ -143,27 +144,3 @@ def no_roads() -> Roads:
         hop=np.zeros((0, 0), np.int32),
         between=np.zeros((0, 0), np.int32),
     )
-
-
-@lru_cache(maxsize=8)
-def grouped(floor_plan: FloorPlan, most: int) -> tuple[Array, Array]:
-    """Slots grouped as stations: cells of the stations, and the station of each slot or NIL.
-
-    The stations stand where slots are served from, far from each other: the first slot's cell, then
-    again and again the cell that is farthest from all so far. A slot counts to the nearest station.
-    """
-    access = slot_access(floor_plan)
-    stand = access.max(axis=1)
-    served = np.flatnonzero(stand != NIL)
-    chosen: list[int] = []
-    best = np.full(len(served), np.iinfo(np.int32).max, np.int64)
-    group = np.full(len(access), NIL, np.int32)
-    while len(chosen) < most and len(served) and best.max() > 0:
-        cell = int(stand[served[0 if not chosen else int(np.argmax(best))]])
-        steps = steps_from(floor_plan, [cell])[stand[served]].astype(np.int64)
-        steps[steps == NIL] = np.iinfo(np.int32).max
-        nearer = steps < best
-        best[nearer] = steps[nearer]
-        group[served[nearer]] = len(chosen)
-        chosen.append(cell)
-    return np.array(chosen, np.int32), group

@@ -13,6 +13,7 @@ from automaton.struct import Struct
 
 Array = NDArray[Any]
 
+NIL: Final = -1  # none
 MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
 
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
+from automaton.world.facilities import NIL
 
 Array = NDArray[Any]
 
@@ -62,3 +64,22 @@ class ServiceZones(Struct):
     halt: Array  # (n,) int64: a robot stands still up to this tick
     wake: Array  # (n,) int64: zoning is asked about a robot from this tick on, or NIL
     messages: Array  # (n, MESSAGE_WORDS) int64: what each robot tells those in range
+
+
+def empty_design(points: int, stations: int, zones: int) -> Design:
+    """A design in which no station has a zone."""
+    return Design(
+        zone=np.full(stations, NIL, np.int32),
+        segments=np.zeros(1, np.int64),
+        owner=np.full(stations, NIL, np.int32),
+        ends=np.full((stations, 2), NIL, np.int32),
+        points=np.zeros(stations, np.int32),
+        path=np.full((stations, points), NIL, np.int32),
+        held=np.full(points, NIL, np.int32),
+        transfer=np.zeros((zones, zones, stations), np.uint8),
+    )
+
+
+def design_for(roads: Roads, zones: int) -> Design:
+    """An empty design for these roads."""
+    return empty_design(len(roads.cell), len(roads.point), zones)

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Any, Final
 from numpy.typing import NDArray
 
 from automaton.struct import Struct
+from automaton.world.facilities import NIL as NIL
 from automaton.world.facilities import Chargers, Slots, Stations
 from automaton.world.facilities import Grid as Grid
-from automaton.world.route_space import RouteSpace
 from automaton.world.service_zones import Design, ServiceZones
 
 if TYPE_CHECKING:
+    from automaton.world.route_space import RouteSpace
     from automaton.zoning.negotiation import Parts
     from automaton.zoning.space import ZoneSpace
 
 Array = NDArray[Any]
 
-NIL: Final = -1
 KEEP: Final = -(2**31)  # what every decision starts as: go on as before
 
 # Actions of a robot, and what its ticks are counted as.

@@ -18,11 +18,11 @@ from typing import Any
 
 from automaton.errors import InputError
 from automaton.world.floor_plan import FloorPlan
-from automaton.world.service_zones import Design, Roads
+from automaton.world.service_zones import Design, Roads, design_for
 from automaton.world.state import NIL
 from automaton.zoning.exchange import join, label_parts
 from automaton.zoning.paths import hold
-from automaton.zoning.space import design_for, space_for
+from automaton.zoning.space import space_for
 
 Names = Mapping[str, tuple[int, int]]  # name of a point: its cell
 

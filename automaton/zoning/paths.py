@@ -8,6 +8,7 @@ code forgets the station of a zone that has only one).
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.zone_segments import copy_segment
 from automaton.world.state import NIL
 from automaton.zoning.space import INF
 
@@ -108,17 +109,6 @@ def clear_design(design):
     design.segments[0] = 0
     design.held[:] = NIL
     design.transfer[:] = 0
-
-
-@kernel
-def copy_segment(source, m, design, to):
-    """Copy a segment; source and design may be the same."""
-    design.owner[to] = source.owner[m]
-    design.ends[to, 0] = source.ends[m, 0]
-    design.ends[to, 1] = source.ends[m, 1]
-    design.points[to] = source.points[m]
-    for k in range(source.points[m]):
-        design.path[to, k] = source.path[m, k]
 
 
 @kernel

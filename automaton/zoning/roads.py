@@ -7,16 +7,14 @@ opposite ones: a crossing, a corner or a dead end. Points are numbered in readin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from automaton.errors import InputError
-from automaton.world.cells import DIRECTION_VECTORS
+from automaton.world.cells import DIRECTION_VECTORS, NIL
 from automaton.world.floor_plan import FloorPlan
-from automaton.world.service_zones import Roads
-from automaton.world.state import NIL
 from automaton.world.traffic_zones import links
 
 MOST_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
@@ -25,7 +23,19 @@ NO_ROAD: Final = 1 << 29
 Numbers = NDArray[np.int32]
 
 
-def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any]) -> Roads:
+class RoadNetwork(NamedTuple):
+    """P critical points and the straight ways between them, for S stations; NIL: none."""
+
+    cell: Numbers  # (P,) flat cell
+    next: Numbers  # (P, 4) the point that driving E, S, W, N leads to, or NIL
+    step: Numbers  # (P, 4) cells to it
+    station: Numbers  # (P,) the station at the point, or NIL
+    point: Numbers  # (S,) the point of each station
+    hop: Numbers  # (P, P) the next point on the shortest way to another one, or NIL
+    between: Numbers  # (S, S) cells of the shortest way
+
+
+def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any]) -> RoadNetwork:
     """station_cells: the drivable flat cell of each station. Raises InputError."""
     stations = [int(cell) for cell in station_cells]
     _check(floor_plan, stations)
@@ -42,7 +52,7 @@ def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[Any])
     at[point] = np.arange(len(stations), dtype=np.int32)
     between = np.ascontiguousarray(distance[np.ix_(point, point)])
     _check_reachable(floor_plan, stations, between)
-    return Roads(
+    return RoadNetwork(
         cell=cells,
         next=ahead,
         step=step,

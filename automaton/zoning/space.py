@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from automaton.auctions.bundle_space import Assignment, assignment_for
 from automaton.struct import Struct
-from automaton.world.service_zones import Design, Roads
-from automaton.world.state import NIL
+from automaton.world.service_zones import Design, Roads, empty_design
 
 Array = NDArray[Any]
 
@@ -86,25 +85,6 @@ def zone_rules(
     rules[BASE], rules[SPEED], rules[HANDLING], rules[ADJACENT] = base, speed, handling, adjacent
     rules[LIMIT], rules[BLOCKS], rules[SHARED] = INF if limit is None else limit, blocks, shared
     return rules
-
-
-def empty_design(points: int, stations: int, zones: int) -> Design:
-    """A design in which no station has a zone."""
-    return Design(
-        zone=np.full(stations, NIL, np.int32),
-        segments=np.zeros(1, np.int64),
-        owner=np.full(stations, NIL, np.int32),
-        ends=np.full((stations, 2), NIL, np.int32),
-        points=np.zeros(stations, np.int32),
-        path=np.full((stations, points), NIL, np.int32),
-        held=np.full(points, NIL, np.int32),
-        transfer=np.zeros((zones, zones, stations), np.uint8),
-    )
-
-
-def design_for(roads: Roads, zones: int) -> Design:
-    """An empty design for these roads."""
-    return empty_design(len(roads.cell), len(roads.point), zones)
 
 
 def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:

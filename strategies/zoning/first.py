@@ -6,9 +6,10 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.units import count
+from automaton.world.service_zones import design_for
 from automaton.world.state import Array, World
 from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
-from automaton.zoning.space import design_for, space_for
+from automaton.zoning.space import space_for
 from strategies.zoning.able import heed_servers
 
 

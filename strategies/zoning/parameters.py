@@ -17,10 +17,13 @@ from msgspec import Meta
 from automaton.errors import InputError, nearest
 from automaton.scenario.floors import point_names
 from automaton.scenario.schema import Scenario
+from automaton.strategy.zone_parameters import ZoningParameters
 from automaton.units import count
+from automaton.world.cells import NIL
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.reachability import slot_access
-from automaton.world.state import NIL
+from automaton.world.station_groups import grouped
+from automaton.zoning.roads import road_network
 
 SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 
@@ -29,32 +32,13 @@ Minutes = Annotated[float, Meta(ge=0, le=100_000)]
 Length = Annotated[float, Meta(gt=0, le=1_000_000)]
 
 
-class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """What zones are made of."""
 
-    design: Annotated[
-        str | dict[str, Any] | None,
-        Meta(
-            description="The zones at the start: the name of a shipped design, a file, or "
-            "{zones: [...]}; left out: simulated annealing on the flow between all stations"
-        ),
-    ] = None
-    groups: Annotated[
-        int,
-        Meta(ge=2, le=500, description="stations that slots are grouped into, without stations"),
-    ] = 18
     adjacency: Annotated[
         Length | None,
         Meta(description="stations that are nearer are adjacent; left out: typical of the floor"),
     ] = None
-
-    priority: Annotated[
-        dict[str, tuple[int, ...]],
-        Meta(
-            description="{TYPE: [stations]}: where robots of a type come first: zones are made so, and "
-            "no exchange takes such a station from them for another type"
-        ),
-    ] = {}
 
     def resolve_paths(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
@@ -86,11 +70,9 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         """What is wrong with the design on this floor."""
         if self.design is None:
             return None
-        from automaton.world.build_service_zones import (
-            grouped,
-        )  # kernels: who has no design needs none
+        # Only a design needs Numba.
+        from automaton.world.service_zones import Roads
         from automaton.zoning.designs import read_design
-        from automaton.zoning.roads import roads_of
 
         cells = (
             floor_plan.stations()
@@ -98,9 +80,8 @@ class Zones(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
             else grouped(floor_plan, self.groups)[0]
         )
         try:
-            read_design(
-                floor_plan, roads_of(floor_plan, cells), self.design, point_names(scenario.layout)
-            )
+            roads = Roads(**road_network(floor_plan, cells)._asdict())
+            read_design(floor_plan, roads, self.design, point_names(scenario.layout))
         except InputError as error:
             choice = scenario.strategy.zoning
             name = choice.get("design") if isinstance(choice, dict) else None

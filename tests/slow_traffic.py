@@ -9,7 +9,6 @@ from automaton.scenario.resolve import Resolved, StrategyChoice
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
 from automaton.simulation import Simulation
 from automaton.strategy.entry import NoParameters
-from automaton.strategy.kernels import forecast_memory
 from automaton.strategy.layer import Strategy
 from automaton.world.cells import FLOOR, UNLIMITED, Symbol
 from automaton.world.state import (
@@ -24,6 +23,7 @@ from automaton.world.state import (
     Array,
     Memory,
 )
+from strategies.routing.congestion import forecast_memory
 
 STEPS = "ESWN"
 ONE_WAY = {  # symbols of cells for any number of robots, left in one direction

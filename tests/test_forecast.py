@@ -28,9 +28,9 @@ from automaton.kernels.routes.zone_forecast import (
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.strategy.kernels import forecast_memory
 from automaton.world.state import NIL, Array, Memory
 from automaton.world.traffic_zones import MODES
+from strategies.routing.congestion import forecast_memory
 
 HORIZON = 40
 

@@ -51,8 +51,22 @@ def test_the_world_and_all_that_calls_it_are_made_of_its_kernels() -> None:
     assert made_of("automaton/world/state.py") >= ENGINE, "constants are compiled in"
     everything = set(kernel_modules())
     assert made_of("automaton/struct_types.py") == made_of("automaton/compiled.py") == everything
+
+
+def test_the_world_is_made_of_no_source_of_a_method() -> None:
     world = sources.sources("automaton.kernels.loop", ROOT / "automaton/kernels/loop.py")
-    assert not [path for path in world if path.is_relative_to(ROOT / "strategies")]
+    assert ROOT / "automaton/world/service_zones.py" in world
+    methods = (
+        *("strategies", "automaton/auctions", "automaton/zoning", "automaton/kernels/routes"),
+        *("automaton/kernels/zone_network.py", "automaton/world/route_space.py"),
+    )
+    for method in methods:
+        assert (ROOT / method).exists()
+        assert not [path for path in world if path.is_relative_to(ROOT / method)], method
+    # What strategies may call is of the world, too.
+    public = sources.sources("automaton.strategy.kernels", ROOT / "automaton/strategy/kernels.py")
+    for method in methods:
+        assert not [path for path in public if path.is_relative_to(ROOT / method)], method
 
 
 def test_all_ways_to_import_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

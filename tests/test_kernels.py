@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -123,3 +124,15 @@ def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
         marker.touch()
         assert said in capsys.readouterr().err
     assert compiled.subject_of("mine") == "mine"
+
+
+def test_each_stream_of_random_draws_has_a_number_of_its_own() -> None:
+    found = [
+        match.groups()
+        for top in ("automaton", "strategies")
+        for path in sorted((ROOT / top).rglob("*.py"))
+        for match in re.finditer(r"^(STREAM_\w+) = (\d+)\b", path.read_text(), re.MULTILINE)
+    ]
+    assert len(found) > 15
+    for part in (0, 1):
+        assert len({pair[part] for pair in found}) == len(found), sorted(found)

@@ -13,7 +13,7 @@ import numpy as np
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import BATTERY_FULL, INF, STATES
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import CURVE_RATE
+from automaton.strategy.kernels import CURVE_RATE
 from automaton.world.state import NIL
 
 # Places of Scratch.path, while a path is searched.

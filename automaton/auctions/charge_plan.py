@@ -22,7 +22,7 @@ from automaton.auctions.market import (
     WAITING,
 )
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import charging_ticks, level_after
+from automaton.strategy.kernels import charging_ticks, level_after
 from automaton.world.state import NIL
 
 

@@ -10,8 +10,7 @@ from automaton.auctions.market import INF, NO_CHARGING
 from automaton.auctions.quotes import look_at, quote
 from automaton.auctions.site import count_queues, enter_task, survey
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import charging_ticks
-from automaton.kernels.operations import first_cell
+from automaton.strategy.kernels import charging_ticks, first_cell
 from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import (
     ACTION_WAIT,

@@ -13,7 +13,9 @@ from automaton.auctions.market import INF, POSITIONS
 from automaton.auctions.quotes import settle
 from automaton.auctions.sequential import objective
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_GENES, random_between
+from automaton.strategy.kernels import random_between
+
+STREAM_GENES = 15  # of random draws; each stream has a number of its own
 
 DRAWS = 8  # addresses of a child besides those of its genes
 TURNS = 1 << 20  # addresses of an auction: one for each generation, of which there are fewer

@@ -10,7 +10,7 @@ from automaton.auctions.market import INF
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.site import count_queues, enter_robot, enter_task, survey
 from automaton.compiled import kernel
-from automaton.kernels.slot_access import can_do
+from automaton.strategy.kernels import can_do
 from automaton.world.robot_status import STATUS_UP
 from automaton.world.state import CLOCK_NEXT_RELEASE, CLOCK_TICK, KEEP, NIL, ORDER_WAITING
 

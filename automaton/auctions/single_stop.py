@@ -21,7 +21,7 @@ from automaton.auctions.charge_plan import (
 from automaton.auctions.insertion import place_before
 from automaton.auctions.market import BATTERY_FULL, COST, END, INF, LOWEST, PLANS, STATES
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import CURVE_RATE, charging_ticks, level_after
+from automaton.strategy.kernels import CURVE_RATE, charging_ticks, level_after
 from automaton.world.state import NIL
 
 

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from automaton.auctions.market import INF, Battery, Fleet, Scratch, Work
 from automaton.auctions.preparation import battery_of, deliveries, fleet_of, scratch_for
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import charging_ticks
-from automaton.kernels.operations import first_cell
-from automaton.kernels.search import distance
-from automaton.kernels.slot_access import dropoff_cell, pickup_cell
+from automaton.strategy.kernels import (
+    charging_ticks,
+    distance,
+    dropoff_cell,
+    first_cell,
+    pickup_cell,
+)
 from automaton.struct import Struct
 from automaton.world.robot_status import STATUS_UP
 from automaton.world.state import (

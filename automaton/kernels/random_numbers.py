@@ -9,8 +9,7 @@ import numpy as np
 
 from automaton.compiled import kernel
 
-# Streams.
-STREAM_ZONES = 0
+# Streams of the world; a method declares its own beside what it draws, from the numbers left out.
 STREAM_ORDERS = 1
 STREAM_WAITS = 2
 STREAM_RETREATS = 3
@@ -20,12 +19,6 @@ STREAM_EXTRA_TICKS = 6
 STREAM_CHARGES = 7
 STREAM_RELEASES = 8
 STREAM_BREAKDOWNS = 9
-STREAM_ROUTE_TIES = 10
-STREAM_PREDICTIONS = 11
-STREAM_TRIALS = 12
-STREAM_LEGS = 13
-STREAM_TASK_SETS = 14
-STREAM_GENES = 15
 STREAM_HANDLING = 16
 STREAM_PROCESSING_TIMES = 17
 STREAM_STRATEGY = 32  # plug-ins use this one and above

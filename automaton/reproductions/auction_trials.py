@@ -20,7 +20,7 @@ from automaton.auctions.bids import MIX
 from automaton.auctions.bundle_space import bundles_for, generations, population_for
 from automaton.auctions.market import BIDS, POSITIONS, Array, Battery, Fleet, Scratch, Work
 from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
-from automaton.kernels.random_numbers import STREAM_TASK_SETS, random_between
+from automaton.kernels.random_numbers import random_between
 from automaton.reproductions.auction_floor import (
     DEPOTS,
     NO_BATTERY,
@@ -32,6 +32,8 @@ from automaton.reproductions.auction_floor import (
     seconds,
     work_of,
 )
+
+STREAM_TASK_SETS = 14  # of random draws; each stream has a number of its own
 
 MOST_TASKS: Final = 10
 OPTIMUM: Final = "optimum"

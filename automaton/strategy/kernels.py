@@ -5,10 +5,8 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from automaton.compiled import kernel
-from automaton.kernels.charging_curve import charging_ticks
+from automaton.kernels.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.kernels.holders import lane_of
 from automaton.kernels.motion import has_room
 from automaton.kernels.operations import first_cell
@@ -18,91 +16,63 @@ from automaton.kernels.random_numbers import (
     STREAM_STRATEGY,
     random_between,
     random_bits,
-)
-from automaton.kernels.routes.astar import astar, search
-from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
-from automaton.kernels.routes.forecast import forecast_all, forecast_one
-from automaton.kernels.routes.frontier import TIES
-from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
-from automaton.kernels.routes.predicted import next_goal_cell
-from automaton.kernels.routes.replay import add_zones, count_zones, has_zone
-from automaton.kernels.routes.task_forecast import (
-    add_task_forecast,
-    add_task_forecasts,
-    remove_task_forecast,
-)
-from automaton.kernels.routes.time_dependent import time_dependent_path
-from automaton.kernels.routes.zone_forecast import (
-    KEPT,
-    OWN_PARAMETERS,
-    forget,
-    forget_all,
-    row_size,
-    shared_size,
+    splitmix64,
 )
 from automaton.kernels.search import (
+    STARTED,
+    TURNED_AHEAD,
+    TURNED_BEHIND,
     UNREACHABLE,
     begin_search,
     distance,
     find_path,
     follow_gradient,
+    is_closed,
     mark_goal,
     nearest_mark,
+    parent_of,
+    pop,
+    push,
+    write_path,
 )
 from automaton.kernels.slot_access import can_bring, can_do, dropoff_cell, pickup_cell
-from automaton.kernels.zone_network import add_predicted
-from automaton.strategy.layer import memory_of
-from automaton.world.state import Memory, World
+from automaton.kernels.zone_segments import copy_segment
 
 __all__ = [
-    "CERTAIN",
-    "KEPT",
-    "LEAST_TIME",
-    "OWN_PARAMETERS",
-    "PLAIN",
+    "CURVE_RATE",
+    "STARTED",
     "STREAM_ABORTS",
     "STREAM_RETREATS",
     "STREAM_STRATEGY",
-    "TIES",
+    "TURNED_AHEAD",
+    "TURNED_BEHIND",
     "UNREACHABLE",
-    "USED_SHARE",
-    "add_predicted",
-    "add_task_forecast",
-    "add_task_forecasts",
-    "add_zones",
-    "astar",
     "begin_search",
-    "blur",
     "can_bring",
     "can_do",
     "charging_ticks",
-    "choose_threshold",
-    "close_zones",
-    "count_zones",
+    "copy_segment",
     "distance",
     "dropoff_cell",
-    "false_alarms",
     "find_path",
+    "first_cell",
     "follow_gradient",
-    "forecast_all",
-    "forecast_memory",
-    "forecast_one",
-    "forget",
-    "forget_all",
     "has_room",
-    "has_zone",
+    "is_closed",
     "kernel",
     "lane_of",
+    "level_after",
     "mark_goal",
     "nearest_mark",
-    "next_goal_cell",
+    "parent_of",
     "pickup_cell",
+    "pop",
     "position",
+    "push",
     "random_between",
     "random_bits",
-    "remove_task_forecast",
-    "search",
-    "time_dependent_path",
+    "splitmix64",
+    "write_path",
 ]
 
 
@@ -111,19 +81,3 @@ def position(view, i):
     """The cell from which a robot drives on: in a long move the one that it enters, in a parking
     bay its home."""
     return first_cell(view.robots, i)
-
-
-def forecast_memory(
-    view: World, horizon: int, own: Sequence[int] = (), shares: bool = False
-) -> Memory:
-    """Memory for `forecast_all` over so many ticks, at most 65,535.
-
-    Nothing in it outlasts a call but memory.per_robot[:, KEPT], a number of the strategy's own for
-    each robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is
-    predicted of a zone is a share of all ticks (`add_task_forecasts`).
-    """
-    traffic_zone_count = view.grid.traffic_zone_count
-    shared = shared_size(traffic_zone_count, horizon)
-    return memory_of(
-        view, row_size(horizon), shared, parameters=(horizon, traffic_zone_count, int(shares), *own)
-    )

@@ -3,7 +3,9 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_ZONES, random_between, random_bits
+from automaton.strategy.kernels import random_between, random_bits
+
+STREAM_ZONES = 0  # of random draws; each stream has a number of its own
 
 # Where the counter of each method begins.
 ANNEALING = 1 << 40

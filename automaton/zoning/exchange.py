@@ -7,7 +7,7 @@ spoiled, so callers work on a copy.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.zone_segments import copy_segment
+from automaton.strategy.kernels import copy_segment
 from automaton.world.state import NIL
 from automaton.zoning.paths import (
     add_segment,

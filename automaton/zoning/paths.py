@@ -8,7 +8,7 @@ code forgets the station of a zone that has only one).
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.zone_segments import copy_segment
+from automaton.strategy.kernels import copy_segment
 from automaton.world.state import NIL
 from automaton.zoning.space import INF
 

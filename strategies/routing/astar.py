@@ -5,7 +5,9 @@ Of several shortest paths the tie rule picks one; where robots slow each other d
 
 import numpy as np
 
-from automaton.strategy.kernels import TIES, astar, find_path, kernel, position
+from automaton.kernels.routes.astar import astar
+from automaton.kernels.routes.frontier import TIES
+from automaton.strategy.kernels import find_path, kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import NIL, REASON_AROUND_ROBOTS
 

@@ -9,24 +9,28 @@ detour around robots that stood in the way is driven to its end: made again, it 
 where they stand.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from automaton.strategy.kernels import (
-    KEPT,
-    OWN_PARAMETERS,
+from automaton.kernels.routes.forecast import forecast_all, forecast_one
+from automaton.kernels.routes.task_forecast import (
     add_task_forecast,
     add_task_forecasts,
-    forecast_all,
-    forecast_memory,
-    forecast_one,
+    remove_task_forecast,
+)
+from automaton.kernels.routes.time_dependent import time_dependent_path
+from automaton.kernels.routes.zone_forecast import (
+    KEPT,
+    OWN_PARAMETERS,
     forget,
     forget_all,
-    kernel,
-    remove_task_forecast,
-    time_dependent_path,
+    row_size,
+    shared_size,
 )
-from automaton.strategy.layer import Strategy
-from automaton.world.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC
+from automaton.strategy.kernels import kernel
+from automaton.strategy.layer import Strategy, memory_of
+from automaton.world.state import NIL, REASON_AROUND_ROBOTS, REASON_PERIODIC, Memory, World
 from strategies.routing.congestion_parameters import SharedPlans
 
 BETA = OWN_PARAMETERS
@@ -84,6 +88,22 @@ def decide(view, batch, decisions, memory, workspace):
             decisions.routing.route_length[k] = length
         put_back(view, workspace, memory, i, steps, length)
     forget_all(memory)
+
+
+def forecast_memory(
+    view: World, horizon: int, own: Sequence[int] = (), shares: bool = False
+) -> Memory:
+    """Memory for `forecast_all` over so many ticks, at most 65,535.
+
+    Nothing in it outlasts a call but memory.per_robot[:, KEPT], a number of the strategy's own for
+    each robot. `own`: further parameters, in memory.parameters[OWN_PARAMETERS:]. `shares`: what is
+    predicted of a zone is a share of all ticks (`add_task_forecasts`).
+    """
+    traffic_zone_count = view.grid.traffic_zone_count
+    shared = shared_size(traffic_zone_count, horizon)
+    return memory_of(
+        view, row_size(horizon), shared, parameters=(horizon, traffic_zone_count, int(shares), *own)
+    )
 
 
 class Congestion(Strategy):

@@ -16,26 +16,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.strategy.kernels import (
-    CERTAIN,
-    LEAST_TIME,
-    PLAIN,
-    TIES,
-    USED_SHARE,
-    add_predicted,
-    add_zones,
-    astar,
-    blur,
-    choose_threshold,
-    close_zones,
-    count_zones,
-    false_alarms,
-    has_zone,
-    kernel,
-    next_goal_cell,
-    position,
-    search,
-)
+from automaton.kernels.routes.astar import astar, search
+from automaton.kernels.routes.avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from automaton.kernels.routes.frontier import TIES
+from automaton.kernels.routes.noise import CERTAIN, USED_SHARE, blur, false_alarms
+from automaton.kernels.routes.predicted import next_goal_cell
+from automaton.kernels.routes.replay import add_zones, count_zones, has_zone
+from automaton.kernels.zone_network import add_predicted
+from automaton.strategy.kernels import kernel, position
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.network import network_for, packed, scratch_size
 from automaton.world.state import CLOCK_TICK, NIL

@@ -10,7 +10,6 @@ Zones may be closed: a robot may not enter a cell in a direction whose zone is m
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_ROUTE_TIES, random_bits
 from automaton.kernels.routes.frontier import (
     LARGER_G,
     LARGER_G_HEAP,
@@ -23,9 +22,11 @@ from automaton.kernels.routes.frontier import (
     put,
     take,
 )
-from automaton.kernels.search import STARTED, TURNED_AHEAD, TURNED_BEHIND, parent_of
+from automaton.strategy.kernels import STARTED, TURNED_AHEAD, TURNED_BEHIND, parent_of, random_bits
 from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL
+
+STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
 
 NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
 

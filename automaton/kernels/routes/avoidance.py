@@ -11,7 +11,7 @@ from automaton.compiled import kernel
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.frontier import OPEN_COST
 from automaton.kernels.routes.replay import delay_of
-from automaton.kernels.search import UNREACHABLE
+from automaton.strategy.kernels import UNREACHABLE
 from automaton.world.state import NIL
 
 PLAIN = 0  # in place of A: nothing is closed

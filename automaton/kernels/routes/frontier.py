@@ -12,7 +12,7 @@ ever found below the level, so the order is that of one heap over everything:
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import splitmix64
+from automaton.strategy.kernels import splitmix64
 from automaton.world.state import NIL
 
 FIFO = 0

@@ -3,10 +3,12 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_LEGS, random_between
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.replay import add_zones
+from automaton.strategy.kernels import random_between
 from automaton.world.state import NIL
+
+STREAM_LEGS = 13  # of random draws; each stream has a number of its own
 
 
 @kernel

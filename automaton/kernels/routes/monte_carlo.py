@@ -11,13 +11,15 @@ Two readings of a slow zone with others in it:
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_TRIALS, random_between
 from automaton.kernels.routes.astar import search, write_steps
 from automaton.kernels.routes.avoidance import PLAIN, choose_threshold, close_zones
 from automaton.kernels.routes.frontier import OPEN_COST
 from automaton.kernels.routes.noise import blur
 from automaton.kernels.routes.replay import add_zones, count_common, count_zones, delay_of
+from automaton.strategy.kernels import random_between
 from automaton.world.state import ACTION_MOVE, NIL
+
+STREAM_TRIALS = 12  # of random draws; each stream has a number of its own
 
 START, PICK, DROP = 0, 1, 2  # columns of a task
 

@@ -9,8 +9,10 @@ from typing import Final
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.random_numbers import STREAM_PREDICTIONS, random_bits, splitmix64
 from automaton.kernels.routes.replay import WORD
+from automaton.strategy.kernels import random_bits, splitmix64
+
+STREAM_PREDICTIONS = 11  # of random draws; each stream has a number of its own
 
 CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
 USED_SHARE: Final = 27.5 / 522  # of the zones, by a task in warehouse-100 (A*, random ties)

@@ -8,7 +8,6 @@ stands.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.kernels.routes.zone_forecast import (
@@ -25,7 +24,7 @@ from automaton.kernels.routes.zone_forecast import (
     ZONE,
     most_steps,
 )
-from automaton.kernels.slot_access import dropoff_cell
+from automaton.strategy.kernels import dropoff_cell, first_cell
 from automaton.world.state import GOAL_DROP, GOAL_NONE, GOAL_PICK, NIL
 
 PICKS = 4  # steps besides the four directions

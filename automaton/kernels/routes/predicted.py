@@ -3,9 +3,8 @@
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.operations import first_cell
 from automaton.kernels.routes.astar import astar
-from automaton.kernels.slot_access import dropoff_cell
+from automaton.strategy.kernels import dropoff_cell, first_cell
 from automaton.world.state import GOAL_PICK, NIL
 
 

@@ -7,7 +7,7 @@ of this follows the path that the last search left in space.came.
 import numpy as np
 
 from automaton.compiled import kernel
-from automaton.kernels.search import STARTED, parent_of
+from automaton.strategy.kernels import STARTED, parent_of
 from automaton.world.state import ACTION_MOVE, NIL
 
 WORD = 64  # zones in a word of a set

@@ -30,7 +30,7 @@ from automaton.kernels.routes.zone_forecast import (
     first_share,
     forget,
 )
-from automaton.kernels.slot_access import dropoff_cell, pickup_cell
+from automaton.strategy.kernels import dropoff_cell, pickup_cell
 from automaton.world.state import CLOCK_TICK, NIL
 
 

@@ -13,7 +13,7 @@ from automaton.compiled import kernel
 from automaton.kernels.routes.forecast import ticks_of_move
 from automaton.kernels.routes.plans import begin_plan, zone_of
 from automaton.kernels.routes.zone_forecast import FREE, HEADING, PLACE, occupancy
-from automaton.kernels.search import (
+from automaton.strategy.kernels import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,

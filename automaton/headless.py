@@ -18,8 +18,6 @@ from automaton.metrics import (
     metrics_by_type,
     metrics_of,
 )
-from automaton.picture import picture_of
-from automaton.picture.service_zone_lines import partition_picture
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.standstill import stuck, trouble
@@ -67,9 +65,7 @@ class Outcome(NamedTuple):
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
     ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
-    picture: str  # the grid at the end, if it was asked for,
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
-    zones: str = ""  # and the zones that robots serve and the work at stations, if there are any
 
 
 def run_to_end(
@@ -137,10 +133,10 @@ def run_once(
     on_record: Callable[[Simulation], None] | None = None,
     on_window: OnWindow | None = None,
     until: int | None = None,
-    draw: bool = False,
+    on_end: OnWindow | None = None,
     patience: float | None = None,
 ) -> Outcome:
-    """Run a scenario with its own seed, to its end or to tick `until`; `draw` the grid then.
+    """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
 
     `patience`: seconds that a Python strategy has for each decision.
 
@@ -150,6 +146,8 @@ def run_once(
     with strategies_blamed(resolved):
         simulation = Simulation(resolved, on_record=on_record, patience=patience)
         wall = run_to_end(simulation, on_window, still, until)
+    if on_end is not None:
+        on_end(simulation)
     state = simulation.world.orders.state
     finished = is_finished(simulation)
     return Outcome(
@@ -165,9 +163,7 @@ def run_once(
         stopped=not finished and simulation.tick == until,
         circles=circles(simulation.world, stuck(simulation, still)),
         ran_out=ran_out(simulation),
-        picture=picture_of(simulation, brief=True) if draw else "",
         types=metrics_by_type(simulation),
-        zones=partition_picture(simulation.world, resolved.floor_plan) if draw else "",
     )
 
 

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from automaton.headless import Outcome
 from automaton.metrics import GLOSSARY
-from automaton.picture.service_zone_lines import coloured
 from automaton.scenario.resolve import Resolved
 from automaton.standstill import deadlocks
 from automaton.strategy.lookup import NO_STRATEGY
@@ -65,17 +64,6 @@ def print_table(out: Console, table: Table) -> None:
         out.print(table)
     for line in captured.get().splitlines():
         out.file.write(line.rstrip() + "\n")
-
-
-def print_pictures(outcome: Outcome) -> None:
-    """Print the grid; below it zones and stations, zones with colours on a terminal."""
-    out = console()
-    print(outcome.picture)
-    if outcome.zones:
-        out.print()
-        for row in coloured(outcome.zones):
-            out.print(row, soft_wrap=True)
-        out.print()
 
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:

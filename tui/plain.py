@@ -107,6 +107,5 @@ def _outcome(run: Run, still: np.ndarray) -> Outcome:
         stopped=not finished and not run.live,
         circles=circles(front.world, stuck(front, still)),
         ran_out=ran_out(front),
-        picture="",
         types=metrics_by_type(front),
     )

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from automaton.commands.arguments import (
     add_scenario_arguments,
@@ -52,16 +52,19 @@ def run(args: argparse.Namespace) -> int:
     resolved = resolve(args.scenario, args.settings, args.seed)
     print_warnings(resolved)
     with recorder(args.record, resolved) as on_record, progress(resolved) as on_window:
+        drawn: list[Drawn] = []
+        on_end = (lambda simulation: drawn.append(draw(simulation))) if args.picture else None
         outcome = run_once(
-            resolved, on_record, on_window, args.until, args.picture, args.strategy_timeout
+            resolved, on_record, on_window, args.until, on_end, args.strategy_timeout
         )
     if args.json:
-        print(json.dumps(as_json(resolved, outcome), indent=2, ensure_ascii=False))
+        told = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
+        print(json.dumps(told, indent=2, ensure_ascii=False))
     else:
-        from automaton.run_report import print_pictures, print_report
+        from automaton.run_report import print_report
 
-        if args.picture:
-            print_pictures(outcome)
+        if drawn:
+            print_pictures(drawn[0])
         print_report(resolved, outcome)
     if outcome.finished or outcome.stopped:
         return 0
@@ -73,6 +76,41 @@ def run(args: argparse.Namespace) -> int:
         file=sys.stderr,
     )
     return 1
+
+
+class Drawn(NamedTuple):
+    """Pictures of the end of a run."""
+
+    picture: str  # the grid
+    zones: str  # the zones that robots serve and the work at stations; "" without either
+
+    def as_json(self) -> dict[str, list[str]]:
+        """What they add to the JSON of the run."""
+        zones = {"service_zones": self.zones.splitlines()} if self.zones else {}
+        return {"picture": self.picture.splitlines(), **zones}
+
+
+def draw(simulation: Simulation) -> Drawn:
+    """Draw the state that a run has come to."""
+    from automaton.picture import picture_of
+    from automaton.picture.service_zone_lines import partition_picture
+
+    zones = partition_picture(simulation.world, simulation.resolved.floor_plan)
+    return Drawn(picture_of(simulation, brief=True), zones)
+
+
+def print_pictures(drawn: Drawn) -> None:
+    """Print the grid; below it zones and stations, zones with colours on a terminal."""
+    from automaton.picture.service_zone_lines import coloured
+    from automaton.run_report import console
+
+    out = console()
+    print(drawn.picture)
+    if drawn.zones:
+        out.print()
+        for row in coloured(drawn.zones):
+            out.print(row, soft_wrap=True)
+        out.print()
 
 
 @contextlib.contextmanager
@@ -161,6 +199,4 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "robots": outcome.robots,
         **({"types": list(outcome.types)} if outcome.types else {}),
         **({"metrics_in_units": told} if told else {}),
-        **({"picture": outcome.picture.splitlines()} if outcome.picture else {}),
-        **({"service_zones": outcome.zones.splitlines()} if outcome.zones else {}),
     }

@@ -1,7 +1,6 @@
 """Pictures of the grid: a world as text, a text as a world, floors, and stories for tests.
 
 picture_of, world_from    a whole world: the floor with its robots, and a line for each of them
-partition_picture         the zones that robots serve and the work at stations; not read back
 floor_picture             a floor alone, as `draw_floor` reads it (imports no Numba)
 Story                     a few robots on a tiny floor, moved tick by tick, for tests
 """
@@ -16,7 +15,6 @@ from automaton.world.floor_plan import FloorPlan
 
 if TYPE_CHECKING:
     from automaton.picture.reading import world_from
-    from automaton.picture.service_zone_lines import partition_picture
     from automaton.picture.story import Story, moved
     from automaton.picture.writing import picture_of
 
@@ -27,14 +25,12 @@ __all__ = [
     "floor_legend",
     "floor_picture",
     "moved",
-    "partition_picture",
     "picture_of",
     "world_from",
 ]
 
 # Worlds need Numba, floors do not: these are imported when they are first asked for.
 _WORLDS = {
-    "partition_picture": "automaton.picture.service_zone_lines",
     "picture_of": "automaton.picture.writing",
     "world_from": "automaton.picture.reading",
     "Story": "automaton.picture.story",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 from weakref import WeakKeyDictionary
 
 from rich.segment import Segment
@@ -24,9 +24,8 @@ from tui.render.depth import Depth
 from tui.render.encode import encode
 
 if TYPE_CHECKING:
-    from tui.render.glyphs import Codes
+    from tui.render.glyphs import Codes, GlyphSet
     from tui.render.styles import Look
-    from tui.widgets.map_view import MapView
 
 Renderer = Literal["auto", "direct", "textual"]
 
@@ -78,6 +77,22 @@ class Frame:
     size: int = 0  # bytes, known when it has been written
 
 
+class Covered(Protocol):
+    """A map, as far as the way past the compositor is concerned: other widgets may cover it."""
+
+    @property
+    def look(self) -> Look:
+        """How it is drawn."""
+
+    @property
+    def glyphs(self) -> GlyphSet:
+        """The characters that it is drawn with."""
+
+    @property
+    def screen(self) -> Any:
+        """The screen that it is on."""
+
+
 class Presenter:
     """The way past the compositor, for all maps of an app."""
 
@@ -87,7 +102,7 @@ class Presenter:
         self._reason: str | None = None
         self._frame: Frame | None = None
         # For each map the table of visible widgets that was judged, and the map's free region.
-        self._judged: WeakKeyDictionary[MapView, tuple[object, Region | None]]
+        self._judged: WeakKeyDictionary[Covered, tuple[object, Region | None]]
         self._judged = WeakKeyDictionary()
         self.obstructed = False  # the last picture had to go through the compositor
         self.bytes = 0
@@ -115,7 +130,7 @@ class Presenter:
             self._reason = reason
         return self._reason
 
-    def show(self, view: MapView, new: Codes, old: Codes) -> bool:
+    def show(self, view: Covered, new: Codes, old: Codes) -> bool:
         """Write what differs; False if the compositor has to do it."""
         if self.why_not:
             return False
@@ -181,7 +196,7 @@ class Presenter:
         self.frames += 1
         app._driver.write(text)
 
-    def _free_region(self, view: MapView) -> Region | None:
+    def _free_region(self, view: Covered) -> Region | None:
         """Where the map is on the screen, or None if anything covers a part of it."""
         app = self._app
         screen: Any = view.screen
@@ -193,7 +208,7 @@ class Presenter:
             judged = self._judged[view] = (visible, self._uncovered(view, visible))
         return judged[1]
 
-    def _uncovered(self, view: MapView, visible: dict[Any, tuple[Region, Region]]) -> Region | None:
+    def _uncovered(self, view: Covered, visible: dict[Any, tuple[Region, Region]]) -> Region | None:
         """The rule of occlusion; widgets are listed from the front to the back."""
         if view not in visible:
             return None

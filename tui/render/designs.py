@@ -6,62 +6,26 @@ f      d
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.picture.ways import stations_of, ways_of
+from automaton.world.service_zones import ServiceZones
 from automaton.world.state import NIL
 from tui.render import styles
+from tui.render.canvas import Canvas
 from tui.render.glyphs import GlyphSet, code
+from tui.render.scene import Scene
 from tui.render.served_tints import served_tints, tints_shared
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
-
-if TYPE_CHECKING:  # they import what is here
-    from automaton.world.service_zones import ServiceZones
-    from tui.render.canvas import Canvas
-    from tui.render.scene import Scene
 
 NONE: Final = "zones: robots have none here, or none yet"
 SHARED: Final = "zones may share a tint; touching ones differ"
 TRANSFER_INK: Final = styles.TEXT
 DIGITS: Final = 2  # of the number of a station, beside its sign
-
-
-def design_tints(scene: Scene, service_zones: ServiceZones) -> NDArray[np.int8]:
-    """(C,) the tint of each cell: of ways, of stations, and of slots that belong to one."""
-    tints = np.full(scene.floor.floor_plan.kind.size, NIL, np.int8)
-    tint = served_tints(service_zones)
-    cells, zones = ways_of(service_zones.roads, service_zones.design, scene.floor.floor_plan.stride)
-    tints[cells] = tint[zones]
-    for cells, zones in (
-        _slots(scene, service_zones),
-        stations_of(service_zones.roads, service_zones.design)[:2],
-    ):
-        tints[cells[zones != NIL]] = tint[zones[zones != NIL]]
-    return tints
-
-
-def _slots(
-    scene: Scene, service_zones: ServiceZones
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Cells of slots that count to a station, and its zone."""
-    cells = scene.floor.slots_cell
-    station = service_zones.station_of[: len(cells)]
-    there = station != NIL
-    return cells[there], service_zones.design.zone[station[there]]
-
-
-def zone_cells_of(scene: Scene, service_zones: ServiceZones, zone: int) -> NDArray[np.int32]:
-    """(k,) the cells of one zone's ways and stations."""
-    ways, ways_zone = ways_of(
-        service_zones.roads, service_zones.design, scene.floor.floor_plan.stride
-    )
-    cells, cells_zone, _ = stations_of(service_zones.roads, service_zones.design)
-    found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
-    return np.unique(found).astype(np.int32)
 
 
 def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:

@@ -12,10 +12,10 @@ from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
 from tui.render.cell_looks import FAR_SHELF, cell_codes, ink_of, look
-from tui.render.field import LEVELS
+from tui.render.field import LEVELS, OVERLAYS
 from tui.render.glyphs import GlyphSet, code
 from tui.render.near import flow_codes, heat_codes
-from tui.render.overlays import OVERLAYS, overlay_meanings, zone_entries
+from tui.render.overlays import overlay_meanings, zone_entries
 from tui.render.pixels import DRIVEN
 from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, KIND_MASK, OUTSIDE, PASSING, Scene
 from tui.render.styles import style

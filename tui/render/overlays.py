@@ -5,7 +5,7 @@ Where there are no colours, or the same ones, a letter tells touching zones apar
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,30 +13,16 @@ from numpy.typing import NDArray
 from automaton.world.cells import FLOOR, TRACK
 from automaton.world.state import NIL
 from tui.render import styles
+from tui.render.canvas import Canvas
 from tui.render.designs import TRANSFER_INK, design_entries, draw_stations, station_words
+from tui.render.field import EXPLORED, ON_PATH, PREDICTED
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
+from tui.render.scene import Floor, Scene
 from tui.render.styles import style
 from tui.render.zone_tints import LETTERS, TINTS
 
-if TYPE_CHECKING:  # they import what is here
-    from tui.render.canvas import Canvas
-    from tui.render.scene import Floor, Scene
-
-OVERLAYS: Final = ("explored", "predicted")
-EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
-PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
-
 TINT_INKS: Final = np.array(TINTS, np.uint32)
 TINT_LETTERS: Final = np.array(LETTERS, np.uint32)
-
-
-def overlay_levels(layer: str, values: NDArray[np.int32], least: int) -> NDArray[np.uint8]:
-    """The level of heat of each value: explored 1 or on the path 2; or so many predicted paths."""
-    if layer == "explored":
-        return np.array([0, EXPLORED, ON_PATH], np.uint8)[values]
-    table = np.array([0, *PREDICTED], np.uint8)
-    levels: NDArray[np.uint8] = table[np.clip(values - (least - 1), 0, len(PREDICTED))]
-    return levels
 
 
 def overlay_meanings(scene: Scene) -> list[tuple[int, str]]:

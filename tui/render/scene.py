@@ -26,9 +26,8 @@ from automaton.world.cells import (
 from automaton.world.floor_plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL
 from automaton.world.traffic_zones import TrafficZones
-from tui.render.designs import design_tints, zone_cells_of
-from tui.render.field import Scale, levels_of, scale_for
-from tui.render.overlays import OVERLAYS, overlay_levels
+from tui.render.field import OVERLAYS, Scale, levels_of, overlay_levels, scale_for
+from tui.render.served_tints import design_tints, zone_cells_of
 from tui.render.zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
@@ -220,7 +219,9 @@ class Scene:
     @cached_property
     def tints(self) -> NDArray[np.int8]:
         """(C,) the tint of each cell, of tui.render.zone_tints, or NIL."""
-        return self.floor.tints if self.served is None else design_tints(self, self.served)
+        if self.served is None:
+            return self.floor.tints
+        return design_tints(self.floor.floor_plan, self.floor.slots_cell, self.served)
 
     @property
     def zone_name(self) -> str:
@@ -233,7 +234,7 @@ class Scene:
         if self.zone == NIL:
             return NOTHING
         if self.service_zones is not None:
-            return zone_cells_of(self, self.service_zones, self.zone)
+            return zone_cells_of(self.floor.floor_plan, self.service_zones, self.zone)
         if self.floor.traffic_zones is None:
             return NOTHING
         cells = np.flatnonzero((self.floor.traffic_zones.of == self.zone).any(axis=1))

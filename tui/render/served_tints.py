@@ -12,6 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.picture.ways import stations_of, ways_of
+from automaton.world.floor_plan import FloorPlan
 from automaton.world.service_zones import ServiceZones
 from automaton.world.state import NIL
 from tui.render.zone_tints import TINTS
@@ -30,6 +32,41 @@ def served_tints(service_zones: ServiceZones) -> NDArray[np.int8]:
     ways = np.ascontiguousarray(service_zones.roads.next, np.int32).tobytes()
     held = np.ascontiguousarray(service_zones.design.held, np.int32).tobytes()
     return _tints_of(ways, held, zones)
+
+
+def design_tints(
+    floor_plan: FloorPlan, slots_cell: NDArray[np.int32], service_zones: ServiceZones
+) -> NDArray[np.int8]:
+    """(C,) the tint of each cell: of ways, of stations, and of slots that belong to one."""
+    tints = np.full(floor_plan.kind.size, NIL, np.int8)
+    tint = served_tints(service_zones)
+    cells, zones = ways_of(service_zones.roads, service_zones.design, floor_plan.stride)
+    tints[cells] = tint[zones]
+    for cells, zones in (
+        _slots(slots_cell, service_zones),
+        stations_of(service_zones.roads, service_zones.design)[:2],
+    ):
+        tints[cells[zones != NIL]] = tint[zones[zones != NIL]]
+    return tints
+
+
+def _slots(
+    cells: NDArray[np.int32], service_zones: ServiceZones
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Cells of slots that count to a station, and its zone."""
+    station = service_zones.station_of[: len(cells)]
+    there = station != NIL
+    return cells[there], service_zones.design.zone[station[there]]
+
+
+def zone_cells_of(
+    floor_plan: FloorPlan, service_zones: ServiceZones, zone: int
+) -> NDArray[np.int32]:
+    """(k,) the cells of one zone's ways and stations."""
+    ways, ways_zone = ways_of(service_zones.roads, service_zones.design, floor_plan.stride)
+    cells, cells_zone, _ = stations_of(service_zones.roads, service_zones.design)
+    found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
+    return np.unique(found).astype(np.int32)
 
 
 @lru_cache(maxsize=8)  # a design stays for many frames

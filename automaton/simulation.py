@@ -116,7 +116,7 @@ class Simulation:
                     if other is not None
                 }
         if after is not None:
-            take_over(self.world, self.observation, after)
+            take_over(self.world, self.observation, after.world, after.observation)
             if (
                 self.resolved.strategies["allocation"].name
                 != after.resolved.strategies["allocation"].name

@@ -9,7 +9,7 @@ import pytest
 
 from automaton.history.live import LiveRun
 from automaton.history.run import RecordedRun, Run
-from automaton.recording.frames import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from tui.player import IDLE_S, Player
 from tui.shot import Shot

@@ -249,7 +249,7 @@ def flipped(number: int) -> tuple[str, bytes]:
 def outcome_of(path: Path, figures: Any) -> str:
     """What becomes of a file that is verified and played to its end; "" if that is well."""
     from automaton.history.run import RecordedRun
-    from automaton.recording.frames import read_recording
+    from automaton.recording.recording_reader import read_recording
     from automaton.recording.verification import verify_recording
 
     said = []

@@ -10,7 +10,7 @@ import pytest
 from action_checks import said
 from viewing import Watched, compared, mini, record, screen_text, viewing
 
-from automaton.recording.frames import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from tui.opening import Opening, live, recorded
 from tui.options import Options

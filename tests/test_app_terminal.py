@@ -18,7 +18,8 @@ from pseudo_terminal import TRUECOLOR, painted, wrong_cells
 from viewing import record
 
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import TICKS, encoded, read_recording
+from automaton.recording.frames import TICKS, encoded
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from tui.opening import floor_of

@@ -16,7 +16,8 @@ from automaton.commands.explain import chain_lines
 from automaton.history.explanation import explain
 from automaton.history.run import RecordedRun
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import CONDITIONS, Recording, read_recording
+from automaton.recording.frames import CONDITIONS, Recording
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import verify
 from automaton.world.observation import is_waiting
 

@@ -16,15 +16,9 @@ from automaton.errors import InputError
 from automaton.history.chronicle import Chronicle, Curve, Growing, Thinning
 from automaton.history.frame_store import FrameStore
 from automaton.history.journal import Journal
-from automaton.history.live import LiveRun
-from automaton.recording.frames import (
-    CONDITIONS,
-    FRAME,
-    HEADER,
-    KEYFRAME,
-    TICKS,
-    read_recording,
-)
+from automaton.history.live import LiveRun, branch_of
+from automaton.recording.frames import CONDITIONS, FRAME, HEADER, KEYFRAME, TICKS
+from automaton.recording.recording_reader import read_recording
 from automaton.world.observation import DELIVERED_ORDERS, EVENT_DEADLOCK, EVENT_ORDER_TAKEN
 from automaton.world.state import CLOCK_DIGEST_EVERY
 
@@ -168,7 +162,7 @@ def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.Monk
     assert run.show(3, 99) == run.first
     with pytest.raises(InputError, match="is not kept any more"):
         run.frames.ticks_with(5)
-    branch = run.branch(())  # it is computed again from the beginning
+    branch = branch_of(run, ())  # it is computed again from the beginning
     assert branch.tick == run.first and branch.shown.digest == run.shown.digest
 
 

@@ -21,8 +21,9 @@ from automaton.history.playback import Playback
 from automaton.history.run import RecordedRun
 from automaton.kernels.decisions import first_other_tick
 from automaton.recording import frames as stored
-from automaton.recording.frames import TICKS, Recording, read_recording
+from automaton.recording.frames import TICKS, Recording
 from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import verify
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation

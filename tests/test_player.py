@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from hand_clock import FLEET, Clock, clock, hand, live, recorded
 
-from automaton.history.live import LiveRun
+from automaton.history.live import LiveRun, branch_of
 from automaton.history.run import Run
 from automaton.history.snapshot import OVERLAYS
 from automaton.recording.verification import verify
@@ -114,8 +114,8 @@ def test_a_branch_takes_the_place_of_the_run(player: Player) -> None:
     told: list[str] = []
     player.seek(300)
     when(player, lambda shot: shot.tick == 300)
-    player.exchange(lambda run: run.branch(("seed=4",)), told.append)
-    player.exchange(lambda run: run.branch(("strategy.right_of_way=wait",)), told.append)
+    player.exchange(lambda run: branch_of(run, ("seed=4",)), told.append)
+    player.exchange(lambda run: branch_of(run, ("strategy.right_of_way=wait",)), told.append)
     player.step(10)
     shot = when(player, lambda shot: shot.tick == 310)
     assert "seed cannot change" in told[0] and told[1:] == [""] and shot.head == 310

@@ -26,17 +26,10 @@ from automaton.recording.contents import (
     MOST_LEVELS,
     MOST_PLACES,
 )
-from automaton.recording.frames import (
-    END,
-    KEYFRAME,
-    TICKS,
-    Frame,
-    Recording,
-    preamble,
-    read_recording,
-)
+from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording, preamble
 from automaton.recording.header import resolved_of
 from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.simulation import Simulation

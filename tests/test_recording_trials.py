@@ -10,7 +10,8 @@ from recording_trials import MEMORY, Worker, flipped, mutant, recorded, trials
 
 from automaton.errors import InputError
 from automaton.recording.contents import HEADER, MOST_BYTES
-from automaton.recording.frames import Chain, Payload, preamble, read_recording
+from automaton.recording.frames import Chain, Payload, preamble
+from automaton.recording.recording_reader import read_recording
 
 
 def test_altered_and_damaged_recordings_end_in_one_sentence(tmp_path: Path) -> None:

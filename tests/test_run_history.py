@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from automaton.errors import InputError
 from automaton.history.chronicle import Chronicle
-from automaton.history.live import LiveRun
+from automaton.history.live import LiveRun, branch_of
 from automaton.history.playback import Playback
 from automaton.history.run import RecordedRun, Run
-from automaton.recording.frames import MAGIC, read_recording
+from automaton.recording.frames import MAGIC
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import verify
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -175,12 +176,14 @@ def test_a_branch_verifies_plays_and_branches_again(
     change: tuple[str, ...], before: tuple[str, ...], tmp_path: Path
 ) -> None:
     path, further = tmp_path / "branch.rec", tmp_path / "further.rec"
-    branch = go(live(*before), 300).branch(change, path)
+    branch = branch_of(go(live(*before), 300), change, path)
     assert branch.tick == 300
     go(branch, 500)
     check_file(branch, path, [500, 301, 300, 299, 20, 450])
-    second = go(RecordedRun(read_recording(path)), 400).branch(("world.following=false",), further)
-    third = go(go(second, 450), 350).branch(("durations.pick=9",))
+    second = branch_of(
+        go(RecordedRun(read_recording(path)), 400), ("world.following=false",), further
+    )
+    third = branch_of(go(go(second, 450), 350), ("durations.pick=9",))
     assert same(go(third, 350).shown, go(branch, 350).shown)
     go(second, 600)
     check_file(second, further, [600, 401, 400, 299, 301, 450, 0])
@@ -196,7 +199,7 @@ def test_a_state_kept_at_the_branch_has_not_the_zones_that_follow(
     before, change = (zones, none) if zoned == "before" else ((), zones)
 
     def fresh() -> LiveRun:
-        return go(live(*FLEET, *before), 300).branch(change)
+        return branch_of(go(live(*FLEET, *before), 300), change)
 
     branch = go(fresh(), 300)
     go(branch, 400)
@@ -221,7 +224,7 @@ def check_file(run: LiveRun, path: Path, ticks: list[int]) -> None:
 def test_a_branch_without_a_change_repeats_the_future(before: tuple[str, ...]) -> None:
     run = go(live(*before), 800)
     for tick in (0, 1, 255, 256, 257, 799):
-        branch = go(run, tick).branch(())
+        branch = branch_of(go(run, tick), ())
         assert same(go(branch, 800).shown, straight(*before, until=800)), tick
         assert told(branch)[0] == told(run)[0]
 
@@ -229,16 +232,16 @@ def test_a_branch_without_a_change_repeats_the_future(before: tuple[str, ...]) -
 @pytest.mark.parametrize("tick", [0, 1, 64, 256])
 def test_a_branch_at_any_tick_verifies(tick: int, tmp_path: Path) -> None:
     path = tmp_path / "branch.rec"
-    branch = go(live(*FLEET), tick).branch(CHANGES["a strategy"], path)
+    branch = branch_of(go(live(*FLEET), tick), CHANGES["a strategy"], path)
     go(branch, 400)
     check_file(branch, path, [400, tick, 0, tick + 1])
-    again = go(RecordedRun(read_recording(path)), 350).branch(())
+    again = branch_of(go(RecordedRun(read_recording(path)), 350), ())
     assert same(go(again, 400).shown, go(branch, 400).shown)
 
 
 def test_a_branch_makes_a_difference() -> None:
     run = go(live(*FLEET), 300)
-    branch = run.branch(CHANGES["durations"])
+    branch = branch_of(run, CHANGES["durations"])
     assert not same(go(branch, 400).shown, go(run, 400).shown)
     assert branch.chronicle.curve.rows[:300].tolist() == run.chronicle.curve.rows[:300].tolist()
 
@@ -246,7 +249,7 @@ def test_a_branch_makes_a_difference() -> None:
 def test_a_branch_at_the_last_tick_goes_on_when_the_limit_is_raised(tmp_path: Path) -> None:
     path = tmp_path / "branch.rec"
     run = go(live(*FLEET, "stop.max_duration=300"), 300)
-    branch = run.branch(("stop.max_duration=600",), path)
+    branch = branch_of(run, ("stop.max_duration=600",), path)
     assert branch.end is None
     go(branch, 600)
     check_file(branch, path, [600, 300, 10])
@@ -261,7 +264,7 @@ def test_a_finished_run_goes_on_when_more_is_asked_of_it(
     run = live("stop.when=delivered", name="tabletop-mini")
     last = run.show(10**6, 99)
     assert run.shown.finished and run.end == last
-    branch = run.branch(("stop.when=parked",), path)
+    branch = branch_of(run, ("stop.when=parked",), path)
     assert branch.show(10**6, 99) > last and branch.shown.finished
     check_file(branch, path, [last, branch.tick, 5, last + 1, 6, last])
 
@@ -269,12 +272,12 @@ def test_a_finished_run_goes_on_when_more_is_asked_of_it(
 def test_a_branch_can_be_rewound_at_little_cost(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("automaton.history.run.KEYFRAME_S", 0.0)
     run = go(live(*FLEET), 1500)
-    assert len(run.branch(()).keyframes.ticks) > 5
+    assert len(branch_of(run, ()).keyframes.ticks) > 5
 
 
 def test_a_limit_that_is_past_already_ends_the_run_at_once(tmp_path: Path) -> None:
     path = tmp_path / "branch.rec"
-    branch = go(live(*FLEET), 200).branch(("stop.max_duration=10",), path)
+    branch = branch_of(go(live(*FLEET), 200), ("stop.max_duration=10",), path)
     assert branch.end == 200 == branch.show(900, 99)
     check_file(branch, path, [200, 0])
 
@@ -293,7 +296,7 @@ def test_what_cannot_be_changed_is_told(change: str, told: str, tmp_path: Path) 
     path.write_bytes(MAGIC + b"older")
     run = go(live(*FLEET), 200)
     with pytest.raises(InputError) as error:
-        run.branch((change,), path)
+        branch_of(run, (change,), path)
     assert told in str(error.value) and "\n" not in str(error.value)
     assert path.read_bytes() == MAGIC + b"older"
     assert same(go(run, 300).shown, straight(*FLEET, until=300))
@@ -310,7 +313,7 @@ def test_a_past_that_this_version_computes_otherwise_is_no_base(
     monkeypatch.setattr(Moody, "period", 3)
     recorded = go(RecordedRun(read_recording(path)), 500)
     with pytest.raises(InputError, match="the run is another one at tick 500"):
-        recorded.branch((), path.with_name("branch.rec"))
+        branch_of(recorded, (), path.with_name("branch.rec"))
     assert path.with_name("branch.rec").read_bytes() == MAGIC + b"older"
 
 

@@ -22,8 +22,9 @@ from automaton.recording.codes import (
     KEYFRAME_TICKS,
 )
 from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
-from automaton.recording.frames import encoded, read_recording
+from automaton.recording.frames import encoded
 from automaton.recording.recorder import MemoryRecorder
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import LABELS
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation

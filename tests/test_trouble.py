@@ -11,7 +11,7 @@ from hand_clock import FLEET, Clock, clock, hand, live
 
 from automaton.errors import InputError
 from automaton.history.keyframes import OBJECT_BYTES, Keyframes
-from automaton.history.live import LiveRun
+from automaton.history.live import LiveRun, branch_of
 from automaton.recording.frames import StoredFrames
 from automaton.strategy.layer import Strategy
 from tui import player as player_module
@@ -36,7 +36,7 @@ def test_a_shot_brings_the_runs_that_its_snapshots_are_of(clock: Clock) -> None:
     player = hand(clock, live(*FLEET))
     player.seek(50)
     before = player.settle()
-    player.exchange(lambda run: run.branch(("strategy.right_of_way=wait",)), lambda _: None)
+    player.exchange(lambda run: branch_of(run, ("strategy.right_of_way=wait",)), lambda _: None)
     after = player.settle()
     assert before.runs[0] is not after.runs[0]
     assert after.runs[0].chronicle.known == after.snapshots[0].tick == 50
@@ -84,7 +84,7 @@ def test_a_branch_is_given_up_when_the_viewer_is_left() -> None:
 
     run.give_up = give_up
     with pytest.raises(InputError, match="given up"):
-        run.branch(())
+        branch_of(run, ())
 
 
 def test_a_branch_that_does_not_fit_leaves_no_file(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_branch_that_does_not_fit_leaves_no_file(tmp_path: Path) -> None:
     run.show(100, 99)
     run.frames = StoredFrames([])  # so that its past cannot be computed again
     with pytest.raises(InputError):
-        run.branch((), tmp_path / "branch.rec")
+        branch_of(run, (), tmp_path / "branch.rec")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -16,6 +16,7 @@ from automaton.recording import frames as stored
 from automaton.recording.codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
 from automaton.recording.frames import CONDITIONS, END, TICKS, Frame, Recording
 from automaton.recording.recorder import MemoryRecorder, Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import action_text, verify_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -202,7 +203,7 @@ def test_a_recording_of_an_unfinished_run_is_complete(tmp_path: Path) -> None:
     resolved = resolve("tabletop-mini", ["stop.max_duration=50"])
     with Recorder(tmp_path / "run.rec", resolved, 1) as recorder:
         Simulation(resolved, on_record=recorder).run()
-    found = verify_recording(stored.read_recording(tmp_path / "run.rec"))
+    found = verify_recording(read_recording(tmp_path / "run.rec"))
     assert found.passed and found.recording.complete
 
 
@@ -214,4 +215,4 @@ def test_a_header_that_names_cells_off_its_floor_is_refused(
     with pytest.raises(
         InputError, match=r"frame 0 at byte 14 \(the header\): floor\.bays has the value"
     ):
-        stored.read_recording(save(tmp_path / "run.rec", recording))
+        read_recording(save(tmp_path / "run.rec", recording))

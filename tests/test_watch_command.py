@@ -12,7 +12,8 @@ from viewing import branch, record
 
 from automaton.commands import main
 from automaton.history.divergence import first_difference
-from automaton.recording.frames import FRAME, PREAMBLE, TICKS, read_recording
+from automaton.recording.frames import FRAME, PREAMBLE, TICKS
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION
 from tui.opening import recorded

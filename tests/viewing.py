@@ -11,9 +11,10 @@ from typing import Any
 
 from textual.pilot import Pilot
 
+from automaton.history.live import branch_of
 from automaton.history.run import RecordedRun
-from automaton.recording.frames import read_recording
 from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from tui.app import Viewer
@@ -97,7 +98,7 @@ def branch(path: Path, to: Path, tick: int, *settings: str) -> Path:
     """Record what follows, to the end, from a recorded run with other settings from a tick on."""
     run = RecordedRun(read_recording(path))
     run.show(tick, 99)
-    other = run.branch(settings, to)
+    other = branch_of(run, settings, to)
     other.show(99_999, 99)
     other.close()
     return to

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.recording.frames import Recording, read_recording
+from automaton.recording.frames import Recording
 from automaton.recording.header import resolved_of
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import Resolved
 from automaton.world.cells import SHELF
 from automaton.world.traffic_zones import traffic_zones_of

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from automaton.commands.arguments import tick, whole
 from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
-from automaton.recording.frames import Recording, read_recording
+from automaton.recording.frames import Recording
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
@@ -89,9 +90,10 @@ def run(args: argparse.Namespace) -> int:
 def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
     """Run the branch and record it; how it went, and what went wrong with the file or ""."""
     from automaton.headless import is_finished
+    from automaton.history.live import branch_of
     from automaton.history.run import RecordedRun
 
-    branch = shown_at(RecordedRun(recording), args.at).branch(tuple(args.settings), out)
+    branch = branch_of(shown_at(RecordedRun(recording), args.at), tuple(args.settings), out)
     try:
         advance(branch, args.until)
         found = future("branch", branch.front, is_finished(branch.front))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import tick, whole
 from automaton.errors import InputError
-from automaton.recording.frames import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.units import count, percent
 
 if TYPE_CHECKING:

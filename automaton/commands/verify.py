@@ -12,7 +12,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.recording.frames import read_recording
+from automaton.recording.recording_reader import read_recording
 
 if TYPE_CHECKING:
     from automaton.recording.verification import Verification

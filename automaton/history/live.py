@@ -158,8 +158,12 @@ class LiveRun(Run):
         self.journal.close()
 
 
-def branch_of(run: Run, settings: tuple[str, ...], path: Path | None) -> LiveRun:
-    """See Run.branch."""
+def branch_of(run: Run, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
+    """A live run with the past of `run` up to the shown tick, and other settings from there on.
+
+    The past is computed again with its strategies, so that they remember it. Raises InputError
+    when the settings do not fit, or when this version computes another past.
+    """
     tick = run.tick
     other = branched(run.resolved_at(tick), settings)
     held = run.frames.rules_at(tick)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from automaton.history.chronicle import Chronicle
 from automaton.history.keyframes import Keyframes
@@ -16,9 +14,6 @@ from automaton.recording.header import changed, resolved_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.floor_plan import FloorPlan
-
-if TYPE_CHECKING:
-    from automaton.history.live import LiveRun
 
 SLICE_S = 0.005  # of computing between two looks at the clock
 KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost
@@ -158,16 +153,6 @@ class Run:
     def resolved_at(self, tick: int) -> Resolved:
         """The scenario that holds in the tick after `tick`, with its strategies."""
         return resolved_of(changed(self.header, self.frames.rules_at(tick)))
-
-    def branch(self, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
-        """A live run with this past up to the shown tick, and other settings from there on.
-
-        The past is computed again with its strategies, so that they remember it. Raises InputError
-        when the settings do not fit, or when this version computes another past.
-        """
-        from automaton.history.live import branch_of
-
-        return branch_of(self, settings, path)
 
     def close(self) -> None:
         """Nothing more will be computed."""

@@ -25,15 +25,7 @@ from automaton.recording.codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.recording.contents import KEYFRAME_ARRAYS
-from automaton.recording.frames import (
-    CONDITIONS,
-    END,
-    KEYFRAME,
-    TICKS,
-    Content,
-    Recording,
-    read_recording,
-)
+from automaton.recording.frames import CONDITIONS, END, KEYFRAME, TICKS, Content, Recording
 from automaton.recording.header import (
     changed,
     header_of,
@@ -41,6 +33,7 @@ from automaton.recording.header import (
     rules_of,
     state_of,
 )
+from automaton.recording.recording_reader import read_recording
 from automaton.recording.validator import ACTS, Report, validate_stored
 from automaton.scenario.branch import branched
 from automaton.scenario.document import Document

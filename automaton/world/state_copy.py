@@ -6,7 +6,7 @@ Left out are the static ones, scratch, and what belongs to the buffers of one si
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from automaton.world.state import (
     Array,
     World,
 )
-
-if TYPE_CHECKING:
-    from automaton.simulation import Simulation
 
 OF_THE_BUFFERS: Final = (
     CLOCK_STOP_TICK,
@@ -79,14 +76,16 @@ def copy_clock(to: Array, since: Array) -> None:
     to[list(OF_THE_BUFFERS)] = kept
 
 
-def take_over(world: World, observation: Observation, before: Simulation) -> None:
-    """Copy the state of another simulation of the same floor, fleet and orders."""
-    theirs = dict(state_arrays(before.world, before.observation))
+def take_over(
+    world: World, observation: Observation, other_world: World, other_observation: Observation
+) -> None:
+    """Copy the state of another run of the same floor, fleet and orders, and its observation."""
+    theirs = dict(state_arrays(other_world, other_observation))
     for name, array in state_arrays(world, observation):
         if array.shape == theirs[name].shape:  # an unobserved simulation has no observation
             np.copyto(array, theirs[name])
     if not world.rules.slowdown:
         observation.slow_zone[:] = NIL  # a branch may have switched it off
-    np.copyto(world.robots.route, before.world.robots.route)
-    np.copyto(world.robots.order_queue, before.world.robots.order_queue)
-    copy_clock(world.clock, before.world.clock)
+    np.copyto(world.robots.route, other_world.robots.route)
+    np.copyto(world.robots.order_queue, other_world.robots.order_queue)
+    copy_clock(world.clock, other_world.clock)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from automaton.history.live import branch_of
 from automaton.world.observation import is_waiting
 from automaton.world.state import NIL
 from tui.actions.find import FindActions
@@ -124,7 +125,7 @@ class ChooseActions(FindActions):
         made: list[Branched] = []
 
         def branch(run: Run) -> Run:
-            fresh = run.branch(settings, path)
+            fresh = branch_of(run, settings, path)
             title = title_of(fresh.resolved, fresh.header["seed"], fresh.frames)
             made.append(Branched(fresh.tick, settings, title, path, fresh.resolved))
             return fresh

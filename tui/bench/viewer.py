@@ -22,7 +22,7 @@ from automaton.bench.measurement import SECONDS, Measurement, Sample, wall_secon
 from automaton.history.live import LiveRun
 from automaton.history.run import RecordedRun, Run
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import read_recording
+from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import TURNTABLE
 from tui.bench.session import Session, quantile

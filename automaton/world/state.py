@@ -8,7 +8,7 @@ storage changes nothing that is stored. NIL (-1) means none. The same classes se
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from numpy.typing import NDArray
 
@@ -17,11 +17,6 @@ from automaton.world.facilities import NIL as NIL
 from automaton.world.facilities import Chargers, Slots, Stations
 from automaton.world.facilities import Grid as Grid
 from automaton.world.service_zones import Design, ServiceZones
-
-if TYPE_CHECKING:
-    from automaton.world.route_space import RouteSpace
-    from automaton.zoning.negotiation import Parts
-    from automaton.zoning.space import ZoneSpace
 
 Array = NDArray[Any]
 
@@ -392,9 +387,10 @@ class Workspace(Struct):
     field_of: Array  # (K C,) int32: the field of robots of type k to a cell, [k C + c], or NIL
     field_owner: Array  # (F,) int32: which entry of field_of a field has, or NIL
     field_next: Array  # (1,) int64: the field to overwrite next
-    routes: RouteSpace
-    zoning: ZoneSpace
-    parts: Parts
+    # Scratch of methods, which the loop passes on.
+    routes: Struct
+    zoning: Struct
+    parts: Struct
 
 
 class Record(Struct):

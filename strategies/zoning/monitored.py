@@ -8,7 +8,7 @@ when a computer would be done with them. All that waits is queued again then.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
 from automaton.zoning.routing import CENTRAL
-from automaton.zoning.space import INF
+from automaton.zoning.space import INF, ZoneSpace
 from automaton.zoning.transfer import find_transfers
 from strategies.zoning.able import hand_on, heed_servers
 from strategies.zoning.charging_load import add_charging
@@ -157,12 +157,11 @@ class Monitored(Strategy):
         flows = record_flow(view, ticks(view, 60 * self.parameters.window), now, self._flow)
         good = NIL
         if flows:
-            find_loads(
-                view.service_zones.roads, self._rules, self._flow, 0, out.design, workspace.zoning
-            )
-            add_charging(view, workspace.zoning, self._rules)
-            value = balance(workspace.zoning.load)
-            if len(workspace.zoning.load) > 1:  # one zone is out of balance with no robot
+            zones = cast(ZoneSpace, workspace.zoning)
+            find_loads(view.service_zones.roads, self._rules, self._flow, 0, out.design, zones)
+            add_charging(view, zones, self._rules)
+            value = balance(zones.load)
+            if len(zones.load) > 1:  # one zone is out of balance with no robot
                 good = int(0.0 < value <= self.parameters.tolerance)
         state[LAST_LOOK], state[WAS_GOOD] = now, good
         often = ticks(view, self.parameters.often)

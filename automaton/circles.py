@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.kernels.blocker_cycles import walk_to_cycle
 from automaton.world.state import NIL, Array, World
 
 
@@ -11,21 +12,22 @@ def circles(world: World, still: Array) -> list[tuple[int, ...]]:
     """Identities of the robots of each wait cycle, each waiting for the next, the least one first.
 
     `still`: storage indices of robots that have got nowhere for long. One that is to enter a cell
-    for one robot waits for who stands there or enters it. No robot waits for two, so every walk
-    along those who keep each other ends, or comes to one wait cycle.
+    for one robot waits for who stands there or enters it.
     """
     keeper = keepers(world, still)
-    found: list[tuple[int, ...]] = []
-    seen: set[int] = set()
-    for first in still.tolist():
-        walk: list[int] = []
-        i = first
-        while i in keeper and i not in seen:
-            seen.add(i)
-            walk.append(i)
-            i = keeper[i]
-        if i in walk:
-            found.append(_named(world, walk[walk.index(i) :]))
+    robots, found = world.robots, []
+    blocker, color = np.full(len(robots.cell), NIL, np.int32), np.zeros(len(robots.cell), np.int32)
+    for i, other in keeper.items():
+        blocker[i] = robots.identity[other]
+    for start in keeper:
+        first = (
+            int(walk_to_cycle(blocker, robots.at_index, color, start)) if not color[start] else NIL
+        )
+        if first != NIL:
+            circle = [first]
+            while keeper[circle[-1]] != first:
+                circle.append(keeper[circle[-1]])
+            found.append(_named(world, circle))
     return sorted(found)
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from automaton.history.charging import charging, in_line_words, up_to
 from automaton.history.snapshot import Snapshot
+from automaton.kernels.blocker_cycles import walk_to_cycle
 from automaton.units import count, percent
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.observation import (
@@ -56,13 +59,16 @@ class Explanation(NamedTuple):
 
 def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
     """Why a robot waits, what keeps the one that keeps it, and so on."""
+    fleet = snapshot.robots
+    blocker = np.where(fleet.cause == CAUSE_NOT_WAITING, NIL, fleet.blocker).astype(np.int32)
+    color, index = np.zeros(len(blocker), np.int32), np.arange(len(blocker), dtype=np.int32)
+    member = int(walk_to_cycle(blocker, index, color, robot))
     chain: list[Link] = []
-    seen: dict[int, int] = {}
-    while robot != NIL and robot not in seen:
-        seen[robot] = len(chain)
+    for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last one may wait for none
         chain.append(_link(snapshot, floor_plan, robot))
         robot = chain[-1].blocker
-    return Explanation(tuple(chain), NIL if robot == NIL else seen[robot])
+    names = [link.robot for link in chain]
+    return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
 
 
 def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from automaton.compiled import kernel
+from automaton.kernels.blocker_cycles import walk_to_cycle
 from automaton.kernels.motion import U
 from automaton.recording.codes import (
     ACTION_MASK,
@@ -191,11 +192,11 @@ def note_status(world, observation, i, identity):
 
 @kernel
 def find_cycles(world, observation):
-    """Mark the robots on cycles of blockers: each robot has one at most, so a walk finds them.
+    """Mark the robots on cycles of blockers.
 
     Whoever has a blocker is among those that `observe` has listed.
     """
-    robots, scratch = world.robots, observation.scratch
+    scratch = observation.scratch
     color = scratch.color
     waiters = scratch.count[WAITERS]
     for k in range(waiters):
@@ -204,12 +205,9 @@ def find_cycles(world, observation):
         start = np.int64(scratch.waiters[U(k)])
         if observation.blocker[U(start)] == NIL or color[U(start)]:
             continue
-        i = start
-        while observation.blocker[U(i)] != NIL and color[U(i)] == 0:
-            color[U(i)] = start + 1
-            i = np.int64(robots.at_index[U(observation.blocker[U(i)])])
-        if observation.blocker[U(i)] != NIL and color[U(i)] == start + 1:
-            close_cycle(world, observation, i)
+        member = walk_to_cycle(observation.blocker, world.robots.at_index, color, start)
+        if member != NIL:
+            close_cycle(world, observation, member)
     for k in range(waiters):
         i = U(scratch.waiters[U(k)])
         if color[i] != IN_CYCLE:

@@ -69,12 +69,12 @@ class Late(Strategy):
             load, order = robots.load[i], int((view.orders.state != ORDER_WAITING).sum())
             if load != NIL and robots.slot[i] == NIL:
                 out.command[k], out.slot[k] = CMD_DROP_AT, view.orders.target[load]
-                out.goal_cell[k] = dropoff_cell(view, 0, out.slot[k])
+                out.goal_cell[k] = dropoff_cell(view, 0, out.slot[k], -1)
             elif robots.order[i] != NIL or robots.busy[i]:
                 continue
             elif i == 0 and order < 3 and view.clock[CLOCK_TICK] > 20 * order:
                 out.command[k], out.order[k] = CMD_TAKE_ORDER, order
-                out.goal_cell[k] = pickup_cell(view, 0, view.orders.current_slot[order])
+                out.goal_cell[k] = pickup_cell(view, 0, view.orders.current_slot[order], -1)
             else:
                 out.command[k] = CMD_PARK
 

@@ -120,10 +120,12 @@ def enter_task(view, workspace, site, robot_type, task, order):
     """Task number `task` of the site is to carry this order to its target, by robots of a type."""
     work, duration, drain = site.work, view.rules.duration[robot_type], view.rules.drain
     slot, target = np.int64(view.orders.current_slot[order]), np.int64(view.orders.target[order])
-    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target) == NIL:
+    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
         target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
-    begin = pickup_cell(view, robot_type, slot)
-    end = begin if slot == target or target == NIL else dropoff_cell(view, robot_type, target)
+    begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
+    end = begin
+    if slot != target and target != NIL:
+        end = dropoff_cell(view, robot_type, target, begin)
     site.order[task] = order
     site.cell[robot_type, work.begin[task]] = begin
     site.cell[robot_type, work.end[task]] = end
@@ -163,7 +165,8 @@ def enter_robot(view, workspace, site, r, i):
             ready += max(np.int64(0), line_ahead(view, i) - drive)
         charge = max(charge, np.int64(robots.charge_target[i]))
     elif robots.load[i] != NIL:
-        place = dropoff_cell(view, robot_type, np.int64(view.orders.target[robots.load[i]]))
+        target = np.int64(view.orders.target[robots.load[i]])
+        place = dropoff_cell(view, robot_type, target, first_cell(robots, i))
         if place == NIL:
             place = first_cell(robots, i)
         drive = way_from(view, workspace, i, place)
@@ -178,7 +181,7 @@ def enter_robot(view, workspace, site, r, i):
         )
         begin = np.int64(robots.goal_cell[i])
         drive = way_from(view, workspace, i, begin)
-        place = begin if slot == target else dropoff_cell(view, robot_type, target)
+        place = begin if slot == target else dropoff_cell(view, robot_type, target, begin)
         inside = longest_way(view, workspace, robot_type, begin, place) if slot != target else 0
         ready += drive + inside + duration[ACTION_PICK] + duration[ACTION_DROP]
         charge -= drive * empty + inside * loaded

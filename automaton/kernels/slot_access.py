@@ -1,8 +1,10 @@
-"""From which cell a robot picks up and drops, as the shipped allocations have it.
+"""From which cell a robot picks up and drops: one rule, for whatever decides it or predicts it.
 
-A load is picked up from the right of its shelf where the floor allows it (the table-top robots stand
-at (x + 1, y)), and dropped from the left: so loads travel to the right. Whatever predicts where a
-robot will go reckons with the same cells.
+fixed (default)   A load is picked up from the right of its shelf where the floor allows it (the
+                  table-top robots stand at (x + 1, y)), and dropped from the left: so loads travel
+                  to the right.
+nearest           The cell with the least rows and columns to the cell from which the robot comes;
+                  of several the one that is first by the fixed rule.
 """
 
 import numpy as np
@@ -10,30 +12,41 @@ import numpy as np
 from automaton.compiled import kernel
 from automaton.world.state import NIL
 
-FROM_RIGHT_FIRST = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot
-FROM_LEFT_FIRST = (2, 0, 3, 1)
+PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
 
 
 @kernel
-def pickup_cell(view, robot_type, slot):
-    """The cell from which robots of a type pick a load up, NIL if there is none."""
+def access_cell(view, robot_type, slot, turned, origin):
+    """The cell from which robots of a type serve a slot, NIL if there is none.
+
+    turned: 0 to pick up, 2 to drop; origin: the cell from which the robot comes, NIL if unknown.
+    """
     one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
-    for direction in FROM_RIGHT_FIRST:
-        cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and (one or view.slots.reachable[robot_type, cell]):
+    is_nearest = view.rules.nearest_access != 0 and origin != NIL
+    width = view.grid.width
+    best, least = np.int64(NIL), np.int64(0)
+    for direction in PICK_DIRECTIONS:
+        cell = np.int64(view.slots.access[slot, direction ^ turned])
+        if cell == NIL or not (one or view.slots.reachable[robot_type, cell]):
+            continue
+        if not is_nearest:
             return cell
-    return np.int64(NIL)
+        way = abs(cell // width - origin // width) + abs(cell % width - origin % width)
+        if best == NIL or way < least:
+            best, least = cell, way
+    return best
 
 
 @kernel
-def dropoff_cell(view, robot_type, slot):
-    """The cell from which robots of a type drop a load, NIL if there is none."""
-    one = view.slots.reachable.shape[0] == 1
-    for direction in FROM_LEFT_FIRST:
-        cell = np.int64(view.slots.access[slot, direction])
-        if cell != NIL and (one or view.slots.reachable[robot_type, cell]):
-            return cell
-    return np.int64(NIL)
+def pickup_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` pick a load up, or NIL."""
+    return access_cell(view, robot_type, slot, 0, origin)
+
+
+@kernel
+def dropoff_cell(view, robot_type, slot, origin):
+    """The cell from which robots of a type that come from `origin` drop a load, or NIL."""
+    return access_cell(view, robot_type, slot, 2, origin)
 
 
 @kernel

@@ -1,5 +1,7 @@
 """The least time that a task takes: both legs driven on the empty floor."""
 
+import numpy as np
+
 from automaton.compiled import kernel
 from automaton.kernels.search import (
     STARTED,
@@ -24,8 +26,8 @@ def min_drive_ticks(view, workspace, which, out):
 
     The first leg begins where and with the heading in which the order was taken, the second one
     with the heading in which the first one ends; of several that take the least ticks, the best
-    counts. Slots are served from the cells that the shipped allocations choose, by the type of
-    robot that took the order last. UNREACHABLE if there is no way.
+    counts. Slots are served from their access cells, by the type of robot that took the order last.
+    UNREACHABLE if there is no way.
     """
     orders = view.orders
     for k in range(which.shape[0]):
@@ -33,8 +35,9 @@ def min_drive_ticks(view, workspace, which, out):
         start = orders.dispatched_from[order] * view.grid.headings
         start += orders.dispatched_heading[order]
         robot_type = orders.dispatched_type[order]
-        access_cell = pickup_cell(view, robot_type, orders.source[order])
-        end = dropoff_cell(view, robot_type, orders.target[order])
+        origin = np.int64(orders.dispatched_from[order])
+        access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
+        end = dropoff_cell(view, robot_type, orders.target[order], access_cell)
         out[order] = least_by(view, workspace, robot_type, start, access_cell, end)
 
 

@@ -111,6 +111,13 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     following: Annotated[
         bool, Meta(description="A robot may enter a cell that is given up in the same tick.")
     ] = True
+    access_cell: Annotated[
+        Literal["fixed", "nearest"],
+        Meta(
+            description="From which cell a slot is served. fixed: picks from the east if possible, "
+            "drops from the west; nearest: the one with the least rows and columns to the robot."
+        ),
+    ] = "fixed"
     traffic_zones: Annotated[
         Literal["undirected", "directed", "with-intersections"],
         Meta(

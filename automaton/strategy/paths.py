@@ -50,6 +50,20 @@ def can_do(view: World, robot: int, order: int) -> bool:
     return bool(slot_access.can_do(view, robot, int(order)))
 
 
+def pickup_cell(view: World, robot: int, slot: int) -> int | None:
+    """The cell from which a robot picks up a load, by the scenario's `world.access_cell`, or None."""
+    robot_type, here = int(view.robots.type[robot]), position(view, robot)
+    cell = int(slot_access.pickup_cell(view, robot_type, int(slot), here))
+    return None if cell == NIL else cell
+
+
+def dropoff_cell(view: World, robot: int, slot: int) -> int | None:
+    """The cell from which a robot drops its load, by the scenario's `world.access_cell`, or None."""
+    robot_type, here = int(view.robots.type[robot]), position(view, robot)
+    cell = int(slot_access.dropoff_cell(view, robot_type, int(slot), here))
+    return None if cell == NIL else cell
+
+
 def access_cells(view: World, robot: int, slot: int) -> list[int]:
     """The cells from which a robot can serve a slot: east, south, west and north of it."""
     reachable = view.slots.reachable[view.robots.type[robot]]

@@ -28,6 +28,7 @@ def rules_for(scenario: Scenario, seed: int) -> Rules:
     return Rules(
         seed=np.uint64(seed),
         following=int(rules.following),
+        nearest_access=int(rules.access_cell == "nearest"),
         stop=STOPS[scenario.stop.when],
         leave=int(scenario.fleet.when_idle == "leave"),
         radius=radius_of(scenario.information),

@@ -146,6 +146,7 @@ class Rules(Struct):
 
     seed: Any  # uint64
     following: int  # 1: a robot may enter a cell that its holder gives up in the same tick
+    nearest_access: int  # 1: loads are picked up and dropped from the nearest access cell
     stop: int  # STOP_PARKED, STOP_DELIVERED, STOP_NEVER
     leave: int  # 1: a robot with nothing to do leaves the floor where it stands
     radius: int  # how far strategies see, cells; NIL everything, or ORDER_LIST

@@ -79,7 +79,7 @@ def rather_carries(view, workspace, i):
     passing = tables * (handling + MOVES_PER_PASS * duration[ACTION_MOVE])
     heading = np.int64(view.robots.heading[i])
     way = distance(
-        view, workspace, robot_type, here, heading, dropoff_cell(view, robot_type, target)
+        view, workspace, robot_type, here, heading, dropoff_cell(view, robot_type, target, here)
     )
     lost = (
         ticks_of(view, i, ACTION_WAIT)

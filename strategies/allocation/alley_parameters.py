@@ -14,7 +14,12 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """No parameters; but loads are looked for on shelves alone."""
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Loads at docks and stations belong to no alley: no robot would ever fetch them."""
+        """Loads at docks and stations belong to no alley: no robot would ever fetch them.
+
+        An alley is the column from which its loads are picked up.
+        """
+        if scenario.world.access_cell != "fixed":
+            return "its alleys are where loads are picked up; it needs world.access_cell: fixed"
         begun = kinds_of_sources(scenario.orders, floor_plan)
         names = [
             f"{robot_type.name}s"

@@ -45,7 +45,7 @@ def count_tables(view, out, i, count):
         order = np.int64(view.slots.content[slot])
         if view.slots.unbounded[slot] or order == NIL:
             continue
-        access_cell = pickup_cell(view, robot_type, slot)
+        access_cell = pickup_cell(view, robot_type, slot, NIL)
         if access_cell == NIL:
             continue
         column = access_cell % width
@@ -95,7 +95,7 @@ def first_order(view, out, workspace, i, column, around):
         order = np.int64(view.slots.content[slot])
         if view.slots.unbounded[slot] or order == NIL or not is_open(view, out, order):
             continue
-        access_cell = pickup_cell(view, robot_type, slot)
+        access_cell = pickup_cell(view, robot_type, slot, NIL)
         if access_cell % view.grid.width != column or not can_do(view, i, order):
             continue
         if first == NIL:
@@ -148,7 +148,7 @@ def pass_right(view, out, memory, k, i):
             continue
         if not takes_load(view, out, slot):
             continue
-        if dropoff_cell(view, robot_type, slot) == NIL:
+        if dropoff_cell(view, robot_type, slot, NIL) == NIL:
             continue
         way = abs(view.slots.cell[slot] // width - y)
         if column < best_column or (best != NIL and way < best_way):

@@ -38,20 +38,20 @@ def nearest_order(view, out, workspace, i, around):
     """The open order of least path cost for robot i, NIL if there is none."""
     search = begin_search(workspace)
     found = False
-    robot_type = view.robots.type[i]
+    here, robot_type = position(view, i), view.robots.type[i]
     for order in range(view.orders.state.shape[0]):
         if is_open(view, out, order) and can_do(view, i, order):
             mark_goal(
                 workspace,
                 search,
-                pickup_cell(view, robot_type, view.orders.current_slot[order]),
+                pickup_cell(view, robot_type, view.orders.current_slot[order], here),
                 order,
             )
             found = True
     if not found:
         return NIL
     heading = np.int64(view.robots.heading[i])
-    return nearest_mark(view, workspace, search, robot_type, position(view, i), heading, around)
+    return nearest_mark(view, workspace, search, robot_type, here, heading, around)
 
 
 @kernel
@@ -59,7 +59,8 @@ def take_order(view, out, k, i, order):
     """Decision k of the batch: robot i picks up this order."""
     out.command[k] = CMD_TAKE_ORDER
     out.order[k] = order
-    out.goal_cell[k] = pickup_cell(view, view.robots.type[i], view.orders.current_slot[order])
+    slot = view.orders.current_slot[order]
+    out.goal_cell[k] = pickup_cell(view, view.robots.type[i], slot, position(view, i))
     out.order_taken[order] = 1
 
 
@@ -92,7 +93,7 @@ def set_down(view, out, k, i, slot):
     """Decision k: robot i drops its load at this slot, which takes it."""
     out.command[k] = CMD_DROP_AT
     out.slot[k] = slot
-    out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot)
+    out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot, position(view, i))
     if view.slots.unbounded[slot] == 0:
         out.slot_taken[slot] = 1
 

@@ -33,9 +33,7 @@ class IndependentPython(Strategy):
                 slot = view.orders.target[view.robots.load[robot]]
                 out.command[k] = CMD_DROP_AT
                 out.slot[k] = slot
-                out.goal_cell[k] = self.beside(
-                    view, robot, slot, (2, 0, 3, 1)
-                )  # the left if possible
+                out.goal_cell[k] = paths.dropoff_cell(view, robot, slot)
             elif reason != REASON_PERIODIC:
                 order = self.nearest(view, workspace, robot, taken, reason == REASON_ORDER_RETURNED)
                 if order is None:
@@ -44,9 +42,8 @@ class IndependentPython(Strategy):
                 taken.add(order)
                 out.command[k] = CMD_TAKE_ORDER
                 out.order[k] = order
-                out.goal_cell[k] = self.beside(
-                    view, robot, view.orders.current_slot[order], (0, 2, 1, 3)
-                )
+                slot = view.orders.current_slot[order]
+                out.goal_cell[k] = paths.pickup_cell(view, robot, slot)
 
     def nearest(self, view, workspace, robot, taken, around):
         orders = [
@@ -58,15 +55,9 @@ class IndependentPython(Strategy):
             and paths.can_do(view, robot, order)
         ]
         access_cells = [
-            self.beside(view, robot, view.orders.current_slot[order], (0, 2, 1, 3))
-            for order in orders
+            paths.pickup_cell(view, robot, view.orders.current_slot[order]) for order in orders
         ]
         found = paths.nearest(view, workspace, robot, access_cells, around) if around else None
         if found is None:  # or if nothing is reachable around the other robots
             found = paths.nearest(view, workspace, robot, access_cells)
         return None if found is None else orders[found]
-
-    def beside(self, view, robot, slot, directions):
-        """The cell from which a robot serves a slot: the first neighbour where it gets to."""
-        access, usable = view.slots.access[slot], paths.access_cells(view, robot, slot)
-        return next(access[d] for d in directions if access[d] in usable)

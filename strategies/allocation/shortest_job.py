@@ -55,10 +55,10 @@ def score(view, workspace, memory, i, order):
     slot, robot_type = next_stop(view, order), view.robots.type[i]
     if not can_bring(view, robot_type, order, slot):
         return WORST
-    pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]))
-    drop = dropoff_cell(view, robot_type, slot)
-    heading = np.int64(view.robots.heading[i])
-    job = distance(view, workspace, robot_type, position(view, i), heading, pick)
+    here, heading = position(view, i), np.int64(view.robots.heading[i])
+    pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), here)
+    drop = dropoff_cell(view, robot_type, slot, pick)
+    job = distance(view, workspace, robot_type, here, heading, pick)
     job += distance(view, workspace, robot_type, pick, heading, drop)
     if job >= UNREACHABLE:
         return WORST

@@ -155,11 +155,11 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
         next_slot = np.int64(view.service_zones.next_slot[order])
         if not can_bring(view, robot_type, order, next_slot):
             continue
-        pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]))
-        ticks = distance(view, workspace, robot_type, position(view, i), heading, pick)
-        ticks += distance(
-            view, workspace, robot_type, pick, heading, dropoff_cell(view, robot_type, next_slot)
-        )
+        here = position(view, i)
+        pick = pickup_cell(view, robot_type, np.int64(view.orders.current_slot[order]), here)
+        drop = dropoff_cell(view, robot_type, next_slot, pick)
+        ticks = distance(view, workspace, robot_type, here, heading, pick)
+        ticks += distance(view, workspace, robot_type, pick, heading, drop)
         if ticks >= UNREACHABLE:
             continue
         worth = age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order]) - job * ticks

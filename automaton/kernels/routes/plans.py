@@ -77,9 +77,8 @@ def append_rest(view, workspace, memory, i, heading):
         append(memory, i, DROPS)
     elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
         append(memory, i, PICKS)
-        access_cell = dropoff_cell(
-            view, robots.type[i], np.int64(view.orders.target[robots.order[i]])
-        )
+        target, pick = np.int64(view.orders.target[robots.order[i]]), np.int64(robots.goal_cell[i])
+        access_cell = dropoff_cell(view, robots.type[i], target, pick)
         if access_cell != NIL:
             pose = np.int64(robots.goal_cell[i]) * view.grid.headings + heading
             append_path(view, workspace, memory, i, pose, access_cell)

@@ -50,7 +50,8 @@ def next_goal_cell(view, i):
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal_type[i] != GOAL_PICK:
         return np.int64(NIL)
-    return dropoff_cell(view, view.robots.type[i], np.int64(view.orders.target[order]))
+    target, pick = np.int64(view.orders.target[order]), np.int64(view.robots.goal_cell[i])
+    return dropoff_cell(view, view.robots.type[i], target, pick)
 
 
 @kernel

@@ -74,8 +74,9 @@ def plan_task(view, workspace, memory, i):
         return
     row[TASK] = task
     row[STEPS] = 0
-    access_cell = pickup_cell(view, view.robots.type[i], np.int64(orders.source[order]))
-    end = dropoff_cell(view, view.robots.type[i], np.int64(orders.target[order]))
+    robot_type, origin = view.robots.type[i], np.int64(orders.dispatched_from[order])
+    access_cell = pickup_cell(view, robot_type, np.int64(orders.source[order]), origin)
+    end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), access_cell)
     if access_cell == NIL or end == NIL:
         return  # another type does a part of the way
     heading = np.int64(orders.dispatched_heading[order])

@@ -29,7 +29,7 @@ class InputError(Exception):
         return InputError(self.message, file, line)
 
 
-class WorkerDied(Exception):
+class WorkerDiedError(Exception):
     """A worker process ended by itself, or somebody ended it."""
 
     def __init__(self) -> None:

@@ -9,19 +9,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.circles import circles
-from automaton.compiled import seconds_compiled
 from automaton.errors import InputError
+from automaton.jit import seconds_compiled
 from automaton.metrics import (
     OPERATIONS,
     metrics_by_robot,
     metrics_by_type,
     metrics_of,
 )
+from automaton.run_diagnosis import describe_unfinished_run, stalled_robots
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import RECORD_TICKS, Simulation
-from automaton.standstill import stuck, trouble
 from automaton.strategy.failure import is_from_outside, strategy_failure
+from automaton.wait_cycles import find_wait_cycles
 from automaton.world.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
@@ -36,14 +36,14 @@ from automaton.world.state import (
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
-WINDOW = 4 * RECORD_TICKS
-WORKING = [action for action in OPERATIONS if action != ACTION_WAIT]
-AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
+WINDOW_TICKS = 4 * RECORD_TICKS
+ACTIONS_WORKING = [action for action in OPERATIONS if action != ACTION_WAIT]
+ACTIONS_AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
 
 OnWindow = Callable[[Simulation], None]
 
 
-class RanOut(NamedTuple):
+class OrdersExhausted(NamedTuple):
     """When a run that goes on without orders had none left."""
 
     taken: int  # tick in which the last order was taken
@@ -61,23 +61,23 @@ class Outcome(NamedTuple):
     wall_s: float | None  # of the run itself, without start-up; None for a replay
     metrics: dict[str, float | int]
     robots: list[dict[str, Any]]
-    trouble: str  # why it did not finish, one phrase; "" if it did
+    diagnosis: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
-    ran_out: RanOut | None  # None: there were orders to the end, or it ends with them
+    ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
 
 
 def run_to_end(
     simulation: Simulation,
     on_window: OnWindow | None = None,
-    still: Array | None = None,
+    last_worked: Array | None = None,
     until: int | None = None,
 ) -> float:
     """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
 
-    `on_window` is called before the first and after every WINDOW ticks. `still`: (n,) int64 output,
-    the last window's end at which each stored robot had worked since the one before.
+    `on_window` is called before the first and after every WINDOW_TICKS ticks. `last_worked`: (n,)
+    int64 output, the last window's end at which each stored robot had worked since the one before.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
@@ -86,21 +86,21 @@ def run_to_end(
     if on_window is not None:
         on_window(simulation)
     while not simulation.finished and simulation.tick < limit:
-        simulation.run(min(simulation.tick + WINDOW, limit))
-        if still is not None:
-            worked = note_work(simulation, worked, still)
+        simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
+        if last_worked is not None:
+            worked = record_work(simulation, worked, last_worked)
         if on_window is not None:
             on_window(simulation)
     return time.perf_counter() - begun - seconds_compiled()
 
 
-def note_work(simulation: Simulation, before: Array, still: Array) -> Array:
-    """Enter this tick for the robots that have not just waited since `before`; returns operations.
+def record_work(simulation: Simulation, before: Array, last_worked: Array) -> Array:
+    """Record this tick for the robots that have not just waited since `before`; return operations.
 
     One that is off the floor, in its parking bay or in repair, does not wait either.
     """
     now = operations(simulation)
-    still[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
+    last_worked[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
     return now
 
 
@@ -110,13 +110,15 @@ def operations(simulation: Simulation) -> Array:
     Who charges, queues before a charger or is down does not just wait.
     """
     tally = simulation.world.tally
-    total: Array = tally.operations[:, WORKING].sum((1, 2)) + tally.ticks[:, AWAY].sum((1, 2))
+    total: Array = tally.operations[:, ACTIONS_WORKING].sum((1, 2)) + tally.ticks[
+        :, ACTIONS_AWAY
+    ].sum((1, 2))
     return total
 
 
 @contextmanager
-def strategies_blamed(resolved: Resolved) -> Iterator[None]:
-    """Turns what a strategy raises in here into an InputError that names it."""
+def attribute_strategy_errors(resolved: Resolved) -> Iterator[None]:
+    """Turn what a strategy raises in here into an InputError that names it."""
     try:
         yield
     except InputError:
@@ -142,10 +144,10 @@ def run_once(
 
     Raises InputError for a strategy that raises.
     """
-    still = np.zeros(resolved.scenario.fleet.robots, np.int64)
-    with strategies_blamed(resolved):
+    last_worked = np.zeros(resolved.scenario.fleet.robots, np.int64)
+    with attribute_strategy_errors(resolved):
         simulation = Simulation(resolved, on_record=on_record, patience=patience)
-        wall = run_to_end(simulation, on_window, still, until)
+        wall = run_to_end(simulation, on_window, last_worked, until)
     if on_end is not None:
         on_end(simulation)
     state = simulation.world.orders.state
@@ -159,10 +161,10 @@ def run_once(
         wall_s=wall,
         metrics=metrics_of(simulation),
         robots=metrics_by_robot(simulation),
-        trouble="" if finished else trouble(simulation, still),
+        diagnosis="" if finished else describe_unfinished_run(simulation, last_worked),
         stopped=not finished and simulation.tick == until,
-        circles=circles(simulation.world, stuck(simulation, still)),
-        ran_out=ran_out(simulation),
+        circles=find_wait_cycles(simulation.world, stalled_robots(simulation, last_worked)),
+        ran_out=orders_exhausted(simulation),
         types=metrics_by_type(simulation),
     )
 
@@ -173,7 +175,7 @@ def is_finished(simulation: Simulation) -> bool:
     return simulation.finished or (stop.when == "never" and simulation.tick >= stop.max_duration)
 
 
-def ran_out(simulation: Simulation) -> RanOut | None:
+def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
     """When a run that does not end with its orders had none left for its robots, if it did."""
     orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
     is_open = (orders.state == ORDER_UNRELEASED) | (
@@ -183,4 +185,4 @@ def ran_out(simulation: Simulation) -> RanOut | None:
     if stop.when != "never" or is_open.any() or taken >= simulation.tick:
         return None
     done = bool((orders.state == ORDER_DELIVERED).all())
-    return RanOut(taken, int(orders.delivered.max()) if done else None)
+    return OrdersExhausted(taken, int(orders.delivered.max()) if done else None)

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
     Flag = NDArray[Any]  # (1,) int64: not 0 = return as soon as possible
 
-PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
+INTERRUPT_PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
 JUST_NOW_S: Final = 0.5
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
-NOBODY: Final = -1  # no wakeup descriptor
+NO_SIGNAL: Final = -1  # no wakeup descriptor
 
 
-class Terminated(KeyboardInterrupt):
+class TerminatedError(KeyboardInterrupt):
     """SIGTERM, such as at the time limit of a job: what minds Ctrl-C minds it, too."""
 
 
@@ -43,9 +43,9 @@ class _Watcher:
     def __init__(self) -> None:
         self.flags: list[Flag] = []
         self.answered = -math.inf  # when our handler last ran
-        self.other = NOBODY  # an event loop's descriptor: it hears of signals as well
+        self.other = NO_SIGNAL  # an event loop's descriptor: it hears of signals as well
         self._process = 0
-        self._write = NOBODY
+        self._write = NO_SIGNAL
 
     @contextmanager
     def listening(self) -> Iterator[None]:
@@ -66,7 +66,7 @@ class _Watcher:
     def _listen(self, read: int) -> None:
         while byte := os.read(read, 1):
             heard = time.monotonic()
-            if self.other != NOBODY:
+            if self.other != NO_SIGNAL:
                 os.write(self.other, byte)
             handler = signal.getsignal(byte[0])
             if byte[0] in SIGNALS and handler in (_on_signal, signal.default_int_handler):
@@ -76,10 +76,10 @@ class _Watcher:
                 self._insist(byte[0], heard)
 
     def _insist(self, number: int, heard: float) -> None:
-        while time.monotonic() < heard + PATIENCE_S:
+        while time.monotonic() < heard + INTERRUPT_PATIENCE_S:
             if self.answered > heard - JUST_NOW_S:  # it may be quicker than this thread
                 return
-            time.sleep(PATIENCE_S / 30)
+            time.sleep(INTERRUPT_PATIENCE_S / 30)
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _words(number) + b", at once\n")
         os._exit(128 + number)
 
@@ -113,10 +113,10 @@ def give_up() -> NoReturn:
 
 
 @contextmanager
-def signals_heeded() -> Iterator[None]:
+def signals_raise() -> Iterator[None]:
     """While inside, SIGINT and SIGTERM raise, or end the process where compiled code does not return.
 
-    SIGINT raises KeyboardInterrupt, SIGTERM Terminated; but not where somebody minds or ignores them
+    SIGINT raises KeyboardInterrupt, SIGTERM TerminatedError; but not where somebody minds or ignores them
     already.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -141,7 +141,7 @@ def _on_signal(number: int, _: FrameType | None) -> NoReturn:
     _WATCHER.answered = time.monotonic()
     if number == signal.SIGTERM:
         signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
-        raise Terminated
+        raise TerminatedError
     raise KeyboardInterrupt
 
 

@@ -13,8 +13,8 @@ from automaton.headless import run_to_end
 from automaton.metrics import Counted, counted, sums_of_orders
 from automaton.scenario.measures import warm_up_of
 from automaton.simulation import Simulation
-from automaton.station_figures import sums_of_parts
-from automaton.tasks import summed, tasks_after
+from automaton.station_metrics import sums_of_parts
+from automaton.task_metrics import summed, tasks_after
 
 
 class Marks(NamedTuple):

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.glossary import GLOSSARY as GLOSSARY
-from automaton.station_figures import busy_ticks, sums_of_parts
-from automaton.sums import LOST, metric
-from automaton.tasks import Measured, Tasks, quantile_95, summed, tasks_after
+from automaton.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
+from automaton.station_metrics import busy_ticks, sums_of_parts
+from automaton.sums import LOST_TICK_SUMS, metric
+from automaton.task_metrics import Measured, Tasks, quantile_95, summed, tasks_after
 from automaton.world.robot_status import (
     BATTERY_FULL,
     FAILURE_DEPLETED,
@@ -48,7 +48,7 @@ OPERATIONS = [ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DRO
 DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
 LOST_IN = dict(
     zip(
-        LOST,
+        LOST_TICK_SUMS,
         (
             ACTION_WAIT,
             ACTION_BLOCKED,
@@ -135,7 +135,7 @@ def counted(run: Measured) -> Counted:
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
-    """All metrics of the fleet, by the names of GLOSSARY, but for makespan only of what came
+    """All metrics of the fleet, by the names of METRIC_CATALOGUE, but for makespan only of what came
     `since`.
 
     Those of tasks are there if the scenario measures tasks, `slowdown_ticks` if moves may take
@@ -169,14 +169,14 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         busy = now.busy if since is None else now.busy - since.busy
         figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
         figures["busiest_station_utilization"] = float(busy[most]) / max(1, now.tick - begin)
-    others = [name for name in now.sums if name in run.counted and name not in GLOSSARY]
+    others = [name for name in now.sums if name in run.counted and name not in METRIC_CATALOGUE]
     if set(BALANCE) <= set(others):
         others = [name for name in others if name not in BALANCE]
-    for name in (*GLOSSARY, *others):
+    for name in (*METRIC_CATALOGUE, *others):
         value = metric(name, sums)
         if value is not None:
             figures[name] = value
-    return {name: figures[name] for name in (*GLOSSARY, *others) if name in figures}
+    return {name: figures[name] for name in (*METRIC_CATALOGUE, *others) if name in figures}
 
 
 def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
@@ -287,7 +287,7 @@ def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
     sums = _of_actions(times, ticks)
     figures: dict[str, float | int] = {"operations": sums["operations"]}
     figures |= {name: float(metric(name, sums) or 0.0) for name in SHARES}
-    return figures | {name: sums[name] for name in ("active", *LOST)}
+    return figures | {name: sums[name] for name in ("active", *LOST_TICK_SUMS)}
 
 
 def _of_actions(times: Array, ticks: Array) -> dict[str, int]:

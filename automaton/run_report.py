@@ -9,14 +9,14 @@ from rich.console import Console
 from rich.table import Table
 
 from automaton.headless import Outcome
-from automaton.metrics import GLOSSARY
+from automaton.metric_units import units_of
+from automaton.metrics import METRIC_CATALOGUE
+from automaton.run_diagnosis import describe_wait_cycles
 from automaton.scenario.resolve import Resolved
-from automaton.standstill import deadlocks
 from automaton.strategy.lookup import NO_STRATEGY
-from automaton.translation import units_of
 from automaton.units import Unit, count, duration, number, percent
 
-LOST = "lost_"
+LOST_METRIC_PREFIX = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's metrics
     "robot": "robot",
     "type": "type",
@@ -103,7 +103,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(strategies),
         *out_of_orders(outcome),
-        *(deadlocks(outcome.circles) if outcome.finished or outcome.stopped else []),
+        *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         f"1 tick = {scenario.units.tick}{cell}; digest {outcome.digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
@@ -130,9 +130,9 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     table.columns[0].justify = table.columns[2].justify = "left"
     table.add_column("meaning", overflow="fold")
     for name in outcome.metrics:
-        if name.startswith(LOST) or name == SLOWDOWN:
+        if name.startswith(LOST_METRIC_PREFIX) or name == SLOWDOWN:
             continue
-        kind, meaning = GLOSSARY.get(name, ("times", "counted by a strategy"))
+        kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
         raw = f"{number(outcome.metrics[name])} {kind}" if kind in ("ticks", "cells") else ""
         table.add_row(name, value, in_unit, *([raw] if cell else []), meaning)
@@ -140,7 +140,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
 
 
 def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
-    """A value and its unit as text; `kind` is the unit in GLOSSARY."""
+    """A value and its unit as text; `kind` is the unit in METRIC_CATALOGUE."""
     if kind == "share":
         return f"{100 * value:.1f}", "%"
     if kind == "ticks":
@@ -158,15 +158,17 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     table = plain_table("lost time", tick.plural, "share")
     table.columns[0].justify = "left"
     table.add_column("cause", overflow="fold")
-    total = sum(value for name, value in outcome.metrics.items() if name.startswith(LOST))
-    for name, (_, meaning) in GLOSSARY.items():
-        if name.startswith(LOST) and name in outcome.metrics:
+    total = sum(
+        value for name, value in outcome.metrics.items() if name.startswith(LOST_METRIC_PREFIX)
+    )
+    for name, (_, meaning) in METRIC_CATALOGUE.items():
+        if name.startswith(LOST_METRIC_PREFIX) and name in outcome.metrics:
             value = outcome.metrics[name]
             share = percent(value / total) if total else "-"
             table.add_row(name, number(tick.of(value)), share, meaning)
     if SLOWDOWN in outcome.metrics:
         cost = number(tick.of(outcome.metrics[SLOWDOWN]))
-        table.add_row(SLOWDOWN, cost, "-", GLOSSARY[SLOWDOWN][1])
+        table.add_row(SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1])
     return table
 
 
@@ -196,7 +198,7 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
         columns[cell.name] = "distance"
     table = plain_table(*columns, gap=1)  # long runs fit 80 columns
     for row in outcome.robots[:ROBOTS_SHOWN]:
-        lost = sum(value for name, value in row.items() if name.startswith(LOST))
+        lost = sum(value for name, value in row.items() if name.startswith(LOST_METRIC_PREFIX))
         shares = {name: percent(row[name], 0) for name in ("utilization", "empty_ticks_share")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}
         if cell is not None:

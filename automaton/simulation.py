@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from automaton.compiled import first_compilation_announced, jit_is_on
 from automaton.errors import InputError
 from automaton.interruption import give_up, interruptible
+from automaton.jit import first_compilation_announced, jit_is_on
+from automaton.jit_struct import window
 from automaton.kernels import loop as loop_kernels
 from automaton.kernels.digest import DIGEST_NAMES, combine, digest_world
 from automaton.recording.codes import KEYFRAME_TICKS
@@ -26,8 +27,7 @@ from automaton.strategy.contract import (
 )
 from automaton.strategy.layer import Strategy
 from automaton.strategy.patience import Watchdog
-from automaton.struct import window
-from automaton.sums import TAKEN
+from automaton.sums import TASK_SUMS
 from automaton.world.build import (
     build_buffers,
     build_observation,
@@ -103,11 +103,11 @@ class Simulation:
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
         self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
         picked = (
-            [self._chosen_strategy(layer) for layer in LAYER_NAMES]
+            [self._load_strategy(layer) for layer in LAYER_NAMES]
             if strategies is None
             else strategies
         )
-        self._strategies = [self._admitted(strategy) for strategy in picked]
+        self._strategies = [self._validate_strategy(strategy) for strategy in picked]
         for strategy in self._strategies:
             if strategy is not None:
                 strategy.other_layers = {
@@ -122,15 +122,15 @@ class Simulation:
                 != after.resolved.strategies["allocation"].name
             ):
                 self.world.robots.order_queue_length[:] = 0  # nobody goes on with them
-            self.look_for_end()
+            self.update_finished()
         with self._constants_kept():
             self._memories = [self._memory(strategy) for strategy in self._strategies]
         if after is not None and strategies is None:
-            self._remember(after)
+            self._restore_memories(after)
         self._ticks = self._start()
 
-    def continued(self, resolved: Resolved) -> Simulation:
-        """A simulation that goes on from the state of this one, under another scenario.
+    def continue_with(self, resolved: Resolved) -> Simulation:
+        """Return a simulation that continues from the state of this one with another scenario.
 
         Floor, fleet and orders are those of this one. Strategies that stay keep their memory; new
         ones begin with what they see now. This simulation must not be run any more.
@@ -145,8 +145,8 @@ class Simulation:
             patience=self._watchdog.seconds if self._watchdog else None,
         )
 
-    def _remember(self, before: Simulation) -> None:
-        """Take the memories of the strategies that stay, and their objects: some keep more there."""
+    def _restore_memories(self, before: Simulation) -> None:
+        """Restore the memories of the strategies that stay, and their objects: some keep more there."""
         limited = before.world.rules.radius > 0
         for index, layer in enumerate(LAYER_NAMES):
             if self.resolved.strategies[layer] != before.resolved.strategies[layer]:
@@ -155,22 +155,22 @@ class Simulation:
             self._strategies[index] = before._strategies[index]
             self._memories[index] = old.copied()
 
-    def _chosen_strategy(self, layer: str) -> Strategy | None:
-        """The strategy that the scenario picks for a layer."""
+    def _load_strategy(self, layer: str) -> Strategy | None:
+        """Load the strategy that the scenario chooses for a layer."""
         choice = self.resolved.strategies[layer]
         if choice.name == lookup.NO_STRATEGY:
             return None
         kind = lookup.load(layer, choice.name)
-        with self._in_time():
+        with self._within_patience():
             strategy: Strategy = kind(choice.parameters)
         return strategy
 
-    def _in_time(self) -> AbstractContextManager[None]:
+    def _within_patience(self) -> AbstractContextManager[None]:
         """While inside, a strategy has its time to decide."""
         return self._watchdog.watching() if self._watchdog else nullcontext()
 
-    def _admitted(self, strategy: Strategy | None) -> Strategy | None:
-        """Check a strategy, and enter how often, after which waits and with what it is asked."""
+    def _validate_strategy(self, strategy: Strategy | None) -> Strategy | None:
+        """Validate a strategy, and enter how often, after which waits and with what it is called."""
         if strategy is not None:
             check_decides(strategy)
             layer = LAYER_NAMES.index(strategy.layer)
@@ -183,9 +183,9 @@ class Simulation:
     def _memory(self, strategy: Strategy | None) -> Memory:
         if strategy is None:
             return no_memory()
-        with self._in_time():
+        with self._within_patience():
             memory = strategy.reset(self.view)
-        check_counters(strategy, TAKEN)
+        check_counters(strategy, TASK_SUMS)
         return checked_memory(strategy, memory, self.view)
 
     def _start(self) -> Iterator[int]:
@@ -271,14 +271,14 @@ class Simulation:
         # With the JIT off, NumPy warns where hashes wrap.
         with interruptible(self.workspace.stop), np.errstate(over="ignore"), self._constants_kept():
             try:
-                self._carry_on(limit)
+                self._run_to(limit)
             except KeyboardInterrupt:
                 if self.on_record:
                     self.on_record(self)  # the ticks before this one
                 raise
 
-    def _carry_on(self, limit: int) -> None:
-        self.world.clock[CLOCK_STOP_TICK] = self._pause_before(limit)
+    def _run_to(self, limit: int) -> None:
+        self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
         for event in self._ticks:
             if event == loop_kernels.LOOP_GIVEN_UP:
                 give_up()
@@ -291,7 +291,7 @@ class Simulation:
                 self.on_observe(self)
             if self.finished or self.world.clock[CLOCK_TICK] >= limit:
                 return
-            self.world.clock[CLOCK_STOP_TICK] = self._pause_before(limit)
+            self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
 
     @contextmanager
     def _constants_kept(self) -> Iterator[None]:
@@ -314,7 +314,7 @@ class Simulation:
             who = " or ".join(in_python)
             raise InputError(f"{who} has written to {written[0]} of the world")
 
-    def _pause_before(self, limit: int) -> int:
+    def _next_pause(self, limit: int) -> int:
         """The tick of the next pause: a recording keeps the states after certain ticks."""
         if self.on_record is None:
             return limit
@@ -324,8 +324,8 @@ class Simulation:
         """Let `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
         self.workspace.stop[0] = 1
 
-    def look_for_end(self) -> None:
-        """Ask again whether the stop condition holds: the state or the rules were replaced."""
+    def update_finished(self) -> None:
+        """Update whether the stop condition holds: the state or the rules were replaced."""
         self.world.clock[CLOCK_FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
 
     def empty_record(self) -> None:
@@ -342,7 +342,7 @@ class Simulation:
         self._decisions += 1
         checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0
         before = (self.digests(), self.world.clock.copy()) if checked else None
-        with self._in_time():
+        with self._within_patience():
             strategy.decide(
                 self.view, self._batch_view, self._lent_decisions, self._faces[layer], self._sealed
             )

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from automaton.world.robot_status import BATTERY_FULL
 
-LOST: Final = (
+LOST_TICK_SUMS: Final = (
     "lost_waiting",
     "lost_refused",
     "lost_retreating",
@@ -36,7 +36,7 @@ COUNTED_BY_STRATEGIES: Final = (
 SUMS: Final = (
     *("ticks", "robot_ticks"),
     *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
-    *LOST,
+    *LOST_TICK_SUMS,
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
     *("delivered", "legs", "timed", "lead_times"),
@@ -44,7 +44,7 @@ SUMS: Final = (
     *("parts_finished", "part_flow_times"),
     *COUNTED_BY_STRATEGIES,
 )
-TAKEN: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
+TASK_SUMS: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
 
 
 class Quotient(NamedTuple):
@@ -67,7 +67,7 @@ QUOTIENTS: Final = {
     "ticks_per_operation": Quotient("active", "operations"),
     "legs_per_order": Quotient("legs", "delivered", measured=False),
     "utilization": Quotient("active", "robot_ticks"),
-    "blocked_share": Quotient(LOST, "active"),
+    "blocked_share": Quotient(LOST_TICK_SUMS, "active"),
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final, NamedTuple
 
-SECONDS: Final = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}  # in a unit of time
+SECONDS_PER_UNIT: Final = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0}  # in a unit of time
 SPELLED: Final = {  # other names of the same
     "ms": ("millisecond", "milliseconds"),
     "s": ("sec", "second", "seconds"),
@@ -29,7 +29,7 @@ class Unit(NamedTuple):
     def seconds(self) -> float | None:
         """How many it is in seconds; None: it is not an unit of time."""
         symbol = symbol_of(self.name)
-        return None if symbol is None else self.size * SECONDS[symbol]
+        return None if symbol is None else self.size * SECONDS_PER_UNIT[symbol]
 
     @property
     def plural(self) -> str:

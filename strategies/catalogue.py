@@ -34,7 +34,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
             (DYNAMIC, MANUFACTURING),
         ),
         "genetic": Entry(
-            "strategies.zoning.repairing:BredZones",
+            "strategies.zoning.repairing:GeneticZones",
             Genetic,
             "zones redesigned by a genetic algorithm (Keith & La)",
             (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
@@ -129,7 +129,7 @@ CATALOGUE: dict[str, dict[str, Entry]] = {
     },
     "right_of_way": {
         "retreat": Entry(
-            "strategies.right_of_way.withdraw:Withdraw",
+            "strategies.right_of_way.retreat:Retreat",
             RetreatParameters,
             "wait, retry, then retreat by a random number of moves (Grzejszczak & Nocon)",
         ),

@@ -10,17 +10,17 @@ import numpy as np
 from automaton.auctions import quotes
 from automaton.auctions.market import (
     BATTERY_FULL,
-    HIERARCHICAL,
+    POLICY_HIERARCHICAL,
     Array,
     Battery,
     Fleet,
     Scratch,
-    Work,
+    TaskCosts,
 )
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
 from automaton.reproductions.auction_floor import seconds
 from layouts.depots import NEEDED, OPTIONAL, metres
-from tests.plain_charging import Situation
+from tests.reference_charging import Situation
 
 FAR = 100_000  # ticks between places that no lane connects
 TAPER = ((0, 10_000), (800_000, 5_000), (950_000, 2_000))
@@ -51,12 +51,12 @@ def random_situation(rng: random.Random, curve: Any = None, chargers: int = 3) -
 
 
 def market_of(
-    case: Situation, policy: int = HIERARCHICAL, **rules: Any
-) -> tuple[Work, Battery, Fleet, Scratch]:
+    case: Situation, policy: int = POLICY_HIERARCHICAL, **rules: Any
+) -> tuple[TaskCosts, Battery, Fleet, Scratch]:
     """The same for the kernels, all tasks on the list of robot 0, settled."""
     ticks = np.array(case.between)
     energy = ticks * case.drain
-    work = visits(ticks, energy, case.stops)
+    task_costs = visits(ticks, energy, case.stops)
     rules = {"reserve": case.reserve, "end_reach": case.end_reach} | rules
     battery = battery_of(energy, case.chargers, case.curve, policy=policy, **rules)
     battery.wait[:] = case.wait
@@ -65,8 +65,8 @@ def market_of(
     scratch = scratch_for(1, count, count, len(case.chargers))
     fleet.order[0, :count] = range(count)
     fleet.length[0] = count
-    quotes.settle_all(work, battery, fleet, scratch)
-    return work, battery, fleet, scratch
+    quotes.settle_all(task_costs, battery, fleet, scratch)
+    return task_costs, battery, fleet, scratch
 
 
 def stops_of(scratch: Scratch) -> tuple[tuple[int, int], ...]:
@@ -77,7 +77,7 @@ def stops_of(scratch: Scratch) -> tuple[tuple[int, int], ...]:
 
 def random_auction(
     rng: random.Random, robots: int, tasks: int, policy: int = 0, **rules: Any
-) -> tuple[Work, Battery, Fleet, Scratch, Array]:
+) -> tuple[TaskCosts, Battery, Fleet, Scratch, Array]:
     """Robots at random places with lists, and tasks to be sold: the market and the items.
 
     Some tasks are pairs (pick up here, deliver there), some robots hear only of some.
@@ -85,12 +85,12 @@ def random_auction(
     ticks = np.array(seconds())
     energy = ticks * 3_000
     listed = rng.randint(0, min(robots, 3))
-    work = visits(ticks, energy, [rng.randrange(3, 16) for _ in range(tasks + listed)])
+    task_costs = visits(ticks, energy, [rng.randrange(3, 16) for _ in range(tasks + listed)])
     for task in range(tasks + listed):
         if rng.random() < 0.3:
-            work.end[task] = rng.randrange(3, 16)
-            work.inside[0, task] = ticks[work.begin[task], work.end[task]] + 4
-            work.use[0, task] = energy[work.begin[task], work.end[task]]
+            task_costs.end[task] = rng.randrange(3, 16)
+            task_costs.inside[0, task] = ticks[task_costs.begin[task], task_costs.end[task]] + 4
+            task_costs.use[0, task] = energy[task_costs.begin[task], task_costs.end[task]]
     chargers = (1, 7)
     battery = battery_of(energy, chargers, ((0, 10_000),), policy=policy, **rules)
     charge = [rng.choice((BATTERY_FULL, 600_000, 450_000)) for _ in range(robots)]
@@ -103,9 +103,9 @@ def random_auction(
         fleet.ready[r] = rng.choice((0, 25))
     for r in range(robots):
         for task in range(tasks):
-            fleet.heard[r, task] = rng.random() < 0.9
-    quotes.settle_all(work, battery, fleet, scratch)
-    return work, battery, fleet, scratch, np.arange(tasks, dtype=np.int32)
+            fleet.may_bid[r, task] = rng.random() < 0.9
+    quotes.settle_all(task_costs, battery, fleet, scratch)
+    return task_costs, battery, fleet, scratch, np.arange(tasks, dtype=np.int32)
 
 
 def lists_of(fleet: Fleet) -> list[list[int]]:

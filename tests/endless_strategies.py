@@ -1,6 +1,6 @@
 """Strategies whose decision in one tick never ends, in compiled code."""
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import find_path, position
 from automaton.world.state import CLOCK_TICK, NIL
 from strategies.allocation.independent_python import IndependentPython

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
 from automaton.world.cells import CHARGER

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.tasks import TASK_METRICS
+from automaton.task_metrics import TASK_METRICS
 
 # Shown where tasks are measured, moves may take longer, a strategy counts them, orders come later,
 # robots run on batteries or may fail, stations work on parts, cells have a side.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from automaton.history.playback import Playback
-from automaton.recording.frames import TICKS, Recording
+from automaton.recording.frames import FRAME_KIND_TICKS, Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
@@ -22,7 +22,9 @@ def recorded(resolved: Resolved, until: int | None = None, storage: Any = None) 
 
 def digests_of(recording: Recording) -> Any:
     """(T, D): the recorded digests; row t - 1 tells of tick t."""
-    return np.concatenate([f.content["digests"] for f in recording.frames if f.kind == TICKS])
+    return np.concatenate(
+        [f.content["digests"] for f in recording.frames if f.kind == FRAME_KIND_TICKS]
+    )
 
 
 def playback_of(recording: Recording, **more: Any) -> Playback:

@@ -26,7 +26,7 @@ from tui.terminal_host import Link, Resized, TerminalHost
 UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)")
 UNFINISHED = re.compile(r"\x1b(?:\[[\d;?<>=$]*)?\Z")
 TRUECOLOR = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LANG": "C.UTF-8"}
-MOVING_MAP = Path(__file__).with_name("moving_map.py")
+MAP_APP = Path(__file__).with_name("map_app.py")
 
 
 class Replay:
@@ -36,7 +36,7 @@ class Replay:
         self._host = host
         self._next = 0
         self._decode = codecs.getincrementaldecoder("utf-8")("replace").decode
-        self._rest = ""
+        self._wait_for_request = ""
         rows, columns = host.rows, host.columns
         self.screen = pyte.Screen(columns, rows)
         self._stream = pyte.Stream(self.screen)
@@ -51,9 +51,9 @@ class Replay:
             if isinstance(event, Resized):
                 self.screen.resize(event.rows, event.columns)
                 continue
-            text = UNKNOWN_TO_PYTE.sub("", self._rest + self._decode(event.data))
+            text = UNKNOWN_TO_PYTE.sub("", self._wait_for_request + self._decode(event.data))
             cut = UNFINISHED.search(text)
-            text, self._rest = (text[: cut.start()], cut[0]) if cut else (text, "")
+            text, self._wait_for_request = (text[: cut.start()], cut[0]) if cut else (text, "")
             self._stream.feed(text)
         return self.screen
 
@@ -90,7 +90,7 @@ def painted(text: str, rows: int, columns: int) -> pyte.Screen:
 
 
 class MovingMapSession:
-    """`moving_map.py` in a terminal of its own."""
+    """`map_app.py` in a terminal of its own."""
 
     def __init__(self, host: TerminalHost, dump: Path, environ: Mapping[str, str]) -> None:
         self.host = host
@@ -169,7 +169,7 @@ def moving_map(
     variables = {**TRUECOLOR, **environ}
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "PYTHONPATH") if name in os.environ}
     with TerminalHost(
-        [sys.executable, str(MOVING_MAP), str(folder / "dump.json"), str(robots)],
+        [sys.executable, str(MAP_APP), str(folder / "dump.json"), str(robots)],
         rows=rows,
         columns=columns,
         environ={**kept, **variables},

@@ -7,8 +7,8 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from drawn_floors import pictures
 from hypothesis import strategies as st
+from random_floors import pictures
 from random_strategies import Mood
 
 from automaton.errors import InputError

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from naive_motion import mix
+from reference_motion import splitmix64
 
 from automaton.strategy import paths
 from automaton.strategy.layer import Strategy
@@ -47,10 +47,10 @@ class Dice:
     def __init__(self, *address: int) -> None:
         self.state = 0
         for number in address:
-            self.state = mix(self.state ^ (number + 1) * 0x9E3779B97F4A7C15 & 2**64 - 1)
+            self.state = splitmix64(self.state ^ (number + 1) * 0x9E3779B97F4A7C15 & 2**64 - 1)
 
     def below(self, count: int) -> int:
-        self.state = mix(self.state + 1 & 2**64 - 1)
+        self.state = splitmix64(self.state + 1 & 2**64 - 1)
         return self.state % count
 
     def among(self, things: Any) -> Any:

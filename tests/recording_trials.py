@@ -30,7 +30,7 @@ import msgspec
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.recording.contents import END, TICKS, array_out
+from automaton.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, array_out
 from automaton.recording.frames import Chain, Payload, Recording, preamble, tick_of
 
 SECONDS = 10
@@ -116,7 +116,10 @@ def put_together(parts: list[tuple[int, Any]], chance: Chance | None = None) -> 
     for kind, content in parts:
         try:
             tick = tick_of(
-                kind, {**content, "executed": content["executed"].T} if kind == TICKS else content
+                kind,
+                {**content, "executed": content["executed"].T}
+                if kind == FRAME_KIND_TICKS
+                else content,
             )
             tick = tick if 0 <= tick < 2**64 else 0
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
@@ -276,7 +279,7 @@ def outcome_of(path: Path, figures: Any) -> str:
 
 
 def figures_of(recording: Recording) -> Any:
-    return [frame.content["metrics"] for frame in recording.frames if frame.kind == END]
+    return [frame.content["metrics"] for frame in recording.frames if frame.kind == FRAME_KIND_END]
 
 
 def work(pipe: Connection, path: str) -> None:
@@ -340,7 +343,9 @@ def trials(
     peak = 0
     for number in numbers:
         name, data = make(number)
-        figures = [content["metrics"] for kind, content in taken_apart(name) if kind == END]
+        figures = [
+            content["metrics"] for kind, content in taken_apart(name) if kind == FRAME_KIND_END
+        ]
         told, memory = worker.tried(data, figures)
         peak = max(peak, memory)
         counts[told.partition(":")[0]] += 1

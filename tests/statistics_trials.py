@@ -17,16 +17,21 @@ from typing import Any
 
 import numpy as np
 
-from automaton.sizing.candidates import Place, Run
-from automaton.sizing.question import Question, Target, question
+from automaton.sizing.candidates import FleetConfig, Run
+from automaton.sizing.question import Question, Target, make_question
 from automaton.sizing.runner import replication_seeds
 from automaton.sizing.search import Search
 from automaton.statistics.effects import effect
-from automaton.statistics.families import bonferroni
-from automaton.statistics.intervals import ENOUGH, LEVEL, mean_interval, skewness
+from automaton.statistics.intervals import (
+    DEFAULT_CONFIDENCE,
+    STUDENT_MIN_RUNS,
+    mean_interval,
+    skewness,
+)
+from automaton.statistics.multiple_comparisons import bonferroni
 from automaton.statistics.selection import batches, feasible, region, select_least
-from automaton.statistics.steady import (
-    Refused,
+from automaton.statistics.steady_state import (
+    NotSteadyError,
     WarmUp,
     batch_means,
     mser5,
@@ -35,7 +40,7 @@ from automaton.statistics.steady import (
 
 Values = Any
 STUDIES = 2000
-SIZES = (10, 20, ENOUGH)
+SIZES = (10, 20, STUDENT_MIN_RUNS)
 SHIPPED = (  # a scenario of each kind, a setting of it, the metric of a run, runs in its pool
     ("tabletop-1", ("fleet.robots=5",), "makespan", 2000),
     ("tabletop-2", (), "makespan", 2000),
@@ -56,7 +61,7 @@ def shipped_runs(
     scenario: str, settings: tuple[str, ...], metric: str, number: int, workers: int | None = None
 ) -> Values:
     """(number,) a metric of replications of one seed; kept between calls."""
-    from automaton.parallel import run_jobs
+    from automaton.process_pool import run_jobs
     from automaton.scenario.resolve import resolve
 
     name = "-".join([scenario, *settings, metric, str(number)]).replace("=", "")
@@ -90,7 +95,11 @@ def waits(rng: np.random.Generator, queues: int, customers: int, from_empty: boo
 
 
 def coverage(
-    draw: Callable[[int, int], Values], truth: float, n: int, studies: int, level: float = LEVEL
+    draw: Callable[[int, int], Values],
+    truth: float,
+    n: int,
+    studies: int,
+    level: float = DEFAULT_CONFIDENCE,
 ) -> float:
     """The share of studies of n runs whose interval holds the truth."""
     values = draw(studies, n)
@@ -99,7 +108,7 @@ def coverage(
 
 def false_families(n: int, comparisons: int, families: int, seed: int = 9) -> float:
     """The share of families of intervals of n normal runs in which any misses the truth."""
-    rng, level = np.random.default_rng(seed), bonferroni(LEVEL, comparisons)
+    rng, level = np.random.default_rng(seed), bonferroni(DEFAULT_CONFIDENCE, comparisons)
     drawn = rng.normal(size=(families, comparisons, n))
     held = [all(mean_interval(row, level).holds(0.0) for row in one) for one in drawn]
     return 1 - float(np.mean(held))
@@ -145,8 +154,8 @@ def coverages(studies: int = STUDIES, workers: int | None = None) -> bool:
         print(f"{name}: {len(pool):,} runs, skew {skewness(pool):.1f}", flush=True)
         for n in SIZES:
             found = coverage(drawn_from(pool, seed), float(pool.mean()), n, studies)
-            shown(f"  n = {n}{'' if n >= ENOUGH else ' (warned)'}", found, studies)
-            kept &= n != ENOUGH or 0.93 <= found <= 0.97
+            shown(f"  n = {n}{'' if n >= STUDENT_MIN_RUNS else ' (warned)'}", found, studies)
+            kept &= n != STUDENT_MIN_RUNS or 0.93 <= found <= 0.97
     return kept
 
 
@@ -165,7 +174,7 @@ def steady_coverages(studies: int = STUDIES) -> bool:
                 continue
             try:
                 held[name].append(interval().holds(truth))
-            except Refused:
+            except NotSteadyError:
                 refused[name] += 1
     for name, found in held.items():
         shown(f"M/M/1 steady, {name} ({refused[name]} refused)", float(np.mean(found)), len(found))
@@ -219,7 +228,7 @@ def batch_coverage(series: Values, truth: float) -> tuple[float, int]:
     """The share of intervals by batch means that hold the truth, and how many were given."""
     held = []
     for one in series:
-        with contextlib.suppress(Refused):
+        with contextlib.suppress(NotSteadyError):
             held.append(batch_means(one).holds(truth))
     return float(np.mean(held)) if held else float("nan"), len(held)
 
@@ -232,7 +241,7 @@ def deleted(series: Values) -> Any:
 def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., list[Run]]:
     """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         missed = rng.random(number) >= shares[place.robots - 1]
         return [Run(True, {"makespan": float(bad)}) for bad in missed]
 
@@ -240,18 +249,18 @@ def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., li
 
 
 def asked_of(shares: list[float]) -> Question:
-    return question(Target("makespan", True, 0.0), (1, len(shares)), budget=1_000_000)
+    return make_question(Target("makespan", True, 0.0), (1, len(shares)), budget=1_000_000)
 
 
 def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[float, float]:
     """The share of searches with a wrong verdict, and the mean number of runs of a search."""
-    rng, asked = np.random.default_rng(seed), asked_of(shares)
+    rng, question = np.random.default_rng(seed), asked_of(shares)
     wrong = spent = 0
     for _ in range(studies):
-        search = Search(asked, "", synthetic(shares, rng), asked.budget)
+        search = Search(question, "", synthetic(shares, rng), question.budget)
         search.go()
         wrong += any(
-            (one.verdict == "meets") != (shares[one.place.robots - 1] > asked.success_share)
+            (one.verdict == "meets") != (shares[one.place.robots - 1] > question.success_share)
             for one in search.candidates
         )
         spent += search.spent

@@ -30,16 +30,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.circles import keepers
 from automaton.errors import InputError
 from automaton.headless import run_to_end
 from automaton.metrics import illegal_by_layer
+from automaton.run_diagnosis import describe_unfinished_run, stalled_robots
 from automaton.scenario.reading import shipped
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.simulation import Simulation
-from automaton.standstill import stuck, trouble
 from automaton.strategy.lookup import names
+from automaton.wait_cycles import blockers_of
 from automaton.world.observation import DEADLOCK_TICKS
 from automaton.world.robot_status import STATUS_DEPLETED
 from automaton.world.state import ORDER_DELIVERED
@@ -167,15 +167,15 @@ def verdict(trial: Trial, ticks: int = TICKS) -> Verdict:
         return ready
     try:
         simulation = Simulation(ready)
-        still = np.zeros(ready.scenario.fleet.robots, np.int64)
-        run_to_end(simulation, still=still, until=ticks)
+        last_worked = np.zeros(ready.scenario.fleet.robots, np.int64)
+        run_to_end(simulation, last_worked=last_worked, until=ticks)
         while not is_over(simulation):
-            run_to_end(simulation, still=still, until=simulation.tick + MORE)
+            run_to_end(simulation, last_worked=last_worked, until=simulation.tick + MORE)
     except InputError as error:
         return Verdict("refused", str(error))
     except Exception:
         return Verdict("RAISED", traceback.format_exc())
-    return judged(simulation, still)
+    return judged(simulation, last_worked)
 
 
 def is_over(simulation: Simulation) -> bool:
@@ -185,7 +185,7 @@ def is_over(simulation: Simulation) -> bool:
     return simulation.tick >= simulation.resolved.scenario.stop.max_duration
 
 
-def judged(simulation: Simulation, still: np.ndarray) -> Verdict:
+def judged(simulation: Simulation, last_worked: np.ndarray) -> Verdict:
     """The verdict on a run that is over."""
     illegal = {layer: many for layer, many in illegal_by_layer(simulation).items() if many}
     if illegal:
@@ -193,10 +193,10 @@ def judged(simulation: Simulation, still: np.ndarray) -> Verdict:
     delivered = int((simulation.world.orders.state == ORDER_DELIVERED).sum())
     if delivered:
         return Verdict("delivered", f"{delivered:,} by tick {simulation.tick:,}")
-    told = trouble(simulation, still)
+    told = describe_unfinished_run(simulation, last_worked)
     if (simulation.world.robots.status >= STATUS_DEPLETED).all():
         return Verdict("empty", told)
-    jammed = keepers(simulation.world, stuck(simulation, still))
+    jammed = blockers_of(simulation.world, stalled_robots(simulation, last_worked))
     return Verdict("jammed" if jammed else "SILENT", told)
 
 

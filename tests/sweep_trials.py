@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from sweeping import (
+from sweep_studies import (
     end_all,
     of_session,
     plain,

@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 
-import map_checks  # its checks are entered into the table
+import map_cases  # its checks are entered into the table
 import pytest
-from action_checks import CHECKS
+from action_cases import CHECKS
 from viewer_actions import carry_out
-from viewing import mini, viewing
+from viewer_harness import mini, viewing
 
 from tui.app import Viewer
 from tui.bindings import ACTIONS
 
-__all__ = ["map_checks"]
+__all__ = ["map_cases"]
 
 
 def test_a_branch_brings_its_zones(folder: Path) -> None:

@@ -6,9 +6,9 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from action_checks import CHECKS
+from action_cases import CHECKS
 from viewer_actions import carry_out
-from viewing import Watched
+from viewer_harness import Watched
 
 from tui.app import Viewer
 from tui.bindings import TOPICS

@@ -6,12 +6,12 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from action_checks import said
-from viewing import compared, record, viewing
+from action_cases import said
+from viewer_harness import compared, record, viewing
 
-from tui.opening import recorded
 from tui.options import Options
-from tui.render.still import as_text
+from tui.render.image_export import as_text
+from tui.run_source import recorded
 
 
 def test_two_runs_survive_every_size(tmp_path: Path) -> None:
@@ -121,8 +121,8 @@ def test_a_breakpoint_shows_the_run_that_met_it(tmp_path: Path) -> None:
             await user.press(*"stalled > 20", "enter", "escape")
             await user.until(lambda: user.app.stops)
             await user.press("9", "space")
-            await user.until(lambda: user.app.shot.stops)
-            side, robot = user.app.shot.side, user.app.shot.culprits[0]
+            await user.until(lambda: user.app.playback.stops)
+            side, robot = user.app.playback.side, user.app.playback.breakpoint_robots[0]
             await user.until(lambda: user.app.choice.side == side)
             assert user.app.choice.robot == robot
             told = f"stopped: stalled > 20: run {'AB'[side]}, robot {robot}"

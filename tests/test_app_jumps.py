@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from viewing import Watched, viewing
+from viewer_harness import Watched, viewing
 
 from automaton.world.state import NIL
 from tui.view import CellChosen, RobotChosen, TickChosen

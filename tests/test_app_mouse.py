@@ -6,14 +6,14 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from action_checks import said
+from action_cases import said
 from textual import events
-from viewing import Watched, compared, mini, viewing
+from viewer_harness import Watched, compared, mini, viewing
 
 from automaton.world.state import NIL
 from tui.bindings import ACTIONS, COMPARING
-from tui.opening import Opening
 from tui.options import Options
+from tui.run_source import Opening
 from tui.widgets.map_view import MapView
 from tui.widgets.timeline import Timeline
 
@@ -32,7 +32,7 @@ def story(tell: Callable[[Watched], Awaitable[None]], opening: Opening | None = 
 
 def place_of(user: Watched, robot: int) -> tuple[int, int]:
     """Column and row of a robot on the map."""
-    cell = int(user.app.shot.snapshots[0].robots.cell[robot])
+    cell = int(user.app.playback.snapshots[0].robots.cell[robot])
     row, column = user.app.pictures.camera.place_of(cell)
     return column, row
 
@@ -129,7 +129,7 @@ def test_the_wheel_zooms_the_timeline_about_the_pointer_and_with_shift_goes_by_t
 def test_words_of_the_status_line_can_be_clicked() -> None:
     async def tell(user: Watched) -> None:
         await user.pilot.click("#status", offset=(0, 0))
-        await user.until(lambda: user.app.shot.playing == 1)
+        await user.until(lambda: user.app.playback.playing == 1)
 
     story(tell)
 

@@ -7,15 +7,15 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from action_checks import said
-from viewing import Watched, compared, mini, record, screen_text, viewing
+from action_cases import said
+from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
-from tui.opening import Opening, live, recorded
+from tui.frame_cache import Pictures
 from tui.options import Options
-from tui.pictures import Pictures
 from tui.render.glyphs import UNICODE
+from tui.run_source import Opening, live, recorded
 from tui.widgets.status import head_words
 
 NARROW = (80, 24)
@@ -67,10 +67,10 @@ def test_a_branch_changes_the_title_and_forgets_the_marks_of_the_future_left(fol
         for tick in (100, 200):
             await user.at(tick)
             user.app._player.set_breakpoints([breakpoint_of("delivered"), breakpoint_of("loaded")])
-            stops = user.app.shot.stops
+            stops = user.app.playback.stops
             user.app._player.play()
             user.app._player.set_speed(64)
-            await user.until(lambda stops=stops: user.app.shot.stops > stops)
+            await user.until(lambda stops=stops: user.app.playback.stops > stops)
         early, late = (mark.tick for mark in user.app.marks)
         await user.at(late - 1)
         await branched(user, "strategy.right_of_way=retreat")
@@ -111,7 +111,7 @@ def test_a_run_that_has_ended_says_how(settings: tuple[str, ...], word: str) -> 
         await user.until(lambda: f"the run ends at tick {end:,};" in said(user.app.info))
         await user.press("space")
         await user.until(lambda: f"{word} at tick {end:,}; r plays" in said(user.app.info))
-        assert not user.app._notifications and user.app.shot.playing == 0
+        assert not user.app._notifications and user.app.playback.playing == 0
 
     story(tell, mini(*settings))
 

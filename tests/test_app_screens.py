@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from viewing import Watched, compared, mini, screen_text, viewing
+from viewer_harness import Watched, compared, mini, screen_text, viewing
 
 from automaton.pytest_plugin import GridSnapshot
-from tui.opening import Opening
+from tui.run_source import Opening
 
 SIZES = ((80, 24), (120, 36), (200, 60))
 TICK = 320

@@ -15,14 +15,13 @@ import numpy as np
 import pytest
 from command_in_terminal import KEPT, Session, automaton
 from pseudo_terminal import TRUECOLOR, painted, wrong_cells
-from viewing import record
+from viewer_harness import record
 
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import TICKS, encoded
+from automaton.recording.frames import FRAME_KIND_TICKS, encoded
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from tui.opening import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.depth import Depth, depth_of
@@ -30,6 +29,7 @@ from tui.render.encode import encode
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet
 from tui.render.scene import Scene
 from tui.render.styles import Look
+from tui.run_source import floor_of
 from tui.terminal_host import TerminalHost
 
 RESTORED = {
@@ -175,7 +175,7 @@ def test_a_recording_that_was_altered_ends_with_a_sentence(tmp_path: Path) -> No
     whole, other = record(tmp_path / "a.rec"), tmp_path / "b.rec"
     recording = read_recording(whole)
     frames = list(recording.frames)
-    ticks = [frame.content for frame in frames if frame.kind == TICKS]
+    ticks = [frame.content for frame in frames if frame.kind == FRAME_KIND_TICKS]
     ticks[-1]["digests"][ticks[-1]["digests"].any(axis=1)] ^= np.uint64(1)
     other.write_bytes(encoded(recording.header, frames))
     for paths in ((other,), (whole, other)):

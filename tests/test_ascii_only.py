@@ -15,7 +15,7 @@ from rich.segment import ControlType, Segment
 from textual.color import Color
 
 from tui.ascii_only import AsciiOnly
-from tui.render.spelling import spelled
+from tui.render.ascii_fallback import to_ascii
 
 NAMED = """\
 name: Förderhöhe
@@ -31,7 +31,7 @@ durations: {move: 4}
 
 @given(st.text())
 def test_every_text_is_spelled_in_ascii_as_many_columns_wide(text: str) -> None:
-    assert spelled(text).isascii() and cell_len(spelled(text)) == cell_len(text)
+    assert to_ascii(text).isascii() and cell_len(to_ascii(text)) == cell_len(text)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_every_text_is_spelled_in_ascii_as_many_columns_wide(text: str) -> None:
     ],
 )
 def test_what_looks_like_what(text: str, ascii: str) -> None:
-    assert spelled(text) == ascii
+    assert to_ascii(text) == ascii
     assert AsciiOnly().apply([Segment(text)], Color(0, 0, 0)) == [Segment(ascii)]
 
 

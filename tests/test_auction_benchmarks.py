@@ -10,27 +10,40 @@ import numpy as np
 import pytest
 
 from automaton.auctions import assignment, bundles, exact, genetic, local_search, sequential
-from automaton.auctions.bids import MIX, award
+from automaton.auctions.bids import BID_MIXED, award
 from automaton.auctions.bundle_space import (
     assignment_for,
     bundles_for,
     generations,
     population_for,
 )
-from automaton.auctions.market import INF, NO_CHARGING, Array, Battery, Fleet, Scratch, Work
-from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
+from automaton.auctions.market import (
+    INF_COST,
+    POLICY_NO_CHARGING,
+    Array,
+    Battery,
+    Fleet,
+    Scratch,
+    TaskCosts,
+)
+from automaton.auctions.winners import (
+    WINNER_DIFFERENCE,
+    WINNER_FEWEST_BIDDERS,
+    WINNER_LOWEST_BID,
+    WINNER_REGRET,
+)
 from automaton.errors import InputError
 from automaton.world.state import NIL
 from tests.auction_scenes import lists_of, random_auction
 
-Market = tuple[Work, Battery, Fleet, Scratch]
+Market = tuple[TaskCosts, Battery, Fleet, Scratch]
 
 
 def scene(seed: int, robots: int, tasks: int) -> tuple[Market, Array]:
     """Robots with empty lists, all of which may bid."""
-    *market, items = random_auction(random.Random(seed), robots, tasks, NO_CHARGING)
+    *market, items = random_auction(random.Random(seed), robots, tasks, POLICY_NO_CHARGING)
     fleet = market[2]
-    fleet.heard[:] = 1
+    fleet.may_bid[:] = 1
     fleet.length[:] = 0
     fleet.first[:] = 0
     fleet.ready[:] = 0
@@ -39,21 +52,22 @@ def scene(seed: int, robots: int, tasks: int) -> tuple[Market, Array]:
     return tuple(market), items  # type: ignore[return-value]
 
 
-def ticks_of(work: Work, place: int, order: Sequence[int]) -> int:
+def ticks_of(task_costs: TaskCosts, place: int, order: Sequence[int]) -> int:
     now, here = 0, place
     for task in order:
-        now += int(work.ticks[0, here, work.begin[task]] + work.inside[0, task])
-        here = int(work.end[task])
+        now += int(task_costs.ticks[0, here, task_costs.begin[task]] + task_costs.inside[0, task])
+        here = int(task_costs.end[task])
     return now
 
 
 def brute_force(market: Market, tasks: int, epsilon: int) -> int:
     """The least objective over all allotments and all sequences."""
-    work, _, fleet, _ = market
+    task_costs, _, fleet, _ = market
     robots = range(len(fleet.place))
     cost = {
         (r, bundle): min(
-            ticks_of(work, int(fleet.place[r]), order) for order in itertools.permutations(bundle)
+            ticks_of(task_costs, int(fleet.place[r]), order)
+            for order in itertools.permutations(bundle)
         )
         for r in robots
         for size in range(tasks + 1)
@@ -69,24 +83,24 @@ def brute_force(market: Market, tasks: int, epsilon: int) -> int:
 METHODS: dict[str, Callable[[Market, Array, int, int], object]] = {
     **{
         name: lambda market, items, n, epsilon, winner=winner: sequential.sequential(
-            *market, items, n, MIX, epsilon, winner, 0
+            *market, items, n, BID_MIXED, epsilon, winner, 0
         )
         for name, winner in (
-            ("LB", LOWEST),
-            ("BD", DIFFERENCE),
-            ("FB", FEWEST),
-            ("regret", REGRET),
+            ("LB", WINNER_LOWEST_BID),
+            ("BD", WINNER_DIFFERENCE),
+            ("FB", WINNER_FEWEST_BIDDERS),
+            ("regret", WINNER_REGRET),
         )
     },
     "local search": lambda market, items, n, epsilon: (
-        sequential.sequential(*market, items, n, MIX, epsilon, LOWEST, 0),
+        sequential.sequential(*market, items, n, BID_MIXED, epsilon, WINNER_LOWEST_BID, 0),
         local_search.improve(*market, epsilon),
     ),
     "arrival": lambda market, items, n, epsilon: sequential.by_arrival(
-        *market, items, n, MIX, epsilon
+        *market, items, n, BID_MIXED, epsilon
     ),
     "parallel": lambda market, items, n, epsilon: sequential.parallel(
-        *market, items, n, MIX, epsilon
+        *market, items, n, BID_MIXED, epsilon
     ),
     "combinatorial": lambda market, items, n, epsilon: bundles.combinatorial(
         *market, bundles_for(len(market[2].place), n), items, n, epsilon
@@ -140,7 +154,7 @@ def test_no_method_is_better_than_the_optimum(name: str, epsilon: int) -> None:
 def allotments_by_insertion(market: Market, items: Array, epsilon: int) -> int:
     """The best of all m^n allotments when each robot inserts its items in turn."""
     robots, tasks = len(market[2].place), len(items)
-    best = INF
+    best = INF_COST
     for owners in itertools.product(range(robots), repeat=tasks):
         market[2].length[:] = 0
         market[2].travel[:] = market[2].cost[:] = 0
@@ -167,7 +181,7 @@ def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) 
     for seed in range(60):
         *market, items = random_auction(random.Random(seed), 3, 7, seed % 6, threshold=200_000)
         fleet, scratch = market[2], market[3]
-        sequential.sequential(*market, items, 7, MIX, epsilon, LOWEST, 0)
+        sequential.sequential(*market, items, 7, BID_MIXED, epsilon, WINNER_LOWEST_BID, 0)
         before, tasks = (
             sequential.objective(fleet, epsilon),
             sorted(itertools.chain(*lists_of(fleet))),
@@ -183,7 +197,7 @@ def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) 
         for k, robot in enumerate(scratch.sold[:7]):
             if robot != NIL:
                 [owner] = [r for r in range(3) if k in lists_of(fleet)[r]]
-                assert fleet.heard[owner, k] == 1
+                assert fleet.may_bid[owner, k] == 1
         improved += after < before and moves > 0
     assert improved >= 10
 
@@ -228,7 +242,7 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
     rng = random.Random(rows + 10 * columns)
     for _ in range(60):
         table = [
-            [INF if rng.random() < 0.2 else rng.randrange(40) for _ in range(columns)]
+            [INF_COST if rng.random() < 0.2 else rng.randrange(40) for _ in range(columns)]
             for _ in range(rows)
         ]
         workspace = assignment_for(columns)
@@ -238,11 +252,11 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
             [table[i][j] for i, j in enumerate(way)]
             for way in itertools.permutations(range(columns), rows)
         ]
-        most = max(sum(cost < INF for cost in way) for way in ways)
+        most = max(sum(cost < INF_COST for cost in way) for way in ways)
         least = min(
-            sum(cost for cost in way if cost < INF)
+            sum(cost for cost in way if cost < INF_COST)
             for way in ways
-            if sum(cost < INF for cost in way) == most
+            if sum(cost < INF_COST for cost in way) == most
         )
         chosen = {int(i): j for j, i in enumerate(workspace.row_of[:columns]) if i != NIL}
         assert len(chosen) == most
@@ -253,10 +267,10 @@ def test_linear_sum_assignment_is_the_best_of_all(rows: int, columns: int) -> No
 def test_one_shot_gives_each_robot_one_task_at_most(robots: int, tasks: int) -> None:
     for seed in range(20):
         *market, items = random_auction(random.Random(seed), robots, tasks)
-        market[2].heard[:] = 1
+        market[2].may_bid[:] = 1
         before = market[2].length.copy()
         workspace = assignment_for(max(robots, tasks))
-        given = assignment.assign_once(*market, workspace, items, tasks, MIX, 0)
+        given = assignment.assign_once(*market, workspace, items, tasks, BID_MIXED, 0)
         assert given == min(robots, tasks)
         added = market[2].length - before
         assert added.max() == 1

@@ -6,10 +6,10 @@ from itertools import chain
 from typing import Any
 
 import pytest
-from powered import scene
+from battery_scenes import scene
 
 from automaton.auctions.genetic import genetic
-from automaton.auctions.market import INF
+from automaton.auctions.market import INF_COST
 from automaton.auctions.sequential import objective
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
@@ -50,7 +50,7 @@ def sold_at_once(options: str, *settings: str, seed: int = 1) -> Simulation:
 
 def value(run: Simulation) -> int:
     """What the last auction made of the lists: the objective for epsilon = 0.5."""
-    return int(objective(run._strategies[LAYER_ALLOCATION]._site.fleet, 500))  # type: ignore[union-attr]
+    return int(objective(run._strategies[LAYER_ALLOCATION]._market.fleet, 500))  # type: ignore[union-attr]
 
 
 # Kinds of auctions, and what they count.
@@ -331,7 +331,7 @@ def first_genes(seed: int, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, .
     def first_generation(*given: Any) -> int:
         genetic(*given[:generations], 0, *given[generations + 1 :])
         found.append(tuple(given[tools].genes[:, : given[count]].flat))
-        return INF  # so that the orders are sold in sequence
+        return INF_COST  # so that the orders are sold in sequence
 
     monkeypatch.setattr("strategies.allocation.auction.genetic", first_generation)
     auction("mechanism: genetic", FIFTY, seed=seed).run(until=1000)

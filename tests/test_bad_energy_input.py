@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from powered import scene
+from battery_scenes import scene
 
 from automaton.commands import main
 from automaton.errors import InputError

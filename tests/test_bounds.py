@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from automaton.parallel import Rounds
+from automaton.process_pool import PersistentPool
 from automaton.scenario.bounds import Bounds, bounds, least_ticks, most_throughput
 from automaton.scenario.resolve import Resolved, resolve
 
@@ -18,7 +18,7 @@ def test_no_run_beats_the_bounds(scenario: str) -> None:
     for robots in (2, 4):
         fleet = () if scenario == "depots" else (f"fleet.robots={robots}",)
         resolved = resolve(scenario, [*few, *fleet])
-        with Rounds(1) as rounds:
+        with PersistentPool(1) as rounds:
             runs = rounds.run([(resolved, seed) for seed in range(5)])
         found = bounds(resolved)
         many = resolved.scenario.fleet.robots
@@ -98,6 +98,6 @@ def test_parts_take_the_work_of_stations_and_their_ways(tmp_path: Path) -> None:
     assert found.busiest == 3 * 20  # station 1; the last of a route may be worked on after the end
     assert found.longest_part == 7 + 2 * 10 + 20 + 4 + 2 * (2 + 3) + 3 + 2
     assert least_ticks(found, 1) == (66.0, "one part on its whole route")
-    with Rounds(1) as rounds:
+    with PersistentPool(1) as rounds:
         runs = rounds.run([(resolved, seed) for seed in range(5)])
     assert all(run.finished and run.metrics["makespan"] >= 66 for run in runs)

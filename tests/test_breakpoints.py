@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from staged_runs import Staged
+from small_runs import SmallRun
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import FIELDS, breakpoint_of, robots_where
@@ -190,7 +190,7 @@ def test_mistakes_are_told_in_a_sentence(text: str, told: str) -> None:
 
 
 def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
-    floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}, waits=(999, 999, 999, 999, 255))
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}, waits=(999, 999, 999, 999, 255))
     held = {text: [] for text in ("wait cycle", "deadlock")}
     for _ in range(DEADLOCK_TICKS + 5):
         floor.tick()
@@ -208,7 +208,7 @@ def test_circles_are_caught_when_they_close_and_when_they_last() -> None:
 
 def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
     run.show(700, 99)
-    mine = [e for e in run.chronicle.events.tolist() if e[1] == EVENT_DELIVERED]
+    mine = [e for e in run.event_history.events.tolist() if e[1] == EVENT_DELIVERED]
     assert len(mine) > 3
     for tick, _, robot, load, _ in mine:
         run.show(tick, 99)
@@ -221,7 +221,7 @@ def test_deliveries_name_the_robot_that_delivered(run: LiveRun) -> None:
 def test_how_robots_are_stored_does_not_matter() -> None:
     found = set()
     for storage in ([0, 1, 2], [2, 0, 1]):
-        floor = Staged("ABC", {"A": "E", "B": "E"}, storage=storage).tick()
+        floor = SmallRun("ABC", {"A": "E", "B": "E"}, storage=storage).tick()
         found.add(
             tuple(np.sort(breakpoint_of("cause == 'queue'").test(floor.run, floor.floor_plan)))
         )

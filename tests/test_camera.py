@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from staged_scenes import open_floor
+from render_scenes import open_floor
 
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import resolve

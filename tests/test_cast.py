@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyte
 import pytest
-from screens import for_pyte, wrong_cells
+from terminal_replay import for_pyte, wrong_cells
 
 from automaton.commands import Parser
 from automaton.commands import cast as command
@@ -27,14 +27,14 @@ from automaton.units import unit
 from automaton.world.state import NIL
 from tui.cast.asciicast import schedule
 from tui.cast.status import Status
-from tui.opening import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.depth import DEPTHS
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet
+from tui.render.image_export import as_svg, as_text
 from tui.render.scene import Scene
-from tui.render.still import as_svg, as_text
 from tui.render.styles import Look
+from tui.run_source import floor_of
 
 LAST = 205  # tick of the scenario crossing
 
@@ -214,8 +214,8 @@ def test_a_followed_robot_stays_on_the_screen(crossing: Path, tmp_path: Path) ->
     corners = set()
     for time, data in events[:-1]:
         stream.feed(for_pyte(data))
-        papers = [screen.buffer[row][column].bg for row in range(10) for column in range(40)]
-        assert "ffffff" in papers, (time, screen.display)
+        backgrounds = [screen.buffer[row][column].bg for row in range(10) for column in range(40)]
+        assert "ffffff" in backgrounds, (time, screen.display)
         corners.add("\n".join(row[:4] for row in screen.display[:10]))
     assert "robot 2" in screen.display[10]
     assert len(corners) > 5  # the camera moved

@@ -12,24 +12,24 @@ import pytest
 from automaton.auctions import quotes
 from automaton.auctions.market import (
     BATTERY_FULL,
-    CHARGING,
-    COST,
-    END,
-    FILL_UP,
-    GROSS,
-    HIERARCHICAL,
-    INF,
-    JOINT,
-    LOOK,
-    LOWEST,
-    NET,
-    SAFE,
-    WAITING,
+    INF_COST,
+    POLICY_FILL_UP,
+    POLICY_HIERARCHICAL,
+    POLICY_JOINT,
+    POLICY_THRESHOLD,
+    POLICY_THRESHOLD_REACHABLE,
+    TOTAL_CHARGER_WAIT,
+    TOTAL_CHARGING,
+    TOTAL_COST,
+    TOTAL_END_CHARGE,
+    TOTAL_GROSS,
+    TOTAL_LOWEST_CHARGE,
+    TOTAL_NET,
 )
 from automaton.kernels.charging_curve import charging_ticks, level_after
 from layouts.depots import OPTIONAL
 from tests.auction_scenes import TAPER, between_with, market_of, random_situation, stops_of
-from tests.plain_charging import (
+from tests.reference_charging import (
     Situation,
     best_single,
     best_ticks,
@@ -50,7 +50,7 @@ def test_one_stop_is_the_best_of_all_positions_and_chargers() -> None:
     seen = 0
     for case in short_of_energy(800, seed=1):
         *_, fleet, scratch = market_of(case)
-        if scratch.plan.stops[0] != 1 or fleet.cost[0] >= INF:
+        if scratch.plan.stops[0] != 1 or fleet.cost[0] >= INF_COST:
             continue
         best = best_single(case)
         assert best is not None
@@ -69,7 +69,7 @@ def test_several_stops_are_the_best_of_all_sequences_of_three() -> None:
             continue
         best = best_ticks(case, 3)
         if best is None:
-            assert fleet.cost[0] >= INF
+            assert fleet.cost[0] >= INF_COST
             infeasible += 1
             continue
         assert best == fleet.cost[0]
@@ -92,19 +92,23 @@ def check_figures(case: Situation, figures: list[int], target: int | None = None
     """What the plan says of itself adds up."""
     path = [case.start, *case.stops]
     direct = sum(case.between[a][b] for a, b in itertools.pairwise(path))
-    assert figures[COST] == direct + figures[NET]
-    assert figures[LOWEST] >= case.reserve
-    assert figures[END] >= case.reserve
-    assert figures[GROSS] >= figures[NET] >= figures[CHARGING] + figures[WAITING]
+    assert figures[TOTAL_COST] == direct + figures[TOTAL_NET]
+    assert figures[TOTAL_LOWEST_CHARGE] >= case.reserve
+    assert figures[TOTAL_END_CHARGE] >= case.reserve
+    assert (
+        figures[TOTAL_GROSS]
+        >= figures[TOTAL_NET]
+        >= figures[TOTAL_CHARGING] + figures[TOTAL_CHARGER_WAIT]
+    )
 
 
-@pytest.mark.parametrize("policy", [HIERARCHICAL, FILL_UP])
+@pytest.mark.parametrize("policy", [POLICY_HIERARCHICAL, POLICY_FILL_UP])
 def test_a_plan_says_what_it_costs_and_never_goes_below_the_reserve(policy: int) -> None:
     feasible = 0
     for case in short_of_energy(200, seed=4):
         *_, fleet, scratch = market_of(case, policy)
-        if fleet.cost[0] < INF:
-            check_figures(case, scratch.plan.figures.tolist())
+        if fleet.cost[0] < INF_COST:
+            check_figures(case, scratch.plan.totals.tolist())
             feasible += 1
     assert feasible > 100
 
@@ -129,7 +133,7 @@ def test_with_a_taper_one_stop_is_the_best_by_the_curve() -> None:
 def test_filling_up_credits_what_is_left(curve: object, target: int) -> None:
     seen = 0
     for case in short_of_energy(150, seed=6, curve=curve):
-        *_, fleet, scratch = market_of(case, FILL_UP, target=target)
+        *_, fleet, scratch = market_of(case, POLICY_FILL_UP, target=target)
         best = best_single(case, target)
         if best is None:
             continue
@@ -179,21 +183,23 @@ def threshold_by_hand(case: Situation, threshold: int, safe: bool) -> tuple[int,
     return ticks, lowest, stops
 
 
-@pytest.mark.parametrize("policy", [LOOK, SAFE])
+@pytest.mark.parametrize("policy", [POLICY_THRESHOLD, POLICY_THRESHOLD_REACHABLE])
 def test_threshold_charges_fully_at_the_nearest_charger(policy: int) -> None:
     rng = random.Random(8)
     stopped = stranded = 0
     for _ in range(300):
         case = random_situation(rng)
         *_, fleet, scratch = market_of(case, policy, threshold=200_000)
-        ticks, lowest, stops = threshold_by_hand(case, 200_000, policy == SAFE)
-        assert scratch.plan.figures[LOWEST] == lowest
+        ticks, lowest, stops = threshold_by_hand(
+            case, 200_000, policy == POLICY_THRESHOLD_REACHABLE
+        )
+        assert scratch.plan.totals[TOTAL_LOWEST_CHARGE] == lowest
         assert [position for position, _ in stops_of(scratch)] == stops
-        assert fleet.cost[0] == (INF if lowest < 0 else ticks)
+        assert fleet.cost[0] == (INF_COST if lowest < 0 else ticks)
         stopped += bool(stops)
         stranded += lowest < 0
     assert stopped > 100
-    assert stranded > 10 if policy == LOOK else True
+    assert stranded > 10 if policy == POLICY_THRESHOLD else True
 
 
 def test_inserting_with_charging_in_mind_is_never_worse() -> None:
@@ -203,14 +209,14 @@ def test_inserting_with_charging_in_mind_is_never_worse() -> None:
         if len(case.stops) < 4:
             continue
         costs = {}
-        for policy in (HIERARCHICAL, JOINT):
-            work, battery, fleet, scratch = market_of(case, policy)
+        for policy in (POLICY_HIERARCHICAL, POLICY_JOINT):
+            task_costs, battery, fleet, scratch = market_of(case, policy)
             fleet.length[0] -= 1
-            quotes.settle_all(work, battery, fleet, scratch)
+            quotes.settle_all(task_costs, battery, fleet, scratch)
             task = len(case.stops) - 1
-            _, costs[policy] = quotes.insertion_quote(work, battery, fleet, scratch, 0, task)
-        assert costs[JOINT] <= costs[HIERARCHICAL]
-        cheaper += costs[JOINT] < costs[HIERARCHICAL]
+            _, costs[policy] = quotes.insertion_quote(task_costs, battery, fleet, scratch, 0, task)
+        assert costs[POLICY_JOINT] <= costs[POLICY_HIERARCHICAL]
+        cheaper += costs[POLICY_JOINT] < costs[POLICY_HIERARCHICAL]
     assert cheaper > 0
 
 
@@ -219,16 +225,18 @@ def test_joint_insertion_is_the_best_of_all_positions() -> None:
     for case in short_of_energy(60, seed=10, chargers=2):
         if not 2 <= len(case.stops) <= 6:
             continue
-        work, battery, fleet, scratch = market_of(case, JOINT)
+        task_costs, battery, fleet, scratch = market_of(case, POLICY_JOINT)
         fleet.length[0] -= 1
-        quotes.settle_all(work, battery, fleet, scratch)
-        if fleet.cost[0] >= INF:
+        quotes.settle_all(task_costs, battery, fleet, scratch)
+        if fleet.cost[0] >= INF_COST:
             continue
         *others, task = case.stops
-        _, cost = quotes.insertion_quote(work, battery, fleet, scratch, 0, len(case.stops) - 1)
+        _, cost = quotes.insertion_quote(
+            task_costs, battery, fleet, scratch, 0, len(case.stops) - 1
+        )
         lists = [(*others[:i], task, *others[i:]) for i in range(len(others) + 1)]
         found = [best_ticks(Situation(**vars(case) | {"stops": one}), 2) for one in lists]
-        best = min((ticks for ticks in found if ticks is not None), default=INF)
+        best = min((ticks for ticks in found if ticks is not None), default=INF_COST)
         assert cost <= best
         checked += 1
     assert checked >= 10
@@ -270,12 +278,12 @@ def test_on_every_variant_of_the_floor_plans_are_those_of_trying_everything() ->
             drawn = random_situation(rng)
             case = Situation(**vars(drawn) | {"between": between})
             *_, fleet, scratch = market_of(case)
-            if fleet.cost[0] < INF and scratch.plan.stops[0] <= 1:
+            if fleet.cost[0] < INF_COST and scratch.plan.stops[0] <= 1:
                 done = ticks_of(case, best_single(case) or ())
                 assert done is not None and done[0] == fleet.cost[0]
                 assert stops_of(scratch) == best_single(case)
                 stopped += scratch.plan.stops[0]
-            elif fleet.cost[0] >= INF:
+            elif fleet.cost[0] >= INF_COST:
                 assert best_single(case) is None
     assert stopped > 100
 
@@ -290,5 +298,5 @@ def test_waiting_at_a_busy_charger_counts() -> None:
             *_, fleet, scratch = market_of(one)
             costs.append((int(fleet.cost[0]), stops_of(scratch)))
         assert costs[0][0] <= costs[1][0]
-        moved += costs[0][0] < costs[1][0] < INF and all(c != 0 for _, c in costs[1][1])
+        moved += costs[0][0] < costs[1][0] < INF_COST and all(c != 0 for _, c in costs[1][1])
     assert moved > 0

@@ -68,7 +68,7 @@ def test_a_branch_may_have_shorter_lists_than_the_plans_it_finds() -> None:
     run.run(until=3)
     assert run.world.robots.order_queue_length.max() > 1
     short = "strategy.allocation={name: auction, max_orders_per_robot: 1, max_items: 1}"
-    branch = run.continued(resolve("depots-full", [short]))
+    branch = run.continue_with(resolve("depots-full", [short]))
     branch.run(until=3000)
     assert int((branch.world.orders.state == ORDER_DELIVERED).sum()) > 20
 
@@ -77,7 +77,7 @@ def test_plans_end_with_the_strategy_that_made_them() -> None:
     run = Simulation(resolve("depots-full"))
     run.run(until=300)
     assert run.world.robots.order_queue_length.any()
-    branch = run.continued(resolve("depots-full", ["strategy.allocation=first-come"]))
+    branch = run.continue_with(resolve("depots-full", ["strategy.allocation=first-come"]))
     assert not branch.world.robots.order_queue_length.any()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from powered import recorded_run, scene
+from battery_scenes import recorded_run, scene
 
 from automaton.headless import run_once
 from automaton.metrics import metrics_of
@@ -228,4 +228,4 @@ def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:
     )
     outcome = run_once(resolved)
     assert outcome.metrics["lost_queueing"] > 1000, "one charges, the other is next"
-    assert not outcome.finished and "nothing but wait" not in outcome.trouble
+    assert not outcome.finished and "nothing but wait" not in outcome.diagnosis

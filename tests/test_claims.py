@@ -13,10 +13,10 @@ from rich.console import Console
 from scipy import stats
 
 from automaton.reproductions import find
+from automaton.reproductions.claim_report import bounds, evidence, panel_table
 from automaton.reproductions.claims import Claim, Figure, Judged, judge
-from automaton.reproductions.report import bounds, evidence, panel_table
-from automaton.reproductions.study import Case, MadeTable, Table
-from automaton.statistics.shares import exact_share
+from automaton.reproductions.reproduction_study import Case, MadeTable, Table
+from automaton.statistics.proportions import exact_share
 
 NEVER = Figure("runs that fail", lambda mean: mean("fails"), at_most=0, unit="%")
 ALWAYS = replace(NEVER, label="runs that end", at_most=float("inf"), at_least=1)

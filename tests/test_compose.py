@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from staged_scenes import (
+from render_scenes import (
     ALL,
     NEAR,
     at,
+    bg,
     camera_at,
     composed,
     crossing,
     drawn,
-    ink,
+    fg,
+    make_scene,
     mini,
     open_floor,
-    paper,
     signs,
-    stage,
     text,
 )
 
@@ -136,7 +136,7 @@ def fleets(draw: st.DrawFn) -> Scene:
     floor_plan = open_floor(draw(st.integers(1, 12)), draw(st.integers(1, 12)))
     free = np.flatnonzero(floor_plan.drivable().reshape(-1)).tolist()
     spots = draw(st.lists(st.sampled_from(free), unique=True, max_size=12, min_size=1))
-    return stage(
+    return make_scene(
         floor_plan,
         *(
             {
@@ -179,7 +179,7 @@ def test_from_afar_each_robot_is_a_dot_of_its_own(scene: Scene):
     for cell in scene.snapshot.robots.cell.tolist():
         place = camera.place_of(cell)
         assert place is not None
-        assert ink(codes[place]) in (styles.ROBOT, styles.LOADED)
+        assert fg(codes[place]) in (styles.COLOUR_ROBOT, styles.COLOUR_LOADED)
     for sign in signs(codes).reshape(-1).tolist():
         dots += (ord(sign) - 0x2800).bit_count() if sign != " " else 0
     assert dots == len(scene.snapshot.robots.cell)
@@ -193,25 +193,25 @@ def test_in_half_blocks_each_robot_is_a_half_in_its_colour(scene: Scene):
         place = camera.place_of(cell)
         assert place is not None
         y = cell // scene.floor.floor_plan.stride - camera.shown.top
-        inks = halves(codes[place])
-        assert inks[y % 2] == (styles.LOADED if load >= 0 else styles.ROBOT)
+        foregrounds = halves(codes[place])
+        assert foregrounds[y % 2] == (styles.COLOUR_LOADED if load >= 0 else styles.COLOUR_ROBOT)
 
 
 def halves(code: int) -> tuple[int, int]:
     """The colours of the upper and the lower half."""
     glyph = int(code) & 0xFFFF
     if glyph == UNICODE.upper_half:
-        return ink(code), paper(code)
+        return fg(code), bg(code)
     if glyph == UNICODE.lower_half:
-        return paper(code), ink(code)
+        return bg(code), fg(code)
     assert glyph == UNICODE.full
-    return ink(code), ink(code)
+    return fg(code), fg(code)
 
 
 def test_identities_stand_beside_their_robots():
     floor_plan = open_floor(12, 10)
     cells = [floor_plan.cell(x, y) for y in range(10) for x in range(12)]
-    scene = stage(floor_plan, *({"cell": cell} for cell in cells))
+    scene = make_scene(floor_plan, *({"cell": cell} for cell in cells))
     camera = Camera(floor_plan, 10, 48, robots=len(cells))
     assert camera.zoom.name == "4x1"
     assert text(compose(scene, camera, UNICODE)).split("\n")[8][12:27] == "▹99 ▹100▹101▹10"
@@ -223,32 +223,32 @@ def test_identities_stand_beside_their_robots():
 def test_a_robot_on_rails_shows_the_way_it_came_until_it_turns(heading, travel, sign):
     floor_plan = drawn("+-+\n| |\n+-+")
     robot = {"cell": floor_plan.cell(0, 0), "heading": heading, "travel": travel}
-    codes, _ = composed(stage(floor_plan, robot, headings=2), "1x1")
+    codes, _ = composed(make_scene(floor_plan, robot, headings=2), "1x1")
     assert signs(codes)[0, 0] == sign
 
 
 CORNER = open_floor(4, 4).cell(0, 0)
 STATES = [
-    ({}, styles.ROBOT),
-    ({"load": 1}, styles.LOADED),
-    ({"load": 1, "cause": 2}, styles.WAITS),
-    ({"load": 1, "cause": 2, "wait_cycle_ticks": 1}, styles.FAULT),
-    ({"parked": 1, "cause": 12}, styles.PARKED),
-    ({"load": 1, "charge": 199_999}, styles.LOW),
-    ({"charge": 200_000}, styles.ROBOT),
-    ({"charge": 1, "cause": 2}, styles.WAITS),
-    ({"action": 7, "goal_type": 4, "goal_cell": CORNER, "charge": 1}, styles.CHARGING),
-    ({"action": 7, "goal_type": 2, "goal_cell": CORNER}, styles.ROBOT),  # it has charged
-    ({"status": 3, "cause": 17, "charge": 1}, styles.FAULT),
-    ({"status": 4, "cause": 18}, styles.FAULT),
+    ({}, styles.COLOUR_ROBOT),
+    ({"load": 1}, styles.COLOUR_LOADED),
+    ({"load": 1, "cause": 2}, styles.COLOUR_WAITING),
+    ({"load": 1, "cause": 2, "wait_cycle_ticks": 1}, styles.COLOUR_FAULT),
+    ({"parked": 1, "cause": 12}, styles.COLOUR_PARKED),
+    ({"load": 1, "charge": 199_999}, styles.COLOUR_LOW_BATTERY),
+    ({"charge": 200_000}, styles.COLOUR_ROBOT),
+    ({"charge": 1, "cause": 2}, styles.COLOUR_WAITING),
+    ({"action": 7, "goal_type": 4, "goal_cell": CORNER, "charge": 1}, styles.COLOUR_CHARGING),
+    ({"action": 7, "goal_type": 2, "goal_cell": CORNER}, styles.COLOUR_ROBOT),  # it has charged
+    ({"status": 3, "cause": 17, "charge": 1}, styles.COLOUR_FAULT),
+    ({"status": 4, "cause": 18}, styles.COLOUR_FAULT),
 ]
 
 
 @pytest.mark.parametrize("zoom", ALL)
 @pytest.mark.parametrize(("fields", "colour"), STATES)
 def test_a_robot_has_the_colour_of_its_state(zoom: str, fields: dict[str, int], colour: int):
-    scene = stage(open_floor(4, 4), {"cell": CORNER, **fields}, battery=True, faults=True)
-    assert ink(at(scene, zoom, CORNER)) == colour
+    scene = make_scene(open_floor(4, 4), {"cell": CORNER, **fields}, battery=True, faults=True)
+    assert fg(at(scene, zoom, CORNER)) == colour
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -259,27 +259,30 @@ def test_the_worst_robot_gives_a_shared_character_its_colour(first: int):
         {"cell": floor_plan.cell(1, 3), **states[first]},
         {"cell": floor_plan.cell(0, 0), **states[1 - first]},
     ]
-    assert ink(at(stage(floor_plan, *robots), "braille 1", floor_plan.cell(0, 0))) == styles.FAULT
+    assert (
+        fg(at(make_scene(floor_plan, *robots), "braille 1", floor_plan.cell(0, 0)))
+        == styles.COLOUR_FAULT
+    )
 
 
 def test_from_afar_robots_are_not_drowned_by_shelves():
     floor_plan = drawn("ssss\ns..s\nssss\nssss")
-    codes, _ = composed(stage(floor_plan, {"cell": floor_plan.cell(1, 1)}), "braille 1")
+    codes, _ = composed(make_scene(floor_plan, {"cell": floor_plan.cell(1, 1)}), "braille 1")
     assert signs(codes).tolist() == [["⠐", "⣽"]]
 
 
 def test_several_robots_in_a_cell_are_counted():
     floor_plan = drawn("...\n.~.\n...")
     cell = floor_plan.cell(1, 1)
-    scene = stage(
+    scene = make_scene(
         floor_plan, {"cell": cell, "load": 1}, {"cell": cell}, {"cell": cell, "wait_cycle_ticks": 1}
     )
     code = at(scene, "1x1", cell)
-    assert chr(code & 0xFFFF) == "3" and paper(code) == styles.FAULT
-    assert ink(at(scene, "half", cell)) == styles.FAULT
-    reversed_order = stage(floor_plan, {"cell": cell, "wait_cycle_ticks": 1}, {"cell": cell})
-    assert ink(at(reversed_order, "half", cell)) == styles.FAULT
-    many = stage(floor_plan, *({"cell": cell} for _ in range(11)))
+    assert chr(code & 0xFFFF) == "3" and bg(code) == styles.COLOUR_FAULT
+    assert fg(at(scene, "half", cell)) == styles.COLOUR_FAULT
+    reversed_order = make_scene(floor_plan, {"cell": cell, "wait_cycle_ticks": 1}, {"cell": cell})
+    assert fg(at(reversed_order, "half", cell)) == styles.COLOUR_FAULT
+    many = make_scene(floor_plan, *({"cell": cell} for _ in range(11)))
     assert chr(at(many, "1x1", cell) & 0xFFFF) == "+"
 
 
@@ -288,13 +291,13 @@ def test_several_robots_in_a_cell_are_counted():
 
 def test_beyond_the_floor_is_void_and_the_buffer_is_used_again():
     floor_plan = open_floor(3, 3)
-    scene = stage(floor_plan, {"cell": floor_plan.cell(1, 1)})
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(1, 1)})
     camera = camera_at(floor_plan, "1x1", 5, 9)
     camera.one_to_one()
     out = compose(scene, camera, UNICODE)
     first = out.copy()
     assert text(out, ASCII).split("\n") == ["", "   ...", "   .>.", "   ...", ""]
-    assert paper(out[0, 0]) == styles.VOID
+    assert bg(out[0, 0]) == styles.COLOUR_VOID
     out[:] = 0
     assert compose(scene, camera, UNICODE, out) is out
     assert np.array_equal(out, first)
@@ -316,7 +319,7 @@ def test_a_window_shows_what_the_whole_picture_has_there(rows, columns, dx, dy):
 
 
 def test_one_way_floor_is_an_arrow_but_a_dead_end_is_not():
-    codes, _ = composed(stage(drawn("..>.\n####")), "1x1")
+    codes, _ = composed(make_scene(drawn("..>.\n####")), "1x1")
     assert text(codes, ASCII) == "..)."
 
 

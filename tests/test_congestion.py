@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slow_traffic import Traffic
+from slow_zone_scenes import Traffic
 
 from automaton.commands import main
 from automaton.metrics import metrics_of

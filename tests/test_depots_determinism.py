@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fresh_process import told
 
-from automaton.parallel import run_all
+from automaton.process_pool import run_all
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 

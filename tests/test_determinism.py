@@ -21,7 +21,7 @@ from automaton.kernels.digest import (
     WORK_FIELDS,
     ZONING_FIELDS,
 )
-from automaton.parallel import run_all
+from automaton.process_pool import run_all
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from panel_stage import deadlocked, said
+from panel_harness import deadlocked, said
 from textual.app import App
 from textual.pilot import Pilot
 from textual.screen import ModalScreen
@@ -23,7 +23,7 @@ from tui.screens.breakpoints import BreakpointsScreen, Stop, StopList
 from tui.screens.find import FindScreen, MatchList
 from tui.screens.go_to import GoToScreen, tick_of
 from tui.search import Found, find
-from tui.widgets.too_small import COLUMNS, ROWS
+from tui.widgets.too_small import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS
 
 
 class Stage(App[None]):
@@ -75,7 +75,9 @@ DIALOGS: dict[str, Callable[[], ModalScreen[Any]]] = {
 }
 
 
-@pytest.mark.parametrize("size", [(80, 24), (COLUMNS, ROWS)], ids=["80x24", "least"])
+@pytest.mark.parametrize(
+    "size", [(80, 24), (MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS)], ids=["80x24", "least"]
+)
 @pytest.mark.parametrize("name", DIALOGS)
 def test_every_dialog_fits_and_closes_by_escape(name: str, size: tuple[int, int]) -> None:
     dialog = DIALOGS[name]()

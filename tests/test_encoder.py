@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from screens import cell_at, screen_of, wrong_cells
+from terminal_replay import cell_at, screen_of, wrong_cells
 
 from tui.render.depth import Depth
 from tui.render.encode import encode
 from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code
 from tui.render.styles import (
-    FLOOR,
-    FLOOR_MARK,
-    LOADED,
-    ROBOT,
-    SHELF,
-    STYLES,
+    COLOUR_FLOOR,
+    COLOUR_FLOOR_MARK,
+    COLOUR_LOADED,
+    COLOUR_ROBOT,
+    COLOUR_SHELF,
+    STYLE_COUNT,
     Look,
     style,
 )
@@ -33,7 +33,7 @@ def pictures(draw: st.DrawFn) -> tuple[Codes, Codes]:
     """Two pictures of one size that differ in none, few, many or all cells."""
     shape = draw(st.integers(1, 12)), draw(st.integers(1, 30))
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
-    styles = random.integers(0, STYLES, draw(st.integers(1, 40)))
+    styles = random.integers(0, STYLE_COUNT, draw(st.integers(1, 40)))
     glyphs = random.integers(0, len(UNICODE.characters), draw(st.integers(1, 20)))
     pair = [code(random.choice(styles, shape), random.choice(glyphs, shape)) for _ in range(2)]
     changed = random.random(shape) < draw(st.sampled_from([0.0, 0.02, 0.2, 0.7, 1.0]))
@@ -82,12 +82,12 @@ def test_a_difference_is_never_longer_than_a_repaint(pair: tuple[Codes, Codes], 
 
 
 def test_nothing_is_sent_if_nothing_differs() -> None:
-    codes = code(style(ROBOT, FLOOR), np.full((5, 9), UNICODE.robot[0]))
+    codes = code(style(COLOUR_ROBOT, COLOUR_FLOOR), np.full((5, 9), UNICODE.robot[0]))
     assert encode(codes, codes.copy(), LOOKS[0], UNICODE) == ""
 
 
 def test_the_style_is_reset_at_the_end() -> None:
-    codes = code(style(ROBOT, FLOOR), np.full((2, 2), UNICODE.robot[0]))
+    codes = code(style(COLOUR_ROBOT, COLOUR_FLOOR), np.full((2, 2), UNICODE.robot[0]))
     screen = screen_of(encode(codes, None, Look(Depth.TRUE), UNICODE) + "\x1b[4;1Hx", 9, 9)
     assert cell_at(screen, 3, 0) == ("x", "default", "default", False, False, False)
 
@@ -97,7 +97,9 @@ def test_a_torn_frame_shows_a_robot_twice_rather_than_never() -> None:
     look, before, after = Look(Depth.TRUE), floor(6, 20), floor(6, 20)
     robots = [(2, 3, 2, 4), (4, 9, 3, 9), (5, 19, 5, 18), (0, 0, 1, 0)]
     for number, (y, x, to_y, to_x) in enumerate(robots):
-        robot = code(style((ROBOT, LOADED)[number % 2], FLOOR), UNICODE.robot[0])
+        robot = code(
+            style((COLOUR_ROBOT, COLOUR_LOADED)[number % 2], COLOUR_FLOOR), UNICODE.robot[0]
+        )
         before[y, x] = after[to_y, to_x] = robot
     start, stream = encode(before, None, look, UNICODE), encode(after, before, look, UNICODE)
     for cut in range(len(stream)):
@@ -110,11 +112,14 @@ def test_a_torn_frame_shows_a_robot_twice_rather_than_never() -> None:
 def test_a_row_of_equal_styles_is_one_move_and_one_sequence() -> None:
     look, old = Look(Depth.SIXTEEN), floor(3, 20)
     new = old.copy()
-    new[1, 4:8] = code(style(ROBOT, FLOOR), ord("R"))
-    new[1, 10] = code(style(ROBOT, FLOOR), ord("S"))
-    new[2, 11] = code(style(ROBOT, FLOOR), ord("T"))
-    new[2, 8] = code(style(FLOOR_MARK, FLOOR), ord(","))
-    robot, mark = look.sgr(style(ROBOT, FLOOR)), look.sgr(style(FLOOR_MARK, FLOOR))
+    new[1, 4:8] = code(style(COLOUR_ROBOT, COLOUR_FLOOR), ord("R"))
+    new[1, 10] = code(style(COLOUR_ROBOT, COLOUR_FLOOR), ord("S"))
+    new[2, 11] = code(style(COLOUR_ROBOT, COLOUR_FLOOR), ord("T"))
+    new[2, 8] = code(style(COLOUR_FLOOR_MARK, COLOUR_FLOOR), ord(","))
+    robot, mark = (
+        look.sgr(style(COLOUR_ROBOT, COLOUR_FLOOR)),
+        look.sgr(style(COLOUR_FLOOR_MARK, COLOUR_FLOOR)),
+    )
     expected = f"{robot}\x1b[2;5HRRRR\x1b[2CS\x1b[BT{mark}\x1b[4D,\x1b[0m"
     assert encode(new, old, look, UNICODE) == expected
 
@@ -123,22 +128,29 @@ def test_after_the_last_column_a_move_is_absolute() -> None:
     """A terminal may be waiting to wrap there, and terminals disagree on what moves then do."""
     look, old = Look(Depth.SIXTEEN), floor(4, 20)
     new = old.copy()
-    new[1, 19] = new[2, 19] = new[3, 19] = code(style(ROBOT, FLOOR), ord("R"))
-    robot = look.sgr(style(ROBOT, FLOOR))
+    new[1, 19] = new[2, 19] = new[3, 19] = code(style(COLOUR_ROBOT, COLOUR_FLOOR), ord("R"))
+    robot = look.sgr(style(COLOUR_ROBOT, COLOUR_FLOOR))
     expected = f"{robot}\x1b[2;20HR\x1b[3;20HR\x1b[4;20HR\x1b[0m"
     assert encode(new, old, look, UNICODE) == expected
 
 
 def test_without_colours_styles_that_look_alike_share_a_sequence() -> None:
-    codes = np.array([[code(style(ink, FLOOR), ord("x")) for ink in (SHELF, ROBOT, FLOOR_MARK)]])
+    codes = np.array(
+        [
+            [
+                code(style(fg, COLOUR_FLOOR), ord("x"))
+                for fg in (COLOUR_SHELF, COLOUR_ROBOT, COLOUR_FLOOR_MARK)
+            ]
+        ]
+    )
     assert encode(codes, None, Look(Depth.NONE), UNICODE).count("m") == 2
 
 
 def test_a_field_of_many_colours_is_sent_in_reading_order() -> None:
     """Grouped by style it would be longer: nearly every pair of pixels has a style of its own."""
     random = np.random.default_rng(3)
-    inks, papers = random.integers(0, 40, (2, 20, 60))
-    codes = code(style(inks, papers), UNICODE.upper_half)
+    foregrounds, backgrounds = random.integers(0, 40, (2, 20, 60))
+    codes = code(style(foregrounds, backgrounds), UNICODE.upper_half)
     look = Look(Depth.SIXTEEN)
     stream = encode(codes, None, look, UNICODE)
     assert stream.count("H") == 20
@@ -151,7 +163,9 @@ def floor(rows: int, columns: int) -> Codes:
     shelves = (x % 10 < 4) & (y % 4 == 3)
     mark, shelf = UNICODE.floor, UNICODE.shelf
     return np.where(
-        shelves, code(style(SHELF, FLOOR), shelf), code(style(FLOOR_MARK, FLOOR), mark)
+        shelves,
+        code(style(COLOUR_SHELF, COLOUR_FLOOR), shelf),
+        code(style(COLOUR_FLOOR_MARK, COLOUR_FLOOR), mark),
     ).astype(np.uint32)
 
 
@@ -161,7 +175,10 @@ def walk(robots: int, frames: int) -> list[Codes]:
     extent = np.array([59, 200])
     place = (random.random((robots, 2)) * extent).astype(int)
     loaded = np.arange(robots) % 2
-    inks, shapes = np.array([ROBOT, LOADED])[loaded], np.array([UNICODE.robot, UNICODE.loaded])
+    foregrounds, shapes = (
+        np.array([COLOUR_ROBOT, COLOUR_LOADED])[loaded],
+        np.array([UNICODE.robot, UNICODE.loaded]),
+    )
     pictures = []
     for _ in range(frames):
         direction = random.integers(4, size=robots)
@@ -169,7 +186,7 @@ def walk(robots: int, frames: int) -> list[Codes]:
         outside = ((place + step < 0) | (place + step >= extent)).any(axis=1)
         place = np.where(outside[:, None], place - step, place + step)
         picture = floor(59, 200)
-        picture[tuple(place.T)] = code(style(inks, FLOOR), shapes[loaded, direction])
+        picture[tuple(place.T)] = code(style(foregrounds, COLOUR_FLOOR), shapes[loaded, direction])
         pictures.append(picture)
     return pictures
 

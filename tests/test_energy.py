@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from powered import MOVES, Powered, recorded_run, scene
+from battery_scenes import MOVES, BatteryScene, recorded_run, scene
 
 from automaton.recording.validator import validate_stored
 from automaton.scenario.schema import Battery, Drain, Durations
@@ -13,14 +13,14 @@ from automaton.world.state import ACTION_CHARGE, ACTION_DOWN, ACTION_QUEUE, ACTI
 
 
 def test_a_move_is_paid_when_it_begins() -> None:
-    run = Powered("A....", {"A": "EE"}, durations=Durations(move=3), battery=MOVES)
+    run = BatteryScene("A....", {"A": "EE"}, durations=Durations(move=3), battery=MOVES)
     assert [run.tick().charge("A") for _ in range(7)] == [97, 97, 97, 94, 94, 94, 94]
     assert run.at("A") == (2, 0)
 
 
 def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
     battery = Battery(drain=Drain(move=1.0), charge_rate=10.0, initial_charge=8.0)
-    run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), battery=battery)
+    run = BatteryScene("A....", {"A": "EEEE"}, durations=Durations(move=3), battery=battery)
     run.tick(6)
     assert (run.at("A"), run.charge("A"), run.status("A")) == ((2, 0), 2, STATUS_UP)
     run.tick(2)  # the third move would take 3 %
@@ -35,7 +35,7 @@ def test_an_exhausted_robot_stops_in_its_cell_and_never_between_two() -> None:
 
 def test_standing_takes_what_the_scenario_says_until_nothing_is_left() -> None:
     battery = Battery(drain=Drain(move=1.0, wait=0.5), charge_rate=10.0, initial_charge=1.2)
-    run = Powered("A..", battery=battery)
+    run = BatteryScene("A..", battery=battery)
     assert [run.tick().charge("A") for _ in range(4)] == pytest.approx([0.7, 0.2, 0, 0])
     assert run.status("A") == STATUS_DEPLETED
 
@@ -66,7 +66,7 @@ CURVE = ((0.0, 10.0), (50.0, 4.0), (80.0, 1.0))
 
 def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
     battery = Battery(drain=Drain(move=1.0), charge_rate=CURVE, initial_charge=35.0)
-    run = Powered("c.", battery=battery, start=(5,))
+    run = BatteryScene("c.", battery=battery, start=(5,))
     assert run.at("A") == (0, 0)
     run.send_to_charge("A", "", level=86)
     charges = [run.tick().charge("A") for _ in range(13)]
@@ -80,7 +80,7 @@ def test_a_charger_gives_by_the_curve_until_the_level_is_reached() -> None:
 
 def test_a_battery_is_never_more_than_full() -> None:
     battery = Battery(drain=Drain(move=1.0), charge_rate=30.0, initial_charge=50.0)
-    run = Powered("c.", battery=battery, start=(5,))
+    run = BatteryScene("c.", battery=battery, start=(5,))
     run.send_to_charge("A", "", level=100)
     assert [run.tick().charge("A") for _ in range(3)] == [80, 100, 100]
     assert run.world.tally.charged[0] == 500_000
@@ -89,10 +89,10 @@ def test_a_battery_is_never_more_than_full() -> None:
 LINE = "~~~c~"
 
 
-def waiting_three(picture: str, gap: int) -> tuple[Powered, list[str]]:
+def waiting_three(picture: str, gap: int) -> tuple[BatteryScene, list[str]]:
     """C, then B, then A come to the charger; who charges, in the order in which they begin."""
     battery = Battery(drain=Drain(move=0.1), charge_rate=10.0, initial_charge=50.0)
-    run = Powered(picture, battery=battery, start=tuple(range(8, 11)))
+    run = BatteryScene(picture, battery=battery, start=tuple(range(8, 11)))
     run.tick(gap)
     for name, route in (("A", "EEE"), ("B", "EE"), ("C", "E")):
         run.send_to_charge(name, route, level=70)
@@ -168,7 +168,7 @@ def test_storage_does_not_decide_who_is_first_in_line() -> None:
     battery = Battery(drain=Drain(move=0.1), charge_rate=10.0, initial_charge=50.0)
     digests = set()
     for storage in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
-        run = Powered(LINE, battery=battery, start=(8, 8, 8), storage=storage)
+        run = BatteryScene(LINE, battery=battery, start=(8, 8, 8), storage=storage)
         for name in "ABC":
             run.send_to_charge(name, "EEE", level=70)
         run.tick(12)

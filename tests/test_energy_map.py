@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from staged_scenes import composed, drawn, shipped, signs, stage
-from staged_scenes import text as picture
+from render_scenes import composed, drawn, make_scene, shipped, signs
+from render_scenes import text as picture
 
 from automaton.world.cells import STATION
 from tui.render.compose import compose
@@ -34,7 +34,7 @@ def every_condition() -> Scene:
         {"cell": floor_plan.cell(5, 1), "charge": EMPTY_AT + 1},
     ]
     left = {floor_plan.cell(5, 0): 4, floor_plan.cell(2, 1): 5}
-    return stage(floor_plan, *robots, left=left, battery=True, faults=True)
+    return make_scene(floor_plan, *robots, left=left, battery=True, faults=True)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
     words = " ".join(told.values())
     for meaning in ("charges", "battery below 20 %, with a load", "broken down", "had to leave"):
         assert meaning in words
-    bare = stage(scene.floor.floor_plan, {"cell": 12})
+    bare = make_scene(scene.floor.floor_plan, {"cell": 12})
     without = " ".join(entry.meaning for entry in legend(bare, camera.zoom, UNICODE))
     assert "battery" not in without and "broken" not in without and "leave" not in without
     assert "station" in without
@@ -75,7 +75,7 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
 def test_stations_are_seen_from_afar(zoom: str) -> None:
     floor_plan = shipped("depots")
     assert (floor_plan.kind == STATION).any()
-    codes, camera = composed(stage(floor_plan), zoom)
+    codes, camera = composed(make_scene(floor_plan), zoom)
     for cell in np.flatnonzero(floor_plan.kind.reshape(-1) == STATION):
         place = camera.place_of(int(cell))
         assert place is not None and signs(codes)[place] not in " ⠀"

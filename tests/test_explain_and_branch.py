@@ -16,7 +16,7 @@ from automaton.commands.explain import chain_lines
 from automaton.history.explanation import explain
 from automaton.history.run import RecordedRun
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import CONDITIONS, Recording
+from automaton.recording.frames import FRAME_KIND_CONDITIONS, Recording
 from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import verify
 from automaton.world.observation import is_waiting
@@ -73,9 +73,9 @@ def test_who_does_not_wait_gets_a_plain_sentence(
 
 
 def test_a_circle_is_named() -> None:
-    from staged_runs import Staged
+    from small_runs import SmallRun
 
-    floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
     lines = chain_lines(explain(floor.snapshot(), floor.floor_plan, 2))
     assert lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
 
@@ -147,7 +147,9 @@ def test_a_branch_is_marked_verifies_and_is_compared(
         found["branch"]["metrics"]["operations_per_robot"]
         < found["original"]["metrics"]["operations_per_robot"]
     )
-    marks = [frame.content for frame in read_recording(out).frames if frame.kind == CONDITIONS]
+    marks = [
+        frame.content for frame in read_recording(out).frames if frame.kind == FRAME_KIND_CONDITIONS
+    ]
     assert [(mark["tick"], list(mark["settings"])) for mark in marks][-1] == (
         300,
         ["durations.move=9"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from staged_runs import Staged
+from small_runs import SmallRun
 
 from automaton.history.explanation import doing, explain
 from automaton.scenario.schema import Durations, WorldRules
@@ -11,12 +11,12 @@ from automaton.world.observation import CAUSE_HEAD_ON, CAUSES
 from automaton.world.state import ACTION_MOVE, ACTION_NAMES, NIL
 
 
-def why(floor: Staged, name: str) -> list[str]:
+def why(floor: SmallRun, name: str) -> list[str]:
     return explain(floor.snapshot(), floor.floor_plan, ord(name) - ord("A")).lines
 
 
 def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
-    floor = Staged("ABC.", {"A": "E", "B": "E"}, waits=(99, 99, 99, 99, 255)).tick(3)
+    floor = SmallRun("ABC.", {"A": "E", "B": "E"}, waits=(99, 99, 99, 99, 255)).tick(3)
     assert why(floor, "A") == [
         "robot 0 has waited 3 ticks: robot 1 holds (1, 0) and waits itself",
         "robot 1 has waited 3 ticks: robot 2 holds (2, 0) and has nothing to do",
@@ -29,7 +29,7 @@ def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
 
 
 def test_a_chain_ends_with_a_robot_at_work() -> None:
-    floor = Staged("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
     assert why(floor, "A") == [
         "robot 0 has waited 1 tick: robot 1 holds (1, 0) and is driving on",
         "robot 1 drives for 3 more ticks",
@@ -37,7 +37,7 @@ def test_a_chain_ends_with_a_robot_at_work() -> None:
 
 
 def test_a_circle_is_told_from_where_it_begins() -> None:
-    floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
     found = explain(floor.snapshot(), floor.floor_plan, 2)
     assert [link.robot for link in found.chain] == [2, 0, 1] and found.cycle == 1
     assert (
@@ -47,14 +47,14 @@ def test_a_circle_is_told_from_where_it_begins() -> None:
 
 
 def test_a_cell_that_nobody_holds_any_more() -> None:
-    floor = Staged("AB.", {"A": "E", "B": "E"}, following=False).tick()
+    floor = SmallRun("AB.", {"A": "E", "B": "E"}, following=False).tick()
     assert why(floor, "A") == [
         "robot 0 has waited 1 tick: (1, 0) was vacated only at the end of this tick"
     ]
 
 
 def test_who_does_not_wait_says_what_it_does() -> None:
-    floor = Staged("A..", {"A": "EE"}).tick()
+    floor = SmallRun("A..", {"A": "EE"}).tick()
     found = explain(floor.snapshot(), floor.floor_plan, 0)
     assert len(found.chain) == 1 and found.cycle == NIL and found.chain[0].cause == ""
     floor.world.robots.parked[0] = 1
@@ -64,9 +64,9 @@ def test_who_does_not_wait_says_what_it_does() -> None:
 def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
     """B stands on an intersection, where nothing slows it."""
     rules = WorldRules(slowdown="zones")
-    floor = Staged("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
+    floor = SmallRun("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
     assert why(floor, "C") == ["robot 2 drives"]
-    floor = Staged("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
+    floor = SmallRun("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
     assert why(floor, "C") == [
         "robot 2 drives slowly for 1 more tick: zone 2 held 2 robots when this move began"
     ]
@@ -76,7 +76,7 @@ def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
 
 @pytest.mark.parametrize("action", range(len(ACTION_NAMES)))
 def test_every_action_has_words(action: int) -> None:
-    floor = Staged("A..").tick()
+    floor = SmallRun("A..").tick()
     floor.world.robots.action[0], floor.world.robots.busy[0] = action, 2
     text = doing(floor.snapshot(), 0)
     assert text and text != ACTION_NAMES[action]
@@ -85,7 +85,7 @@ def test_every_action_has_words(action: int) -> None:
 
 @pytest.mark.parametrize("code", range(1, len(CAUSES)))
 def test_every_cause_makes_a_sentence(code: int) -> None:
-    floor = Staged("AB", {"A": "E", "B": "W"}).tick()
+    floor = SmallRun("AB", {"A": "E", "B": "W"}).tick()
     assert floor.run.observation.cause[0] == CAUSE_HEAD_ON
     floor.run.observation.cause[0] = code
     text = explain(floor.snapshot(), floor.floor_plan, 0).chain[0].text

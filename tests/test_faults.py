@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from powered import MOVES, Powered, recorded_run, scene
+from battery_scenes import MOVES, BatteryScene, recorded_run, scene
 
 from automaton.errors import InputError
 from automaton.headless import run_once
@@ -38,12 +38,12 @@ def failing(at: int, **rules: Any) -> Faults:
     return Faults(listed=(Fault(robot=0, at=at),), **rules)
 
 
-def statuses(run: Powered, ticks: int) -> list[int]:
+def statuses(run: BatteryScene, ticks: int) -> list[int]:
     return [run.tick().status("A") for _ in range(ticks)]
 
 
 def test_a_robot_fails_when_what_it_does_is_over() -> None:
-    run = Powered("A....", {"A": "EEEE"}, durations=Durations(move=3), faults=failing(2))
+    run = BatteryScene("A....", {"A": "EEEE"}, durations=Durations(move=3), faults=failing(2))
     run.tick(2)
     assert run.status("A") not in (STATUS_UP, STATUS_FAILED), "it is on its way, and will fail"
     run.tick(2)  # the move ends; in the next tick it is down
@@ -53,7 +53,7 @@ def test_a_robot_fails_when_what_it_does_is_over() -> None:
 
 
 def test_it_is_towed_and_comes_back_when_the_scenario_says() -> None:
-    run = Powered("A....", faults=failing(2, tow_after=3, repair_time=4), battery=MOVES)
+    run = BatteryScene("A....", faults=failing(2, tow_after=3, repair_time=4), battery=MOVES)
     run.world.robots.charge[0] = BATTERY_FULL // 2
     assert statuses(run, 10) == [
         STATUS_UP,
@@ -111,14 +111,14 @@ def test_a_charge_after_repairs_needs_a_battery() -> None:
 
 
 def test_null_means_never() -> None:
-    stays = Powered("A....", faults=failing(1, tow_after=None))
+    stays = BatteryScene("A....", faults=failing(1, tow_after=None))
     assert statuses(stays, 400)[-1] == STATUS_FAILED and stays.at("A") == (0, 0)
-    gone = Powered("A....", faults=failing(1, tow_after=2, repair_time=None))
+    gone = BatteryScene("A....", faults=failing(1, tow_after=2, repair_time=None))
     assert statuses(gone, 2000)[-1] == STATUS_REMOVED
 
 
 def test_a_broken_robot_is_in_the_way_until_it_is_towed() -> None:
-    run = Powered(
+    run = BatteryScene(
         "A.B..", {"A": "EEEE"}, faults=Faults(listed=(Fault(robot=1, at=1),), tow_after=20)
     )
     run.tick(19)
@@ -223,7 +223,7 @@ def test_the_list_of_a_robot_that_fails_is_sold_again() -> None:
 
 
 def test_a_robot_in_its_bay_fails_and_comes_back_there() -> None:
-    run = Powered("b..\nb..", faults=failing(3, tow_after=5, repair_time=4))
+    run = BatteryScene("b..\nb..", faults=failing(3, tow_after=5, repair_time=4))
     run.tick(3)
     assert run.status("A") == STATUS_TOWED, "it is in nobody's way: towed at once"
     assert statuses(run, 4)[-1] == STATUS_UP
@@ -265,8 +265,8 @@ def test_who_is_out_of_order_does_not_wait_but_others_wait_for_it(tmp_path: Any)
         "faults: {list: [{robot: 1, at: 1}], tow_after: null}\n"
         "stop: {when: delivered, max_duration: 5000}\n"
     )
-    told = run_once(resolve(tmp_path / "line.yaml")).trouble
+    told = run_once(resolve(tmp_path / "line.yaml")).diagnosis
     assert "robot 1 has broken down, robot 0 has done nothing but wait since" in told
     assert "robot 0 waits for robot 1, which holds (2, 0) and is down" in told
-    told = run_once(resolve(tmp_path / "line.yaml", ["faults.list=[]"])).trouble
+    told = run_once(resolve(tmp_path / "line.yaml", ["faults.list=[]"])).diagnosis
     assert told.endswith("robot 0 waits for robot 1, which holds (2, 0) and has nothing to do")

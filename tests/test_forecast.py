@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from slow_traffic import ONE_WAY, Traffic
+from random_floors import pictures
+from slow_zone_scenes import ONE_WAY, Traffic
 
 from automaton.kernels.routes.forecast import forecast_all, forecast_one
 from automaton.kernels.routes.task_forecast import add_task_forecasts, remove_task_forecast

@@ -18,7 +18,7 @@ from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
 from automaton.world.state import NIL
-from strategies.right_of_way import withdraw
+from strategies.right_of_way import retreat
 
 FLOORS = (
     "......\n.####.\n......",  # a ring for one robot in each cell
@@ -98,7 +98,7 @@ def naive_presses(view: Any, i: int) -> int:
     for first in naive_beside(view, i):
         behind, at = i, first
         for _ in range(len(view.robots.cell)):
-            if not withdraw.is_hemmed_in(view, at):
+            if not retreat.is_boxed_in(view, at):
                 break
             if view.robots.retreat_moves[at] or naive_wants(view, at) != NIL:
                 return first
@@ -122,24 +122,24 @@ class Probe(RandomRightOfWay):
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         assert np.array_equal(view.traffic.holder, naive_holders(view))
         own = self.memory = self.memory or WITHDRAW.reset(view)
-        files = own.shared[: own.parameters[withdraw.FILES]]
-        crowds = own.shared[own.parameters[withdraw.FILES] :]
+        files = own.shared[: own.parameters[retreat.FILES]]
+        crowds = own.shared[own.parameters[retreat.FILES] :]
         files[0] += 1
-        withdraw.list_crowds(view, crowds)
+        retreat.list_crowds(view, crowds)
         for i in batch.robot[: batch.count[0]]:
             if standing(view, i):
                 wants = naive_wants(view, i)
-                assert withdraw.who_wants_in(view, crowds, i) == wants
+                assert retreat.robot_entering_cell_of(view, crowds, i) == wants
                 pressing = naive_presses(view, i)
-                assert withdraw.who_presses(view, crowds, files, i) == pressing
+                assert retreat.boxed_in_neighbour(view, crowds, files, i) == pressing
                 self.found += wants != NIL or pressing != NIL
-        withdraw.forget_crowds(view, crowds)
+        retreat.forget_crowds(view, crowds)
         assert not crowds[: len(view.grid.cell_flags)].any()
         super().decide(view, batch, decisions, memory, workspace)
 
 
 GIVE_WAY = "strategy.right_of_way={name: retreat, idle_give_way: true}"
-WITHDRAW = withdraw.Withdraw(resolve("crossing", [GIVE_WAY]).strategies["right_of_way"].parameters)
+WITHDRAW = retreat.Retreat(resolve("crossing", [GIVE_WAY]).strategies["right_of_way"].parameters)
 
 
 def compared(path: Path, storage: Any, seed: int, **crowd: Any) -> int:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from panel_stage import (
+from panel_harness import (
     NARROW,
     WIDE,
-    Stage,
+    PanelHarness,
     busy,
     click,
     deadlocked,
     moment,
     of_cell,
     of_robot,
-    on_stage,
+    run_in_harness,
     said,
     shown,
     text,
@@ -58,7 +58,7 @@ def test_a_waiting_robot_names_cell_and_blocker() -> None:
 
 def test_no_more_than_five_events_the_newest_first() -> None:
     said_then = shown(Inspector(), of_robot(busy(), 0), WIDE).partition("last events ")[2]
-    events = busy().run.chronicle.events
+    events = busy().run.event_history.events
     ticks = events[events[:, 2] == 0, 0][::-1][:5]
     assert [int(word) for word in said_then.split() if word in map(str, ticks)] == ticks.tolist()
 
@@ -102,7 +102,7 @@ def test_a_bay_and_the_counts_of_a_layer() -> None:
 def test_links_lead_from_robot_to_order_and_on_to_its_cell() -> None:
     inspector = Inspector()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(busy(), 1))
         await click(pilot, inspector, "order 6")
         for words in ("order 6 under way", "to (11, 8)", "carried by robot 1", "picked up 1 time"):
@@ -112,29 +112,29 @@ def test_links_lead_from_robot_to_order_and_on_to_its_cell() -> None:
         await click(pilot, inspector, "(11, 8)")
         assert stage.wishes() == [("cell", busy().floor_plan.cell(11, 8))]
 
-    on_stage(inspector, story)
+    run_in_harness(inspector, story)
 
 
 def test_the_keyboard_follows_links() -> None:
     inspector = Inspector()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(deadlocked(), 1))
         inspector.focus()
         await pilot.press("enter", "down", "enter")
         assert stage.wishes() == [("cell", deadlocked().floor_plan.cell(8, 0)), ("robot", 2)]
 
-    on_stage(inspector, story)
+    run_in_harness(inspector, story)
 
 
 def test_another_choice_ends_the_look_at_an_order() -> None:
     inspector = Inspector()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(busy(), 1))
         inspector.tell_order(6)
         inspector.show(of_robot(busy(), 2))
         await pilot.pause()
         assert said(inspector)[0].startswith("robot 2")
 
-    on_stage(inspector, story)
+    run_in_harness(inspector, story)

@@ -12,7 +12,7 @@ from pathlib import Path
 import endless_strategies
 import numpy as np
 import pytest
-from sweeping import end_all, started, wait_until
+from sweep_studies import end_all, started, wait_until
 
 from automaton.commands import main
 from automaton.interruption import interruptible

@@ -16,7 +16,7 @@ import pytest
 
 import strategies.allocation.cooperative
 from automaton import sources
-from automaton.compiled import jit_is_on
+from automaton.jit import jit_is_on
 
 ROOT = Path(__file__).parent.parent
 ENGINE = {"automaton.kernels.loop", "automaton.kernels.motion"}
@@ -40,17 +40,17 @@ def made_of(edited: str) -> set[str]:
 
 
 def test_an_edit_in_a_strategy_concerns_nobody_else() -> None:
-    assert made_of("strategies/right_of_way/withdraw.py") == {"strategies.right_of_way.withdraw"}
+    assert made_of("strategies/right_of_way/retreat.py") == {"strategies.right_of_way.retreat"}
     assert made_of("strategies/routing/congestion.py") == {"strategies.routing.congestion"}
     assert not made_of("automaton/scenario/resolve.py")
     assert not made_of("automaton/simulation.py")
 
 
 def test_the_world_and_all_that_calls_it_are_made_of_its_kernels() -> None:
-    assert made_of("automaton/kernels/motion.py") >= ENGINE | {"strategies.right_of_way.withdraw"}
+    assert made_of("automaton/kernels/motion.py") >= ENGINE | {"strategies.right_of_way.retreat"}
     assert made_of("automaton/world/state.py") >= ENGINE, "constants are compiled in"
     everything = set(kernel_modules())
-    assert made_of("automaton/struct_types.py") == made_of("automaton/compiled.py") == everything
+    assert made_of("automaton/jit_struct_types.py") == made_of("automaton/jit.py") == everything
 
 
 def test_the_world_is_made_of_no_source_of_a_method() -> None:
@@ -234,7 +234,7 @@ def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
         [
             sys.executable,
             "-c",
-            "from automaton import sources as s; from automaton.compiled import cache_folder; "
+            "from automaton import sources as s; from automaton.jit import cache_folder; "
             "print(cache_folder(s.__name__, s.__file__))",
         ],
         env=os.environ | {"AUTOMATON_CACHE_DIR": str(cache), "TMPDIR": str(temporary)},

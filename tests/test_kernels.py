@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from automaton import compiled
-from automaton.compiled import jit_is_on
+from automaton import jit
+from automaton.jit import jit_is_on
 from automaton.numba_parts import TRIED
 
 ROOT = Path(__file__).parent.parent
@@ -32,12 +32,12 @@ for routing in ("astar", "traffic-avoidance"):
     simulation.run()
 run_seed(Setting(exact), 1)
 from automaton.reproductions.auctions import REPRODUCTION
-from automaton.reproductions.study import reproduce
+from automaton.reproductions.reproduction_study import reproduce
 reproduce(REPRODUCTION, 1)
 import random
 from automaton.auctions import assignment, bids, bundle_space, sequential
 from tests.auction_scenes import random_auction
-for robots, rule in ((2, bids.AVERAGE), (5, bids.AVERAGE_ADDED)):
+for robots, rule in ((2, bids.BID_AVERAGE), (5, bids.BID_AVERAGE_ADDED)):
     *market, items = random_auction(random.Random(robots), robots, 4, policy=1)
     sequential.parallel(*market, items, 4, rule, 500)
     assignment.assign_once(*market, bundle_space.assignment_for(5), items, 4, rule, 500)
@@ -101,10 +101,10 @@ def test_a_numba_without_the_private_parts_is_refused_in_a_sentence(
 def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(compiled, "PATIENCE_S", 0.0)
-    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="strategies.right_of_way.withdraw"))
+    monkeypatch.setattr(jit, "COMPILE_NOTICE_DELAY_S", 0.0)
+    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="strategies.right_of_way.retreat"))
     event: Any = SimpleNamespace(data={"dispatcher": kernel})
-    listener = compiled._Compilations()
+    listener = jit._Compilations()
     for _ in range(2):
         listener.on_start(event)
         listener.on_start(event)  # a kernel that it calls
@@ -114,16 +114,16 @@ def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
     said = "automaton: first use on this machine: right of way is compiled, once ...\n"
     assert capsys.readouterr().err == said
     assert listener.seconds > 0
-    assert compiled.subject_of("automaton.kernels.loop") == "the world"
+    assert jit.subject_of("automaton.kernels.loop") == "the world"
     # The first run on a machine is told as that; what explain needs beyond it is not.
     marker = tmp_path / "complete"
-    monkeypatch.setattr(compiled, "world_marker", lambda: marker)
+    monkeypatch.setattr(jit, "world_marker", lambda: marker)
     for said in ("first run of this version", "another part of the world"):
-        other = compiled._Compilations()
-        other.tell(compiled.WORLD)
+        other = jit._Compilations()
+        other.announce(jit.WORLD)
         marker.touch()
         assert said in capsys.readouterr().err
-    assert compiled.subject_of("mine") == "mine"
+    assert jit.subject_of("mine") == "mine"
 
 
 def test_each_stream_of_random_draws_has_a_number_of_its_own() -> None:

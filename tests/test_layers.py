@@ -8,8 +8,8 @@ import example_strategies
 import numpy as np
 import pytest
 
-from automaton.compiled import jit_is_on
 from automaton.errors import InputError
+from automaton.jit import jit_is_on
 from automaton.metrics import illegal_by_layer, metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation

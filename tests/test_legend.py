@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from staged_scenes import (
+from render_scenes import (
     camera_at,
     composed,
     crossing,
     drawn,
-    ink,
+    fg,
+    make_scene,
     mini,
     open_floor,
     shipped,
     signs,
-    stage,
 )
 
 from automaton.world.traffic_zones import traffic_zones_of
@@ -28,12 +28,12 @@ def test_the_legend_explains_every_sign_of_the_picture(zoom: str):
     for scene in (crossing(), mini()):
         codes, camera = composed(scene, zoom)
         explained = {
-            (ink(sign), sign & 0xFFFF if zoom == "1x1" else 0)
+            (fg(sign), sign & 0xFFFF if zoom == "1x1" else 0)
             for entry in legend(scene, camera.zoom, UNICODE)
             for sign in entry.signs
         }
         shown = {
-            (ink(code), int(code) & 0xFFFF if zoom == "1x1" else 0)
+            (fg(code), int(code) & 0xFFFF if zoom == "1x1" else 0)
             for code in codes.reshape(-1)
             if signs(np.array([code]))[0] not in " ⠀"
         }
@@ -54,17 +54,17 @@ def test_the_legend_gives_the_numbers_of_a_layer():
     heat = np.zeros(floor_plan.kind.size, np.int32)
     heat[floor_plan.cell(1, 1)] = 90
     zoom = camera_at(floor_plan, "1x1").zoom
-    hot = legend(stage(floor_plan, heat=heat, layer="visits"), zoom, UNICODE)
+    hot = legend(make_scene(floor_plan, heat=heat, layer="visits"), zoom, UNICODE)
     assert [entry.meaning for entry in hot if "visits" in entry.meaning][:2] == [
         "visits: 1",
         "visits: 2 to 5",
     ]
     flow = np.zeros((floor_plan.kind.size, 4), np.int32)
     flow[floor_plan.cell(1, 1), 2] = 90
-    flowing = legend(stage(floor_plan, flow=flow, layer="flow"), zoom, UNICODE)
+    flowing = legend(make_scene(floor_plan, flow=flow, layer="flow"), zoom, UNICODE)
     assert "moves: 77 to 100" in [entry.meaning for entry in flowing]
     floor_plan = shipped("tabletop-mini")
-    shown = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
+    shown = make_scene(floor_plan, zones=traffic_zones_of(floor_plan), layer="traffic-zones")
     meanings = [entry.meaning for entry in legend(shown, zoom, UNICODE)]
     assert "16 zones, undirected; those that touch differ" in meanings
     assert "intersection, in no zone" in meanings
@@ -76,7 +76,7 @@ def test_a_cell_is_described_in_one_line():
         {"cell": floor_plan.cell(1, 0), "load": 7, "cause": 2},
         {"cell": floor_plan.cell(1, 1), "claim": floor_plan.cell(2, 1), "action": 1},
     ]
-    scene = stage(floor_plan, *robots)
+    scene = make_scene(floor_plan, *robots)
     scene.snapshot.orders.reserved_by[0] = 1
     scene.snapshot.slots.reserved_by[1] = 0
     described = [
@@ -97,6 +97,6 @@ def test_the_worst_cells_of_a_layer_are_known():
     floor_plan = open_floor(4, 4)
     heat = np.zeros(floor_plan.kind.size, np.int32)
     heat[floor_plan.cell(2, 1)], heat[floor_plan.cell(0, 3)] = 51, 7
-    scene = stage(floor_plan, heat=heat, layer="waiting")
+    scene = make_scene(floor_plan, heat=heat, layer="waiting")
     assert worst_cells(scene) == [(floor_plan.cell(2, 1), 51), (floor_plan.cell(0, 3), 7)]
     assert worst_cells(scene.with_(layer="")) == []

@@ -8,16 +8,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hand_clock import FLEET, Clock, clock, hand, live
 from hypothesis import given
 from hypothesis import strategies as st
+from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
 from automaton.errors import InputError
-from automaton.history.chronicle import Chronicle, Curve, Growing, Thinning
+from automaton.history.event_history import AppendLog, Curve, DownsampledSeries, EventHistory
 from automaton.history.frame_store import FrameStore
-from automaton.history.journal import Journal
 from automaton.history.live import LiveRun, branch_of
-from automaton.recording.frames import CONDITIONS, FRAME, HEADER, KEYFRAME, TICKS
+from automaton.history.live_recorder import LiveRecorder
+from automaton.recording.frames import (
+    FRAME,
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+)
 from automaton.recording.recording_reader import read_recording
 from automaton.world.observation import DELIVERED_ORDERS, EVENT_DEADLOCK, EVENT_ORDER_TAKEN
 from automaton.world.state import CLOCK_DIGEST_EVERY
@@ -30,7 +36,7 @@ __all__ = ["clock"]
 
 @given(sizes=st.lists(st.integers(0, 40), max_size=40), most=st.integers(2, 60))
 def test_of_too_many_rows_the_oldest_go(sizes: list[int], most: int) -> None:
-    growing, whole = Growing(2, most), np.zeros((0, 2), np.int32)
+    growing, whole = AppendLog(2, most), np.zeros((0, 2), np.int32)
     for size in sizes:
         fresh = np.arange(2 * size, dtype=np.int32).reshape(-1, 2) + len(whole)
         before = growing.log
@@ -46,7 +52,7 @@ def test_of_too_many_rows_the_oldest_go(sizes: list[int], most: int) -> None:
 
 @given(sizes=st.lists(st.integers(0, 50), max_size=30), most=st.integers(2, 20))
 def test_a_curve_keeps_every_power_of_two(sizes: list[int], most: int) -> None:
-    thinning, ticks = Thinning(3, most), 0
+    thinning, ticks = DownsampledSeries(3, most), 0
     for size in sizes:
         last = np.arange(ticks + 1, ticks + size + 1, dtype=np.int32)
         thinning.append(np.stack((last, last, 7 * last), axis=1))
@@ -68,18 +74,18 @@ def test_a_curve_without_rows_is_zero() -> None:
 
 
 def test_a_chronicle_of_a_very_long_run_is_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("automaton.history.chronicle.KEPT_EVENTS", 2000)
-    monkeypatch.setattr("automaton.history.chronicle.KEPT_TICKS", 50)
-    monkeypatch.setattr("automaton.history.chronicle.KEPT_ROWS", 256)
-    chronicle = Chronicle()
+    monkeypatch.setattr("automaton.history.event_history.MAX_EVENTS", 2000)
+    monkeypatch.setattr("automaton.history.event_history.MAX_TICKS_KEPT", 50)
+    monkeypatch.setattr("automaton.history.event_history.MAX_CURVE_ROWS", 256)
+    event_history = EventHistory()
     for first in range(1, 100_000, 1000):
-        chronicle(observed(first, 1000))
-    log, curve = chronicle.log, chronicle.curve
-    assert chronicle.known == 100_000 == curve.ticks
+        event_history(observed(first, 1000))
+    log, curve = event_history.log, event_history.curve
+    assert event_history.known == 100_000 == curve.ticks
     assert len(log.rows) <= 2000 and len(log.rows) + log.dropped == 10_000
-    assert log.rows[-1, 0] == 99_991 and chronicle.index_at(99_981) == len(log.rows) - 1
+    assert log.rows[-1, 0] == 99_991 and event_history.index_at(99_981) == len(log.rows) - 1
     assert len(curve.rows) <= 256 and curve.at(np.array([51_200]), DELIVERED_ORDERS) == 512
-    assert 25 <= len(chronicle.deadlocks) <= 1024 and chronicle.deadlocks[-1] == 99_901
+    assert 25 <= len(event_history.deadlocks) <= 1024 and event_history.deadlocks[-1] == 99_901
 
 
 def observed(first: int, ticks: int) -> Any:
@@ -103,8 +109,8 @@ def test_frames_that_are_recorded_are_read_back_from_the_file(tmp_path: Path) ->
     run, alone = live(*FLEET, path=path), live(*FLEET)
     for one in (run, alone):
         one.show(1200, 99)
-        one.journal.flush()
-    store = run.journal._store
+        one.recorder.flush()
+    store = run.recorder._store
     assert not store._memory and len(store) > 5
     written = read_recording(tmp_path / "run.rec.part").stored().payloads
     for mine, other in zip(run.frames.payloads, written, strict=True):
@@ -134,7 +140,7 @@ def test_a_journal_writes_what_a_recording_needs(tmp_path: Path) -> None:
     run.close()
     recording = read_recording(path)
     kinds = [payload.kind for payload in recording.stored().payloads]
-    assert recording.complete and KEYFRAME in kinds and HEADER not in kinds
+    assert recording.complete and FRAME_KIND_KEYFRAME in kinds and FRAME_KIND_HEADER not in kinds
     sizes = [len(payload.data) + FRAME.size for payload in recording.stored().payloads]
     assert path.stat().st_size > sum(sizes)
 
@@ -142,7 +148,7 @@ def test_a_journal_writes_what_a_recording_needs(tmp_path: Path) -> None:
 def small(budget: int) -> LiveRun:
     """A live run that keeps little of its past."""
     run = live(*FLEET)
-    run.journal._store.budget = budget
+    run.recorder._store.budget = budget
     return run
 
 
@@ -151,8 +157,8 @@ def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.Monk
     run, whole = small(6000), live(*FLEET)
     run.show(1300, 99)
     whole.show(1300, 99)
-    store = run.journal._store
-    assert store._bytes <= 6000 and 0 < run.journal.first <= run.first < 1300
+    store = run.recorder._store
+    assert store._bytes <= 6000 and 0 < run.recorder.first <= run.first < 1300
     assert run.keyframes.ticks[0] == run.first
     run.show(1299, 99)  # what is not in a frame yet goes into one, which may cost the oldest
     between = (run.first + 1300) // 2  # where the past begins hangs on how fast it was computed
@@ -170,22 +176,25 @@ def test_a_budget_leaves_the_last_frame_and_a_state_to_begin_with() -> None:
     run = small(1)
     for tick in range(0, 1200, 50):
         run.show(tick, 99)
-    assert run.first >= run.journal.first > 0
+    assert run.first >= run.recorder.first > 0
     last = run.tick
     assert run.show(run.first, 99) == run.first and run.show(last, 99) == last
 
 
-def test_the_player_says_that_a_tick_is_not_kept(clock: Clock) -> None:
+def test_the_player_says_that_a_tick_is_not_kept(clock: ManualClock) -> None:
     run = small(2000)
-    player = hand(clock, run)
+    player = manual_player(clock, run)
     player.seek(1300)
     assert player.settle().tick == 1300
     player.seek(2)
-    shot = player.settle()
-    assert shot.tick == run.first > 2 and f"before tick {run.first:,} is not kept" in shot.error
+    playback = player.settle()
+    assert (
+        playback.tick == run.first > 2
+        and f"before tick {run.first:,} is not kept" in playback.error
+    )
     player.play(-1)
-    shot = player.settle()
-    assert shot.tick == run.first and not shot.playing
+    playback = player.settle()
+    assert playback.tick == run.first and not playback.playing
     player.seek(1300)
     assert player.settle().error == ""
 
@@ -193,8 +202,8 @@ def test_the_player_says_that_a_tick_is_not_kept(clock: Clock) -> None:
 def test_what_memory_need_not_hold_is_not_held() -> None:
     run = live(*FLEET)
     run.show(3000, 99)
-    run.journal.flush()
-    kinds = {run.journal._store.kinds[index] for index in run.journal._store._memory}
-    assert kinds == {TICKS, CONDITIONS}
-    assert run.front.world.clock[CLOCK_DIGEST_EVERY] > 1
-    assert isinstance(run.journal, Journal) and isinstance(run.journal._store, FrameStore)
+    run.recorder.flush()
+    kinds = {run.recorder._store.kinds[index] for index in run.recorder._store._memory}
+    assert kinds == {FRAME_KIND_TICKS, FRAME_KIND_CONDITIONS}
+    assert run.leading_simulation.world.clock[CLOCK_DIGEST_EVERY] > 1
+    assert isinstance(run.recorder, LiveRecorder) and isinstance(run.recorder._store, FrameStore)

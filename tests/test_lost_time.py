@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_cases import STRATEGIES, Case, cases, moods, scenarios
 
-from automaton.history.chronicle import Chronicle
+from automaton.history.event_history import EventHistory
 from automaton.kernels.motion import MOVED
 from automaton.recording.codes import (
     ACTION_MASK,
@@ -26,7 +26,7 @@ from automaton.recording.codes import (
     MOVE_NORTH,
     PICKED_ON_ARRIVAL,
 )
-from automaton.recording.frames import TICKS
+from automaton.recording.frames import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.scenario.pictures import draw_floor
 from automaton.scenario.resolve import Resolved, StrategyChoice, resolve
@@ -114,7 +114,7 @@ def recount(recorder: MemoryRecorder, offset: Any, cells: int) -> tuple[Any, Any
     visits, flow = np.zeros(cells, np.int32), np.zeros((cells, 4), np.int32)
     place = [int(cell) for cell in header["cell"]]
     for frame in recorder.recording().frames:
-        for row in frame.content["executed"] if frame.kind == TICKS else ():
+        for row in frame.content["executed"] if frame.kind == FRAME_KIND_TICKS else ():
             for robot, did in enumerate(row.tolist()):
                 if did & LEFT_PARKING_BAY:
                     place[robot] = home[robot]
@@ -140,14 +140,14 @@ def expected_events(did: int, robot: int) -> list[tuple[int, int]]:
     return [(code, robot) for code in told]
 
 
-def observed(run: Simulation, chronicle: Chronicle) -> list[Any]:
+def observed(run: Simulation, event_history: EventHistory) -> list[Any]:
     by_identity = run.world.robots.at_index
     found = [getattr(run.observation, name)[by_identity].tolist() for name in OBSERVED]
     found += [getattr(run.observation, name).tolist() for name in MAPS]
-    return [*found, chronicle.events.tolist(), chronicle.curve.rows.tolist()]
+    return [*found, event_history.events.tolist(), event_history.curve.rows.tolist()]
 
 
-def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
+def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
     """Check every tick, and the sums at the end."""
     robots, observation = run.world.robots, run.observation
     lost, waits, told = (
@@ -181,7 +181,7 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
                 ended = ended or (picked and robots.load[i] == NIL)
                 told[run.tick, EVENT_ORDER_RETURNED, who] += orders[who] != NIL and not ended
                 orders[who] = int(robots.order[i])
-        curve = chronicle.curve.rows[run.tick - 1]
+        curve = event_history.curve.rows[run.tick - 1]
         assert curve[WAITING_ROBOTS] == waiting
         working = (observation.cause == CAUSE_NOT_WAITING) & (robots.parked == 0)
         assert curve[WORKING_ROBOTS] == working.sum()
@@ -197,7 +197,7 @@ def follow(run: Simulation, ticks: int, chronicle: Chronicle) -> None:
     )
     mine = Counter(
         (tick, EVENT_DELIVERED if code == EVENT_DROPPED else code, who)
-        for tick, code, who, _, _ in chronicle.events.tolist()
+        for tick, code, who, _, _ in event_history.events.tolist()
         if code <= EVENT_ILLEGAL_DECISION
         and code != EVENT_CHARGING  # told once for a stay, not in each tick
     )
@@ -222,21 +222,23 @@ def test_what_is_observed_is_what_happened() -> None:
     @settings(max_examples=400)
     @given(st.one_of(cases(), cases_in_aisles()))
     def check(case: Case) -> None:
-        recorder, chronicle = MemoryRecorder(case.resolved), Chronicle()
-        run = Simulation(case.resolved, on_record=recorder, on_observe=chronicle)
-        follow(run, LIMIT, chronicle)
+        recorder, event_history = MemoryRecorder(case.resolved), EventHistory()
+        run = Simulation(case.resolved, on_record=recorder, on_observe=event_history)
+        follow(run, LIMIT, event_history)
         offset = run.world.grid.offset
         visits, flow = recount(recorder, offset, len(run.observation.flow))
         assert np.array_equal(run.observation.flow, flow)
         assert np.array_equal(visits_of(run.observation.flow, offset), visits)
         reached.update(CAUSES[c].name for c in run.observation.lost.sum(axis=0).nonzero()[0])
-        reached.update(f"event {code}" for code in chronicle.events[:, 1].tolist())
-        other = Chronicle()
+        reached.update(f"event {code}" for code in event_history.events[:, 1].tolist())
+        other = EventHistory()
         again = Simulation(
             case.resolved, storage=np.array(case.storage, np.int32), on_observe=other
         )
         again.run()
-        assert observed(again, other) == observed(run, chronicle), "how robots are stored matters"
+        assert observed(again, other) == observed(run, event_history), (
+            "how robots are stored matters"
+        )
 
     check()
     rare = {"charger", "lane", "redesign"}  # staged in test_waiting and test_zoning_strategies
@@ -246,7 +248,7 @@ def test_what_is_observed_is_what_happened() -> None:
 
 
 def test_a_run_of_the_table_top() -> None:
-    chronicle = Chronicle()
-    run = Simulation(resolve("tabletop-1", ["fleet.robots=5"]), on_observe=chronicle)
-    follow(run, 1200, chronicle)
-    assert chronicle.known == run.tick == len(chronicle.curve.rows)
+    event_history = EventHistory()
+    run = Simulation(resolve("tabletop-1", ["fleet.robots=5"]), on_observe=event_history)
+    follow(run, 1200, event_history)
+    assert event_history.known == run.tick == len(event_history.curve.rows)

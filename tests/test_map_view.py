@@ -13,18 +13,18 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 from textual.widgets import Static
 
-from tui.pace import FrameClock, Pace
+from tui.frame_pacing import FrameClock, FramePacer
 from tui.presenter import Presenter
 from tui.render.depth import Depth
 from tui.render.glyphs import UNICODE, Codes, code
-from tui.render.styles import FLOOR, ROBOT, TRACK, Look, style
+from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Look, style
 from tui.widgets.map_view import MapView
 
-BLANK = np.uint32(code(style(TRACK, FLOOR), UNICODE.characters.index(" ")))
-CROSS = np.uint32(code(style(ROBOT, FLOOR), UNICODE.characters.index("#")))
+BLANK = np.uint32(code(style(COLOUR_TRACK, COLOUR_FLOOR), UNICODE.characters.index(" ")))
+CROSS = np.uint32(code(style(COLOUR_ROBOT, COLOUR_FLOOR), UNICODE.characters.index("#")))
 
 
-class Stage(App[None]):
+class MapHarness(App[None]):
     """A map of 20 x 6 cells beside a panel, and a list of all that the map said."""
 
     CSS = "#side { dock: right; width: 5; }"
@@ -49,9 +49,9 @@ class Stage(App[None]):
         return [message for message in self.said if isinstance(message, kind)]
 
 
-def on_stage(story: Callable[[Stage, Pilot[None]], Awaitable[None]]) -> None:
+def run_in_harness(story: Callable[[MapHarness, Pilot[None]], Awaitable[None]]) -> None:
     async def run() -> None:
-        stage = Stage()
+        stage = MapHarness()
         async with stage.run_test(size=(25, 6)) as pilot:
             await pilot.pause()
             await story(stage, pilot)
@@ -71,7 +71,7 @@ def text_of(view: MapView) -> list[str]:
 
 
 def test_it_shows_the_last_picture_and_keeps_no_reference_to_it() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         codes = picture((1, 2))
         stage.map.present(codes)
         codes[:] = CROSS
@@ -82,21 +82,21 @@ def test_it_shows_the_last_picture_and_keeps_no_reference_to_it() -> None:
         assert text_of(stage.map)[1] == "   #" + " " * 16
         assert text_of(stage.map)[5] == " " * 19 + "#"
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_a_screenshot_shows_the_picture() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         stage.map.present(picture((1, 2), (3, 4)))
         await pilot.pause()
         assert stage.export_screenshot().count(">#<") == 2
         assert "terminal" in stage.presenter.why_not
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_rows_that_did_not_change_are_not_made_again() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         stage.map.present(picture((1, 2)))
         before = [stage.map.render_line(row) for row in range(6)]
         stage.map.present(picture((4, 2), (1, 2)))
@@ -104,11 +104,11 @@ def test_rows_that_did_not_change_are_not_made_again() -> None:
         kept = [old is new for old, new in zip(before, after, strict=True)]
         assert kept == [True, True, True, True, False, True]
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_a_picture_of_another_size_is_cut_or_filled_up() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         assert text_of(stage.map) == [" " * 20] * 6  # before the first picture
         stage.map.present(picture((0, 24), (0, 1), rows=9, columns=25))
         assert text_of(stage.map)[0] == " #" + " " * 18
@@ -117,45 +117,45 @@ def test_a_picture_of_another_size_is_cut_or_filled_up() -> None:
         part = stage.map.render_lines(Region(3, 1, 4, 2))
         assert [strip.text for strip in part] == [" #  ", "    "]
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_other_colours_repaint_the_same_codes() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         stage.map.present(picture((1, 2)))
         before = stage.map.render_line(1)
-        stage.map.dress(Look(Depth.NONE, "dark"), UNICODE)
+        stage.map.set_appearance(Look(Depth.NONE, "dark"), UNICODE)
         after = stage.map.render_line(1)
         assert after.text == before.text
         assert all(segment.style is not None and segment.style.color is None for segment in after)
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_every_cell_has_a_style_of_its_own() -> None:
     """Textual 8.2 fails under NO_COLOR on a segment without style."""
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         blank = stage.map.render_lines(Region(0, 0, 20, 6))
         stage.map.present(picture((1, 2), rows=3, columns=5))
         for strip in (*blank, *stage.map.render_lines(Region(0, 0, 20, 6))):
             assert all(segment.style is not None for segment in strip)
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_it_tells_its_size() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         await pilot.resize_terminal(35, 9)
         await pilot.pause()
         sizes = [(message.rows, message.columns) for message in stage.heard(MapView.Resized)]
         assert sizes[0] == (6, 20) and sizes[-1] == (9, 30)
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_clicks_say_where_with_what_and_how_often() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         await pilot.click(offset=(7, 2), shift=True)
         await pilot.click(offset=(9, 3), button=3)
         await pilot.click(offset=(5, 5), times=2)
@@ -169,11 +169,11 @@ def test_clicks_say_where_with_what_and_how_often() -> None:
             (5, 5, 1, False, True),
         ]
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_a_drag_says_how_far_even_outside_and_is_no_click() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         async def mouse(kind: type[events.MouseEvent], column: int, row: int, button: int) -> None:
             # Through the app, which makes clicks of presses and releases.
             stage.post_message(kind(None, column, row, 0, 0, button, False, False, False))
@@ -193,11 +193,11 @@ def test_a_drag_says_how_far_even_outside_and_is_no_click() -> None:
         await mouse(events.MouseUp, 3, 3, 1)
         assert len(stage.heard(MapView.Clicked)) == 1
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_hovering_is_told_once_for_each_cell() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         stage.said.clear()
         for column in (3, 3, 4):
             await pilot.hover(offset=(column, 1))
@@ -207,24 +207,24 @@ def test_hovering_is_told_once_for_each_cell() -> None:
         await pilot.pause()
         assert (stage.said[-1].row, stage.said[-1].column) == (-1, -1)
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_the_wheel_says_where_and_which_way() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         for kind in (events.MouseScrollUp, events.MouseScrollDown, events.MouseScrollRight):
             stage.map.post_message(kind(None, 4, 2, 0, 0, 0, False, False, True))
         await pilot.pause()
         said = [(m.row, m.column, m.direction, m.ctrl) for m in stage.heard(MapView.Wheeled)]
         assert said == [(2, 4, "up", True), (2, 4, "down", True), (2, 4, "right", True)]
 
-    on_stage(story)
+    run_in_harness(story)
 
 
 def test_an_error_while_drawing_ends_the_app() -> None:
-    class Broken(Stage):
+    class Broken(MapHarness):
         def on_mount(self) -> None:
-            FrameClock(self.presenter, lambda: bool(1 / 0), Pace()).start()
+            FrameClock(self.presenter, lambda: bool(1 / 0), FramePacer()).start()
 
     async def run() -> None:
         async with Broken().run_test() as pilot:
@@ -239,9 +239,9 @@ def test_an_error_while_drawing_ends_the_app() -> None:
 
 
 def test_a_woken_clock_draws_at_once_and_a_stopped_one_never() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: MapHarness, pilot: Pilot[None]) -> None:
         drawn = asyncio.Event()
-        clock = FrameClock(stage.presenter, lambda: drawn.set() is None, Pace(fps=1))
+        clock = FrameClock(stage.presenter, lambda: drawn.set() is None, FramePacer(fps=1))
         clock.start()
         await drawn.wait()
         drawn.clear()
@@ -255,4 +255,4 @@ def test_a_woken_clock_draws_at_once_and_a_stopped_one_never() -> None:
         await pilot.pause(0.1)
         assert not drawn.is_set()
 
-    on_stage(story)
+    run_in_harness(story)

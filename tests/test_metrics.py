@@ -7,7 +7,7 @@ import pytest
 from metric_names import OF_OTHER_RUNS
 
 from automaton.metrics import (
-    GLOSSARY,
+    METRIC_CATALOGUE,
     OPERATIONS,
     executed_ticks,
     illegal_by_layer,
@@ -46,8 +46,8 @@ def run(request: pytest.FixtureRequest) -> Simulation:
 
 
 def test_every_metric_has_a_unit_and_a_meaning(run: Simulation) -> None:
-    assert list(metrics_of(run)) == [name for name in GLOSSARY if name not in OF_OTHER_RUNS]
-    assert all(unit and meaning for unit, meaning in GLOSSARY.values())
+    assert list(metrics_of(run)) == [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
+    assert all(unit and meaning for unit, meaning in METRIC_CATALOGUE.values())
 
 
 def test_the_fleets_operations_are_those_of_its_robots(run: Simulation) -> None:
@@ -104,7 +104,7 @@ def test_every_pick_up_is_a_leg_of_an_order(run: Simulation) -> None:
 
 def test_shares_are_shares(run: Simulation) -> None:
     for name, value in metrics_of(run).items():
-        if GLOSSARY[name][0] == "share":
+        if METRIC_CATALOGUE[name][0] == "share":
             assert 0 <= value <= 1
 
 

@@ -5,22 +5,24 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from staged_scenes import open_floor, signs, stage
+from render_scenes import make_scene, open_floor, signs
 
 from automaton.scenario.resolve import resolve
-from tui.opening import live
-from tui.pictures import Choice, Pictures
+from tui.frame_cache import Choice, Pictures
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.glyphs import UNICODE
 from tui.render.minimap import Minimap
+from tui.run_source import live
 
 
 def framed(minimap: Minimap, camera: Camera) -> list[str]:
     """The overview of an empty floor."""
-    codes = minimap.picture(stage(camera.floor_plan), camera, UNICODE)
-    inks = (codes >> 16) // len(styles.COLOURS)
-    return ["".join(row) for row in np.where(inks == styles.CURSOR, signs(codes), ".")]
+    codes = minimap.picture(make_scene(camera.floor_plan), camera, UNICODE)
+    foregrounds = (codes >> 16) // len(styles.COLOURS)
+    return [
+        "".join(row) for row in np.where(foregrounds == styles.COLOUR_CURSOR, signs(codes), ".")
+    ]
 
 
 def test_a_frame_goes_round_what_the_camera_shows():
@@ -54,12 +56,12 @@ def test_robots_are_seen_in_the_overview_and_layers_are_not():
     floor_plan = open_floor(40, 40)
     camera = Camera(floor_plan, 10, 10)
     camera.one_to_one()
-    scene = stage(
+    scene = make_scene(
         floor_plan, {"cell": floor_plan.cell(1, 1)}, heat=np.ones(floor_plan.kind.size, np.int32)
     )
     minimap = Minimap(camera, 10, 20)
     codes = minimap.picture(scene, camera, UNICODE)
-    assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.ROBOT
+    assert (codes[0, 0] >> 16) // len(styles.COLOURS) == styles.COLOUR_ROBOT
     assert np.array_equal(codes, minimap.picture(scene.with_(layer="visits"), camera, UNICODE))
 
 
@@ -82,7 +84,7 @@ def test_an_overview_is_made_once_for_a_size_of_the_map():
 def test_the_frame_goes_with_the_camera_and_takes_the_characters_that_are_asked_for():
     camera = Camera(open_floor(24, 16), 8, 12)
     camera.one_to_one()
-    minimap, scene = Minimap(camera, 4, 12), stage(camera.floor_plan)
+    minimap, scene = Minimap(camera, 4, 12), make_scene(camera.floor_plan)
     seen = []
     for columns in (-99, 12, -12):
         camera.pan(columns, 0)

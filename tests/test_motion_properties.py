@@ -1,7 +1,7 @@
 """On random floors the kernel moves robots exactly as the rules say, however they are stored.
 
 Every case drives a fleet for some ticks with random wants, once with the contest of a crowded floor
-and once with the hash table, and compares each tick with `naive_motion`.
+and once with the hash table, and compares each tick with `reference_motion`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from naive_motion import Floor, Robot, luck, mix
+from random_floors import pictures
+from reference_motion import Floor, Robot, splitmix64, tie_break_hash
 
 from automaton.kernels import motion, random_numbers
 from automaton.kernels.motion import (
@@ -90,7 +90,7 @@ def cases(draw: Any) -> Case:
         storage=tuple(draw(st.permutations(range(n)))),
         first_tick=draw(st.integers(0, 2**31)),
         ticks=tuple(
-            tuple(mix(seed + n * number + robot) & 255 for robot in range(n))
+            tuple(splitmix64(seed + n * number + robot) & 255 for robot in range(n))
             for number in range(ticks)
         ),
     )
@@ -254,17 +254,17 @@ def test_the_hash_of_tick_and_identity_ranks_claimants_without_ties() -> None:
     for number in (1, 7, 2**31):
         with np.errstate(over="ignore"):
             ranks = [int(motion.tie_break_hash(number, i)) for i in range(200)]
-        assert ranks == [luck(number, i) for i in range(200)]
+        assert ranks == [tie_break_hash(number, i) for i in range(200)]
         assert len(set(ranks)) == 200
 
 
 def test_the_mixer_is_the_published_one() -> None:
     with np.errstate(over="ignore"):
         for value in (0, 1, 2**32 + 5, 2**64 - 1):
-            assert int(random_numbers.splitmix64(np.uint64(value))) == mix(value)
+            assert int(random_numbers.splitmix64(np.uint64(value))) == splitmix64(value)
 
 
 def test_the_naive_rules_share_no_code_with_the_kernels() -> None:
-    import naive_motion
+    import reference_motion
 
-    assert "automaton" not in inspect.getsource(naive_motion)
+    assert "automaton" not in inspect.getsource(reference_motion)

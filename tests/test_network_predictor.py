@@ -5,7 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from drawn_networks import drawn_network
+from random_networks import random_network
 
 from automaton import provenance
 from automaton.commands import main
@@ -85,7 +85,7 @@ def own_file(tmp_path):
     world = build_world(resolve("tabletop-mini"), 1)[0]
     floor = floor_fingerprint(world.grid, world.rules.duration[0])
     path = tmp_path / "own.npz"
-    save_network(path, drawn_network(1, zones=world.grid.traffic_zone_count, floor=floor))
+    save_network(path, random_network(1, zones=world.grid.traffic_zone_count, floor=floor))
     return path
 
 
@@ -136,7 +136,7 @@ def test_check_names_a_network_that_is_not_there(own_scenario, own_file, capsys)
 
 
 def trained_for_another_floor(path):
-    save_network(path, drawn_network(1, zones=5, floor="another"))
+    save_network(path, random_network(1, zones=5, floor="another"))
 
 
 def cut_short(path):
@@ -188,7 +188,7 @@ def test_verify_names_a_network_that_changed(own_scenario, own_file, capsys):
     assert main(["verify", recording]) == 0
     assert "is not what it was" not in capsys.readouterr().out
     network = load_network(own_file)
-    save_network(own_file, drawn_network(2, network.zones, floor=network.about["floor"]))
+    save_network(own_file, random_network(2, network.zones, floor=network.about["floor"]))
     main(["verify", recording, "--json"])
     assert json.loads(capsys.readouterr().out)["changed_files"] == [str(own_file)]
     main(["verify", recording])

@@ -16,13 +16,13 @@ from textual.drivers.headless_driver import HeadlessDriver
 from textual.pilot import Pilot
 from textual.screen import ModalScreen
 from textual.widgets import Static
-from viewing import viewing
+from viewer_harness import viewing
 
-from tui.pace import FrameClock, Pace
+from tui.frame_pacing import FrameClock, FramePacer
 from tui.presenter import Presenter, Renderer
 from tui.render.depth import Depth
 from tui.render.glyphs import UNICODE, Codes, code
-from tui.render.styles import FLOOR, ROBOT, TRACK, Look, style
+from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Look, style
 from tui.widgets import map_view
 from tui.widgets.map_view import MapView
 
@@ -100,8 +100,10 @@ def pictures() -> Iterator[Codes]:
     """Pictures of 6 x 20 cells, each with one mark that the one before has not."""
     cell = 0
     while True:
-        codes = np.full(120, code(style(TRACK, FLOOR), UNICODE.characters.index(" ")), np.uint32)
-        codes[cell % 120] = code(style(ROBOT, FLOOR), UNICODE.characters.index("#"))
+        codes = np.full(
+            120, code(style(COLOUR_TRACK, COLOUR_FLOOR), UNICODE.characters.index(" ")), np.uint32
+        )
+        codes[cell % 120] = code(style(COLOUR_ROBOT, COLOUR_FLOOR), UNICODE.characters.index("#"))
         yield codes.reshape(6, 20)
         cell += 7
 
@@ -275,7 +277,7 @@ def test_the_compositor_can_be_asked_for() -> None:
 def test_a_clock_with_nothing_to_draw_writes_nothing() -> None:
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
         looked = asyncio.Event()
-        clock = FrameClock(stage.presenter, lambda: looked.set() is not None, Pace(60))
+        clock = FrameClock(stage.presenter, lambda: looked.set() is not None, FramePacer(60))
         del WRITTEN[:]
         clock.start()
         for _ in range(5):
@@ -293,7 +295,7 @@ def test_a_clock_waits_while_the_writer_thread_is_behind(queued: int, drawn: boo
         for _ in range(queued):
             stage._driver._writer_thread._queue.put("")  # type: ignore[union-attr]
         frames: list[bool] = []
-        clock = FrameClock(stage.presenter, lambda: bool(frames.append(True)), Pace(60))
+        clock = FrameClock(stage.presenter, lambda: bool(frames.append(True)), FramePacer(60))
         clock.start()
         await pilot.pause(0.1)
         clock.stop()

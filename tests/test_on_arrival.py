@@ -6,10 +6,10 @@ from typing import Any
 
 import msgspec
 import pytest
-from drawn_recordings import E, played, rules
-from drawn_recordings import header as drawn
+from handmade_recordings import E, played, rules
+from handmade_recordings import header as drawn
 
-from automaton.history.chronicle import Chronicle
+from automaton.history.event_history import EventHistory
 from automaton.history.playback import Playback
 from automaton.metrics import metrics_of
 from automaton.recording.codes import (
@@ -23,7 +23,7 @@ from automaton.recording.codes import (
     EXECUTED_PICK,
     PICKED_ON_ARRIVAL,
 )
-from automaton.recording.frames import TICKS
+from automaton.recording.frames import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.verification import action_text, verify_recording
 from automaton.scenario.resolve import Resolved, resolve
@@ -66,7 +66,9 @@ def run(resolved: Resolved) -> tuple[Simulation, MemoryRecorder]:
 
 def actions(recorder: MemoryRecorder) -> list[int]:
     frames = [
-        frame.content["executed"][:, 0].tolist() for frame in recorder.frames if frame.kind == TICKS
+        frame.content["executed"][:, 0].tolist()
+        for frame in recorder.frames
+        if frame.kind == FRAME_KIND_TICKS
     ]
     return [did for frame in frames for did in frame]
 
@@ -120,8 +122,8 @@ def test_a_robot_need_not_face_the_slot() -> None:
 
 def test_metrics_and_events_agree() -> None:
     resolved = scenario(0, durations=AT_ONCE)
-    chronicle = Chronicle()
-    simulation = Simulation(resolved, on_observe=chronicle)
+    event_history = EventHistory()
+    simulation = Simulation(resolved, on_observe=event_history)
     simulation.run()
     operations, ticks = simulation.world.tally.operations[0], simulation.world.tally.ticks[0]
     assert (operations[ACTION_PICK].tolist(), operations[ACTION_DROP].tolist()) == ([1, 0], [0, 1])
@@ -131,7 +133,7 @@ def test_metrics_and_events_agree() -> None:
     assert figures["operations"] == 6 and figures["utilization"] == 1
     told = [
         (tick, code)
-        for tick, code, *_ in chronicle.events.tolist()
+        for tick, code, *_ in event_history.events.tolist()
         if code in (PICKED, EVENT_DELIVERED)
     ]
     assert told == [(1, PICKED), (4, EVENT_DELIVERED)]

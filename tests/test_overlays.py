@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from staged_scenes import (
+from render_scenes import (
     ALL,
     NEAR,
     at,
+    bg,
     camera_at,
     composed,
     drawn,
-    ink,
+    fg,
+    make_scene,
     open_floor,
-    paper,
-    stage,
     text,
 )
 
@@ -45,7 +45,7 @@ def characters(scene: Scene, zoom: str, cells: list[int], whole: bool = True) ->
 def test_the_selected_the_marked_and_the_cursor(zoom: str):
     floor_plan = open_floor(9, 9)
     robots = [{"cell": floor_plan.cell(x, x)} for x in (1, 4, 7)]
-    scene = stage(floor_plan, *robots)
+    scene = make_scene(floor_plan, *robots)
     for overlay, cell in (
         ({"selected": 0}, floor_plan.cell(1, 1)),
         ({"marked": np.array([1], np.int32)}, floor_plan.cell(4, 4)),
@@ -59,20 +59,20 @@ def test_the_selected_the_marked_and_the_cursor(zoom: str):
 @pytest.mark.parametrize("zoom", ALL)
 def test_the_route_of_the_selected_robot(zoom: str):
     floor_plan = open_floor(9, 9)
-    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)})
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(0, 0)})
     route = np.array([floor_plan.cell(x, 8) for x in range(2, 7)], np.int32)
     after = scene.with_(route=route)
     assert changed_cells(scene, after, zoom) == characters(scene, zoom, route.tolist(), False)
-    assert ink(at(after, zoom, int(route[0]))) == styles.ROUTE
+    assert fg(at(after, zoom, int(route[0]))) == styles.COLOUR_ROUTE
     if zoom in NEAR:
         assert at(after, zoom, int(route[-1])) & 0xFFFF == UNICODE.stand
 
 
 def test_the_shelf_for_which_the_selected_robot_works():
     floor_plan = drawn("...\n.$.\n...")
-    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0), "order": 0})
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(0, 0), "order": 0})
     after = scene.with_(selected=0, route=np.array([floor_plan.cell(1, 0)], np.int32))
-    assert ink(at(after, "1x1", floor_plan.cell(1, 1))) == styles.ROUTE
+    assert fg(at(after, "1x1", floor_plan.cell(1, 1))) == styles.COLOUR_ROUTE
 
 
 @pytest.mark.parametrize(
@@ -81,15 +81,15 @@ def test_the_shelf_for_which_the_selected_robot_works():
 def test_a_long_move_shows_the_cell_that_it_holds(step: tuple[int, int], sign: str):
     floor_plan = open_floor(3, 3)
     claim = floor_plan.cell(1 + step[0], 1 + step[1])
-    scene = stage(floor_plan, {"cell": floor_plan.cell(1, 1), "claim": claim})
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(1, 1), "claim": claim})
     code = at(scene, "1x1", claim)
-    assert UNICODE.characters[code & 0xFFFF] == sign and ink(code) == styles.DIM
+    assert UNICODE.characters[code & 0xFFFF] == sign and fg(code) == styles.COLOUR_DIM
 
 
 @pytest.mark.parametrize("zoom", [*NEAR, "half"])
 def test_a_load_is_on_its_shelf_and_gone_when_it_is_taken(zoom: str):
     floor_plan = drawn("....\n.$$.\n....")
-    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)})
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(0, 0)})
     full = at(scene, zoom, floor_plan.cell(1, 1))
     scene.snapshot.slots.content[0] = -1
     assert at(scene, zoom, floor_plan.cell(1, 1)) != full
@@ -98,7 +98,7 @@ def test_a_load_is_on_its_shelf_and_gone_when_it_is_taken(zoom: str):
 
 def test_a_floor_alone_shows_the_loads_that_it_was_drawn_with():
     floor_plan = drawn("$s.")
-    scene = stage(floor_plan).with_(snapshot=None)
+    scene = make_scene(floor_plan).with_(snapshot=None)
     codes, _ = composed(scene, "1x1")
     assert text(codes, ASCII) == "$#."
 
@@ -109,13 +109,13 @@ def test_heat_colours_the_cells_that_have_some(zoom: str, layer: str):
     floor_plan = open_floor(8, 8)
     heat = np.zeros(floor_plan.kind.size, np.int32)
     heat[floor_plan.cell(6, 6)], heat[floor_plan.cell(2, 2)] = 500, 1
-    plain = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, heat=heat)
+    plain = make_scene(floor_plan, {"cell": floor_plan.cell(0, 0)}, heat=heat)
     hot = at(plain.with_(layer=layer), zoom, floor_plan.cell(6, 6))
-    assert styles.HEAT_8 in (ink(hot), paper(hot))
+    assert styles.COLOUR_HEAT_8 in (fg(hot), bg(hot))
     mild = at(plain.with_(layer=layer), zoom, floor_plan.cell(2, 2))
-    assert styles.HEAT_1 in (ink(mild), paper(mild))
+    assert styles.COLOUR_HEAT_1 in (fg(mild), bg(mild))
     corner = at(plain.with_(layer=layer), zoom, floor_plan.cell(0, 6))
-    assert not {ink(corner), paper(corner)} & set(range(styles.HEAT_1, styles.HEAT_8 + 1))
+    assert not {fg(corner), bg(corner)} & set(range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1))
     assert at(plain, zoom, floor_plan.cell(6, 6)) != hot
 
 
@@ -124,7 +124,7 @@ def test_flow_points_where_most_robots_went(zoom: str):
     floor_plan = open_floor(8, 8)
     flow = np.zeros((floor_plan.kind.size, 4), np.int32)
     flow[floor_plan.cell(6, 6)] = [1, 2, 30, 4]
-    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, flow=flow, layer="flow")
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(0, 0)}, flow=flow, layer="flow")
     assert UNICODE.characters[at(scene, zoom, floor_plan.cell(6, 6)) & 0xFFFF] == "⇠"
     assert UNICODE.characters[at(scene, zoom, floor_plan.cell(2, 6)) & 0xFFFF] not in "⇢⇣⇠⇡"
 
@@ -135,10 +135,12 @@ def test_zones_tint_their_cells(zoom: str):
     of = np.full((floor_plan.kind.size, 2), -1, np.int32)
     of[[floor_plan.cell(6, y) for y in range(8)]] = 0
     traffic_zones = TrafficZones("undirected", of, 1, of[:, 0] == 1)
-    scene = stage(floor_plan, {"cell": floor_plan.cell(0, 0)}, zones=traffic_zones, layer="zones")
+    scene = make_scene(
+        floor_plan, {"cell": floor_plan.cell(0, 0)}, zones=traffic_zones, layer="traffic-zones"
+    )
     tinted = at(scene, zoom, floor_plan.cell(6, 5))
-    assert styles.ZONE_0 in (ink(tinted), paper(tinted))
-    assert styles.ZONE_0 not in (ink(at(scene, zoom, floor_plan.cell(0, 5))),)
+    assert styles.COLOUR_ZONE_0 in (fg(tinted), bg(tinted))
+    assert styles.COLOUR_ZONE_0 not in (fg(at(scene, zoom, floor_plan.cell(0, 5))),)
 
 
 @pytest.mark.parametrize("zoom", ALL)
@@ -146,8 +148,8 @@ def test_robots_stay_visible_on_a_layer(zoom: str):
     floor_plan = open_floor(8, 8)
     heat = np.full(floor_plan.kind.size, 500, np.int32)
     cell = floor_plan.cell(6, 6)
-    code = at(stage(floor_plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
-    assert styles.ROBOT in (ink(code), paper(code))
+    code = at(make_scene(floor_plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
+    assert styles.COLOUR_ROBOT in (fg(code), bg(code))
 
 
 @pytest.mark.parametrize("zoom", ALL)
@@ -155,15 +157,15 @@ def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
     floor_plan = open_floor(6, 6)
     heat = np.full(floor_plan.kind.size, 500, np.int32)
     here, ahead = floor_plan.cell(2, 2), floor_plan.cell(4, 2)
-    scene = stage(floor_plan, {"cell": here}, heat=heat, layer="waiting")
+    scene = make_scene(floor_plan, {"cell": here}, heat=heat, layer="waiting")
     scene = scene.with_(route=np.array([ahead], np.int32))
-    for cell, colour in ((here, styles.ROBOT), (ahead, styles.ROUTE)):
+    for cell, colour in ((here, styles.COLOUR_ROBOT), (ahead, styles.COLOUR_ROUTE)):
         code = at(scene, zoom, cell)
-        assert (ink(code), paper(code)) == (colour, styles.HEAT_8)
+        assert (fg(code), bg(code)) == (colour, styles.COLOUR_HEAT_8)
     codes, camera = composed(scene.with_(selected=0), zoom)
     row, column = camera.place_of(here)
     chosen = codes[row, column : column + camera.zoom.width]
-    assert {paper(code) for code in chosen} == {styles.SELECTED}
+    assert {bg(code) for code in chosen} == {styles.COLOUR_SELECTED}
     assert not {UNICODE.characters[code & 0xFFFF] for code in chosen} & set(".:-=+*#@")
 
 
@@ -171,7 +173,7 @@ def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
 def test_a_robot_on_a_layer_takes_its_own_part_of_a_character(zoom: str):
     floor_plan = open_floor(8, 8)
     heat = np.full(floor_plan.kind.size, 500, np.int32)
-    scene = stage(floor_plan, {"cell": floor_plan.cell(4, 4)}, heat=heat, layer="visits")
+    scene = make_scene(floor_plan, {"cell": floor_plan.cell(4, 4)}, heat=heat, layer="visits")
     upper = at(scene, zoom, floor_plan.cell(4, 4))
     scene.snapshot.robots.cell[0] = floor_plan.cell(4, 5)
     lower = at(scene, zoom, floor_plan.cell(4, 5))
@@ -182,7 +184,7 @@ def test_a_robot_on_a_layer_takes_its_own_part_of_a_character(zoom: str):
 @pytest.mark.parametrize("glyphs", [SHADED, ASCII], ids=["no colours", "ascii"])
 def test_without_colours_the_level_of_heat_is_a_shade_also_from_afar(zoom: str, glyphs: GlyphSet):
     floor_plan = open_floor(8, 8)
-    scene = stage(
+    scene = make_scene(
         floor_plan, {"cell": floor_plan.cell(0, 0)}, heat=np.zeros(floor_plan.kind.size, np.int32)
     )
     scene = scene.with_(layer="waiting")
@@ -195,4 +197,4 @@ def test_without_colours_the_level_of_heat_is_a_shade_also_from_afar(zoom: str, 
         codes = compose(scene.with_(), camera, glyphs)
         shades.append(int(codes[camera.place_of(floor_plan.cell(6, 6))]))
     assert len({shade & 0xFFFF for shade in shades}) == 3
-    assert all(ink(shade) == paper(shade) for shade in shades)  # with colours those alone are seen
+    assert all(fg(shade) == bg(shade) for shade in shades)  # with colours those alone are seen

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import pytest
-from panel_stage import (
+from panel_harness import (
     NARROW,
     WIDE,
-    Stage,
+    PanelHarness,
     busy,
     click,
     deadlocked,
     moment,
     of_robot,
-    on_stage,
+    run_in_harness,
     said,
     text,
 )
@@ -46,7 +46,7 @@ def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) ->
     assert glyphs in (UNICODE, ASCII)
     legend = Legend(LOOK, UNICODE if glyphs is UNICODE else ASCII)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         scene, camera = _scene(busy())
         legend.show_floor(scene, camera.zoom)
         await pilot.pause()
@@ -54,17 +54,17 @@ def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) ->
         assert "turntable: robots turn here" in words and "robot with a load" in words
         sign = legend.glyphs.characters[legend.glyphs.turntable]
         assert any(row.startswith(sign) for row in said(legend))
-        inks = {segment.style.color for segment in legend.render_line(0) if segment.style}
-        assert len(inks) > 1
+        foregrounds = {segment.style.color for segment in legend.render_line(0) if segment.style}
+        assert len(foregrounds) > 1
 
-    on_stage(legend, story)
+    run_in_harness(legend, story)
 
 
 def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
     view = moment(600, "tabletop-1", "fleet.robots=5", layer="visits")
     legend = Legend(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         scene, camera = _scene(view)
         legend.show_floor(scene.with_(layer="visits"), camera.zoom)
         await pilot.pause()
@@ -74,13 +74,13 @@ def test_the_legend_leads_to_the_worst_cells_of_a_layer() -> None:
         await click(pilot, legend, f"({x}, {y})")
         assert stage.wishes() == [("cell", cell)]
 
-    on_stage(legend, story)
+    run_in_harness(legend, story)
 
 
 def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
     column = PanelColumn(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(deadlocked(), 1))
         await pilot.pause()
         assert column.name_open == "inspector" and "head-on, in a wait cycle" in text(
@@ -94,14 +94,14 @@ def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
         await pilot.press("right")
         assert column.name_open == "events"
 
-    on_stage(column, story, NARROW, 60)
+    run_in_harness(column, story, NARROW, 60)
 
 
 @pytest.mark.parametrize("name", TABS)
 def test_every_panel_can_be_opened_by_name_and_focused(name: str) -> None:
     column = PanelColumn(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(busy())
         column.open(name, focus=True)
         await pilot.pause()
@@ -109,39 +109,39 @@ def test_every_panel_can_be_opened_by_name_and_focused(name: str) -> None:
         assert stage.focused is not None
         assert name in [node.id for node in stage.focused.ancestors_with_self]
 
-    on_stage(column, story, WIDE, 40)
+    run_in_harness(column, story, WIDE, 40)
 
 
 def test_an_order_that_is_clicked_opens_the_inspector() -> None:
     column = PanelColumn(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 1))
         await pilot.pause()
         await click(pilot, column.inspector, "order 6")
         assert "order 6 under way" in text(column.inspector)
 
-    on_stage(column, story, NARROW, 60)
+    run_in_harness(column, story, NARROW, 60)
 
 
 def test_full_screen_has_the_figures_beside_the_tabs() -> None:
     column = PanelColumn(LOOK, UNICODE)
     column.add_class("full")
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(busy())
         await pilot.pause()
         assert column.figures.region.y == column.tabs.region.y == 0
         assert column.figures.region.right <= column.tabs.region.x
         assert "delivered 19 of 50" in text(column.figures)
 
-    on_stage(column, story, 80, 22)
+    run_in_harness(column, story, 80, 22)
 
 
 def test_nothing_is_done_again_when_nothing_changed() -> None:
     column = PanelColumn(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 1))
         await pilot.pause()
         shown_of: list[int] = []
@@ -151,24 +151,24 @@ def test_nothing_is_done_again_when_nothing_changed() -> None:
         column.show(of_robot(busy(), 2))
         assert shown_of == [2]
 
-    on_stage(column, story, NARROW, 60)
+    run_in_harness(column, story, NARROW, 60)
 
 
 def test_a_robot_that_a_run_does_not_have_is_not_selected_in_it() -> None:
     column = PanelColumn(LOOK, UNICODE)
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column.show(of_robot(busy(), 5))
         await pilot.pause()
         assert "nothing is selected" in text(column.inspector)
 
-    on_stage(column, story, NARROW, 60)
+    run_in_harness(column, story, NARROW, 60)
 
 
 def test_only_lines_that_say_something_else_are_painted_again() -> None:
     inspector = Inspector()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(busy(), 1))
         await pilot.pause()
         painted: list[int] = []
@@ -176,7 +176,7 @@ def test_only_lines_that_say_something_else_are_painted_again() -> None:
         inspector.write([*inspector.lines[:3], line("heading  another"), *inspector.lines[4:]])
         assert painted == [3]
 
-    on_stage(inspector, story)
+    run_in_harness(inspector, story)
 
 
 # Lines.
@@ -214,7 +214,7 @@ def test_above_another_panel_the_figures_end_with_a_whole_part() -> None:
         (alone, WIDE, "title"),
         (two, 34, "plain"),
     ):
-        lines = figures.written(view, width)
+        lines = figures.panel_lines(view, width)
         for most in range(9, 30):
             rows = figures.rows_within(most)
             assert most - 12 < rows <= most
@@ -222,7 +222,7 @@ def test_above_another_panel_the_figures_end_with_a_whole_part() -> None:
 
 
 def test_what_the_figures_show_above_another_panel_is_whole() -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column = stage.widget
         assert isinstance(column, PanelColumn)
         column.show(busy())
@@ -235,12 +235,12 @@ def test_what_the_figures_show_above_another_panel_is_whole() -> None:
         await pilot.pause()
         assert figures.size.height == 30
 
-    on_stage(PanelColumn(LOOK, UNICODE), story, NARROW, 30)
+    run_in_harness(PanelColumn(LOOK, UNICODE), story, NARROW, 30)
 
 
 @pytest.mark.parametrize("width", [34, 41, 48])  # of the side beside 100, 120 and 140 columns
 def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         column = stage.widget
         assert isinstance(column, PanelColumn)
         column.styles.width = width
@@ -249,4 +249,4 @@ def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
         assert len(words) < column.tabs.width and all(name in words for name, _ in TABS.values())
         assert words.endswith("K") == (width > 40)
 
-    on_stage(PanelColumn(LOOK, UNICODE), story, width, 24)
+    run_in_harness(PanelColumn(LOOK, UNICODE), story, width, 24)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from staged_scenes import camera_at, composed, ink, paper, stage, text
+from render_scenes import bg, camera_at, composed, fg, make_scene, text
 from zoning_scenes import drawn
 
 from automaton.picture.ways import ways_of
@@ -16,12 +16,12 @@ from automaton.zoning.designs import read_design
 from tui.render import styles
 from tui.render.compose import compose
 from tui.render.describe import describe
-from tui.render.designs import SHARED, TRANSFER_INK, design_key
 from tui.render.glyphs import ASCII
 from tui.render.legend import legend
 from tui.render.scene import Scene
-from tui.render.served_tints import served_tints, sparest_first
-from tui.render.zone_tints import TINTS
+from tui.render.service_zone_overlay import SHARED_TINTS_TEXT, TRANSFER_COLOUR, design_key
+from tui.render.service_zone_tints import service_zone_tints, sparest_first
+from tui.render.traffic_zone_tints import TINTS
 
 FLOOR = """
 1...2...3
@@ -37,7 +37,7 @@ ZONES = {
 }
 
 
-def two_zones(layer: str = "served") -> Scene:
+def two_zones(layer: str = "service-zones") -> Scene:
     floor_plan, roads = drawn(FLOOR)
     design = read_design(floor_plan, roads, ZONES)
     slots = floor_plan.slots()
@@ -45,7 +45,7 @@ def two_zones(layer: str = "served") -> Scene:
     for station, cell in enumerate(roads.cell[roads.point].tolist()):
         station_of[slots.tolist().index(cell)] = station
     service_zones = service_zones_of(roads, 2, station_of, 0, 2).replaced(design=design)
-    return stage(floor_plan, zoning=service_zones, layer=layer)
+    return make_scene(floor_plan, zoning=service_zones, layer=layer)
 
 
 def rows(scene: Scene, zoom: str) -> list[str]:
@@ -67,9 +67,9 @@ def test_nothing_is_left_of_the_number_of_a_station_on_which_a_robot_stands() ->
     station_of = np.arange(11, dtype=np.int32)
     service_zones = service_zones_of(roads, 1, station_of, 0, 1).replaced(design=design)
     robot = {"cell": floor_plan.cell(10, 0), "heading": 1}
-    assert rows(stage(floor_plan, robot, zoning=service_zones, layer="served"), "3x1")[0].endswith(
-        "t10v0"
-    )
+    assert rows(make_scene(floor_plan, robot, zoning=service_zones, layer="service-zones"), "3x1")[
+        0
+    ].endswith("t10v0")
 
 
 def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> None:
@@ -77,17 +77,17 @@ def test_a_way_has_the_tint_of_its_zone_and_a_transfer_station_another_ink() -> 
     codes, camera = composed(scene, "1x1")
     code_at = {(x, y): int(codes[camera.place_of(scene.floor.floor_plan.cell(x, y))])
                for x in range(9) for y in (0, 2)}  # fmt: skip
-    assert paper(code_at[1, 0]) == ink(code_at[1, 0]) == TINTS[0]
-    assert paper(code_at[8, 0]) == TINTS[1] and paper(code_at[6, 0]) == styles.FLOOR
-    assert ink(code_at[4, 0]) == TRANSFER_INK and ink(code_at[0, 0]) == styles.STATION
+    assert bg(code_at[1, 0]) == fg(code_at[1, 0]) == TINTS[0]
+    assert bg(code_at[8, 0]) == TINTS[1] and bg(code_at[6, 0]) == styles.COLOUR_FLOOR
+    assert fg(code_at[4, 0]) == TRANSFER_COLOUR and fg(code_at[0, 0]) == styles.COLOUR_STATION
 
 
 def test_from_afar_ways_and_stations_are_seen() -> None:
     scene = two_zones()
     codes, camera = composed(scene, "half")
     way, station = (camera.place_of(scene.floor.floor_plan.cell(x, 0)) for x in (1, 4))
-    assert TINTS[0] in (ink(int(codes[way])), paper(int(codes[way])))
-    assert TRANSFER_INK in (ink(int(codes[station])), paper(int(codes[station])))
+    assert TINTS[0] in (fg(int(codes[way])), bg(int(codes[way])))
+    assert TRANSFER_COLOUR in (fg(int(codes[station])), bg(int(codes[station])))
 
 
 def test_from_afar_without_colours_one_half_of_a_character_is_enough_for_a_letter() -> None:
@@ -120,10 +120,10 @@ def lattice_zones(columns: int, lines: int) -> Scene:
     data = {"zones": [{"stations": [k + 1]} for k in range(len(cells))]}
     station_of = np.arange(len(cells), dtype=np.int32)
     service_zones = service_zones_of(roads, len(cells), station_of, 0, len(cells))
-    return stage(
+    return make_scene(
         floor_plan,
         zoning=service_zones.replaced(design=read_design(floor_plan, roads, data)),
-        layer="served",
+        layer="service-zones",
     )
 
 
@@ -132,23 +132,26 @@ def test_of_more_zones_than_tints_those_that_touch_differ() -> None:
     columns, lines = len(TINTS), 4
     scene = lattice_zones(columns, lines)
     assert scene.service_zones is not None
-    tint = served_tints(scene.service_zones).reshape(lines, columns)
+    tint = service_zone_tints(scene.service_zones).reshape(lines, columns)
     assert (tint[:-1] != tint[1:]).all() and (tint[:, :-1] != tint[:, 1:]).all()
     assert set(tint.reshape(-1).tolist()) == set(range(len(TINTS)))
     entries = legend(scene, camera_at(scene.floor.floor_plan, "1x1").zoom, ASCII)
-    assert [entry.meaning for entry in entries[:2]] == [SHARED, "zone 1: robot 0, 1 station"]
+    assert [entry.meaning for entry in entries[:2]] == [
+        SHARED_TINTS_TEXT,
+        "zone 1: robot 0, 1 station",
+    ]
     assert (
         entries[7].signs
         == entries[1 + int(np.flatnonzero(tint.reshape(-1) == tint[1, 0])[0])].signs
     )
-    assert SHARED in " ".join(design_key(columns * lines, ASCII))
+    assert SHARED_TINTS_TEXT in " ".join(design_key(columns * lines, ASCII))
 
 
 def test_as_many_zones_as_tints_have_one_each() -> None:
     scene = lattice_zones(len(TINTS), 1)
     assert scene.service_zones is not None
-    assert served_tints(scene.service_zones).tolist() == list(range(len(TINTS)))
-    assert SHARED not in " ".join(design_key(len(TINTS), ASCII))
+    assert service_zone_tints(scene.service_zones).tolist() == list(range(len(TINTS)))
+    assert SHARED_TINTS_TEXT not in " ".join(design_key(len(TINTS), ASCII))
 
 
 def test_six_tints_are_enough_wherever_ways_do_not_cross() -> None:

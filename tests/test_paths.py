@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_paths import FAR, Pose, Ways
+from random_floors import pictures
+from reference_paths import FAR, Pose, Ways
 
 from automaton.kernels import search
 from automaton.scenario.pictures import draw_floor

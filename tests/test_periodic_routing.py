@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from staged_runs import STEPS, Staged
+from small_runs import STEPS, SmallRun
 
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.frames import TICKS
+from automaton.recording.frames import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
@@ -48,7 +48,7 @@ class Told(Strategy):
         super().__init__()
         self.period = every
         self.answers = answers  # by robot and tick, such as A4="SEEN"
-        self.asked: list[Question] = []
+        self.question: list[Question] = []
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         width = view.grid.width
@@ -56,24 +56,24 @@ class Told(Strategy):
             i, tick = int(batch.robot[k]), int(view.clock[CLOCK_TICK])
             name = chr(ord("A") + int(view.robots.identity[i]))
             y, x = divmod(paths.position(view, i), width)
-            self.asked.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
+            self.question.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
             route = self.answers.get(f"{name}{tick}")
             if route is not None:
                 decisions.routing.route_length[k] = len(route)
                 decisions.routing.steps[k, : len(route)] = [STEPS.index(step) for step in route]
 
 
-def place(floor: Staged, name: str) -> tuple[int, int]:
+def place(floor: SmallRun, name: str) -> tuple[int, int]:
     return floor.floor_plan.xy(int(floor.world.robots.cell[floor.index(name)]))
 
 
-def illegal(floor: Staged) -> int:
+def illegal(floor: SmallRun) -> int:
     return int(floor.world.tally.illegal[LAYER_ROUTING])
 
 
 def test_robots_on_their_way_are_asked_and_keep_going() -> None:
     strategy = Told(2)
-    floor = Staged("A......\nB......", {"A": "EEEEE"}, strategies={"routing": strategy}).tick(7)
+    floor = SmallRun("A......\nB......", {"A": "EEEEE"}, strategies={"routing": strategy}).tick(7)
     assert strategy.asked == [
         Question(2, "A", REASON_PERIODIC, (1, 0)),
         Question(4, "A", REASON_PERIODIC, (3, 0)),
@@ -85,7 +85,7 @@ def test_robots_on_their_way_are_asked_and_keep_going() -> None:
 def test_a_new_route_replaces_the_rest_of_the_old_one() -> None:
     """A goes round by the south."""
     strategy = Told(2, A2="SEEN")
-    floor = Staged("A......\n.......", {"A": "EEE"}, strategies={"routing": strategy})
+    floor = SmallRun("A......\n.......", {"A": "EEE"}, strategies={"routing": strategy})
     ways = [place(floor.tick(), "A") for _ in range(5)]
     assert ways == [(1, 0), (1, 1), (2, 1), (3, 1), (3, 0)]
     assert illegal(floor) == 0
@@ -93,7 +93,7 @@ def test_a_new_route_replaces_the_rest_of_the_old_one() -> None:
 
 def test_in_a_long_move_the_route_begins_in_the_cell_that_is_entered() -> None:
     strategy = Told(2, A2="SEN")
-    floor = Staged(
+    floor = SmallRun(
         "A......\n.......",
         {"A": "EE"},
         durations=Durations(move=3),
@@ -108,7 +108,7 @@ def test_in_a_long_move_the_route_begins_in_the_cell_that_is_entered() -> None:
 def test_a_route_from_the_cell_that_it_leaves_is_illegal_and_costs_nothing() -> None:
     """Were A still in the west, it could go east twice and then south."""
     strategy = Told(2, A2="EES")
-    floor = Staged(
+    floor = SmallRun(
         "A..#\n#..#\n##.#",
         {"A": "EE"},
         durations=Durations(move=3),
@@ -121,7 +121,7 @@ def test_a_route_from_the_cell_that_it_leaves_is_illegal_and_costs_nothing() -> 
 
 def test_robots_that_turn_or_wait_are_asked_too() -> None:
     strategy = Told(1)
-    floor = Staged(
+    floor = SmallRun(
         "#.#\nA.B\n...",
         {"A": "ES", "B": "W"},
         kinematics="differential",
@@ -145,7 +145,7 @@ def test_robots_that_turn_or_wait_are_asked_too() -> None:
 def test_nobody_else_is_asked() -> None:
     """B retreats, C must try to drop its load first, D waits for a route, E has arrived."""
     strategy = Told(1)
-    floor = Staged(
+    floor = SmallRun(
         "A....\nB....\nC....\nD....\nE....",
         dict.fromkeys("ABCD", "EEE"),
         strategies={"routing": strategy},
@@ -163,7 +163,7 @@ def test_nobody_else_is_asked() -> None:
 
 
 def test_the_route_that_is_shown_begins_where_a_long_move_ends() -> None:
-    floor = Staged("A...", {"A": "EEE"}, durations=Durations(move=3)).tick(2)
+    floor = SmallRun("A...", {"A": "EEE"}, durations=Durations(move=3)).tick(2)
     shown = [
         floor.floor_plan.xy(cell) for cell in take_snapshot(floor.run, selected=0).route.tolist()
     ]
@@ -206,7 +206,9 @@ def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -
 
 
 def actions(recorder: MemoryRecorder) -> Any:
-    return np.concatenate([f.content["executed"] for f in recorder.frames if f.kind == TICKS])
+    return np.concatenate(
+        [f.content["executed"] for f in recorder.frames if f.kind == FRAME_KIND_TICKS]
+    )
 
 
 @settings(max_examples=20)

@@ -23,7 +23,7 @@ from automaton.picture import (
     world_from,
 )
 from automaton.picture.phrases import read_route, write_route
-from automaton.picture.robots import NUMBERS
+from automaton.picture.robots import ROBOT_NUMBERS
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.pictures import draw_floor, symbol_of
 from automaton.scenario.resolve import Resolved, resolve
@@ -178,7 +178,7 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
 
 def test_every_digested_field_of_a_robot_is_in_its_line() -> None:
     told = {
-        *NUMBERS,
+        *ROBOT_NUMBERS,
         "service_zone",
         "cell",
         "claim",

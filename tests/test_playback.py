@@ -21,7 +21,7 @@ from automaton.history.playback import Playback
 from automaton.history.run import RecordedRun
 from automaton.kernels.decisions import first_other_tick
 from automaton.recording import frames as stored
-from automaton.recording.frames import TICKS, Recording
+from automaton.recording.frames import FRAME_KIND_TICKS, Recording
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import verify
@@ -92,7 +92,7 @@ def test_zoning_and_charging_are_repeated(tmp_path: Path) -> None:
     assert sorted(playback.simulation.world.robots.service_zone.tolist()) == [0, 1]
     run = RecordedRun(recording)
     run.show(120, 99)
-    charged = [row for row in run.chronicle.events.tolist() if row[1] == EVENT_CHARGING]
+    charged = [row for row in run.event_history.events.tolist() if row[1] == EVENT_CHARGING]
     assert 50 * BATTERY_PERCENT in [row[4] for row in charged if row[2] == 0], (
         "after its first tick"
     )
@@ -227,7 +227,7 @@ def test_a_recording_cut_anywhere_plays_to_its_last_whole_frame(tmp_path: Path) 
 
 def altered(recording: Recording) -> tuple[Recording, list[dict[str, Any]]]:
     frames = copy.deepcopy(list(recording.frames))
-    ticks = [frame.content for frame in frames if frame.kind == TICKS]
+    ticks = [frame.content for frame in frames if frame.kind == FRAME_KIND_TICKS]
     for content in ticks:
         content["decisions"] = content["decisions"].copy()
     return Recording(recording.header, frames, complete=True), ticks
@@ -295,5 +295,5 @@ def test_where_two_streams_differ() -> None:
 
 
 def test_frames_follow_each_other(long: Recording) -> None:
-    ticks = [frame.content for frame in long.stored() if frame.kind == stored.TICKS]
+    ticks = [frame.content for frame in long.stored() if frame.kind == stored.FRAME_KIND_TICKS]
     assert all(a["first"] + len(a["executed"]) == b["first"] for a, b in pairwise(ticks))

@@ -1,6 +1,6 @@
 """What is on a terminal's screen after everything that can lie over the map, and what it costs.
 
-Each story runs `moving_map.py` on a pty and compares the screen, cell by cell, with the picture
+Each story runs `map_app.py` on a pty and compares the screen, cell by cell, with the picture
 that the app intends.
 """
 

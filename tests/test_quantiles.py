@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sweeping import swept_here
+from sweep_studies import swept_here
 
 from automaton.commands import main
 from automaton.metrics import metrics_of

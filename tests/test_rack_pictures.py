@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from panel_stage import moment, of_cell, shown
-from staged_scenes import camera_at, composed, drawn, ink, signs, stage, text
+from panel_harness import moment, of_cell, shown
+from render_scenes import camera_at, composed, drawn, fg, make_scene, signs, text
 
 from automaton.world.cells import DOCK, RACK
 from automaton.world.state import NIL, ORDER_DELIVERED, ORDER_WAITING
@@ -26,7 +26,7 @@ SMALL = (
 
 
 def small():
-    return stage(Racks(rows=6, columns=12, block=3, last_row=0).build())
+    return make_scene(Racks(rows=6, columns=12, block=3, last_row=0).build())
 
 
 def running(tick):
@@ -46,18 +46,22 @@ def test_racks_and_docks_have_shapes_of_their_own():
 
 
 def test_floor_for_any_number_is_marked_only_among_other_floor():
-    codes, _ = composed(stage(drawn("~~~")), "1x1")
+    codes, _ = composed(make_scene(drawn("~~~")), "1x1")
     assert text(codes) == "..."
-    codes, _ = composed(stage(drawn("~=.")), "1x1")
+    codes, _ = composed(make_scene(drawn("~=.")), "1x1")
     assert text(codes) == "~⇄."
 
 
 @pytest.mark.parametrize("zoom", ["half", "braille 1", "braille 2"])
 def test_from_afar_docks_are_stations_and_racks_are_faint(zoom):
-    scene = stage(Racks(rows=30, columns=60, block=13, last_row=0).build())
+    scene = make_scene(Racks(rows=30, columns=60, block=13, last_row=0).build())
     codes, _ = composed(scene, zoom)
-    inks = {ink(code) for code in codes.reshape(-1) if signs(np.array([code]))[0] not in " ⠀"}
-    assert {styles.DOCK, styles.FLOOR_MARK} <= inks <= {styles.DOCK, styles.FLOOR_MARK, styles.WALL}
+    foregrounds = {fg(code) for code in codes.reshape(-1) if signs(np.array([code]))[0] not in " ⠀"}
+    assert (
+        {styles.COLOUR_DOCK, styles.COLOUR_FLOOR_MARK}
+        <= foregrounds
+        <= {styles.COLOUR_DOCK, styles.COLOUR_FLOOR_MARK, styles.COLOUR_WALL}
+    )
 
 
 @pytest.mark.parametrize("zoom", ["1x1", "half", "braille 1"])
@@ -70,10 +74,10 @@ def test_the_legend_names_racks_and_docks(zoom):
 
 
 def test_stations_are_seen_near_and_far_and_named():
-    scene = stage(drawn("t.." + "." * 37 + "t"))
+    scene = make_scene(drawn("t.." + "." * 37 + "t"))
     for zoom, sign in (("3x1", "⌂"), ("1x1", "⌂"), ("half", "⠛"), ("braille 1", "⠁")):
         codes, camera = composed(scene, zoom)
-        assert (text(codes)[0], ink(codes[0, 0])) == (sign, styles.STATION), zoom
+        assert (text(codes)[0], fg(codes[0, 0])) == (sign, styles.COLOUR_STATION), zoom
         entries = {entry.meaning: entry for entry in legend(scene, camera.zoom, UNICODE)}
         assert signs(np.array(entries["station"].signs)).tolist()[0] in (sign, "⣿")
     codes, camera = composed(scene, "1x1")
@@ -96,7 +100,7 @@ def test_a_line_and_the_inspector_say_what_docks_and_racks_hold():
     (dock, waiting), (rack, arrived) = places(view)
     floor_plan = view.floor_plan
     cells = [int(view.snapshot.slots.cell[slot]) for slot in (dock, rack)]
-    scene = small().with_(snapshot=view.snapshot, floor=stage(floor_plan).floor)
+    scene = small().with_(snapshot=view.snapshot, floor=make_scene(floor_plan).floor)
     at_dock, at_rack = (f"{floor_plan.xy(cell)}" for cell in cells)
     assert describe(scene, cells[0]) == f"{at_dock} dock with {waiting} loads"
     assert describe(scene, cells[1]) == f"{at_rack} rack with {arrived} loads"
@@ -117,7 +121,7 @@ def test_who_is_off_the_floor_is_told_so_and_not_drawn():
     view = moment(100, "warehouse-100-trial", *SMALL[:4], *settings)
     fleet = view.snapshot.robots
     assert fleet.parked.all() and (fleet.cell == NIL).all() and (fleet.bay == NIL).all()
-    scene = small().with_(snapshot=view.snapshot, floor=stage(view.floor_plan).floor)
+    scene = small().with_(snapshot=view.snapshot, floor=make_scene(view.floor_plan).floor)
     for zoom in ("3x1", "1x1", "half", "braille 1"):
         codes, camera = composed(scene, zoom)
         empty = compose(scene.with_(snapshot=None), camera, UNICODE)

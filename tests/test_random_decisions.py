@@ -13,7 +13,7 @@ import numpy as np
 from hypothesis import given, settings
 from physical_checks import PhysicalChecks
 from random_cases import TICKS, Case, cases
-from situations import WANTED, count_illegal, count_situations
+from traffic_coverage import WANTED, count_illegal, count_traffic_cases
 
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
@@ -66,7 +66,7 @@ def test_no_decision_breaks_a_rule() -> None:
         for number in range(1, TICKS + 1):
             run.run(until=number)
             checks.tick()
-            count_situations(run.world, reached)
+            count_traffic_cases(run.world, reached)
         assert not checks.found, checks.first
         count_illegal(run.world, reached)
         report = validate_stored(recorder.recording())

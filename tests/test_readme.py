@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from automaton.commands import main
-from automaton.experiments.plan import check_study
+from automaton.experiments.sweep_plan import check_study
 from automaton.scenario.resolve import resolve
 from automaton.strategy.lookup import names, parameters_type
 

@@ -20,13 +20,20 @@ from automaton.errors import InputError
 from automaton.recording import frames as stored
 from automaton.recording.codes import CHANGE_DURATION, KEYFRAME_TICKS
 from automaton.recording.contents import (
-    HEADER,
-    MOST_CHANGES,
-    MOST_LABELS,
-    MOST_LEVELS,
-    MOST_PLACES,
+    FRAME_KIND_HEADER,
+    MAX_CHANGES,
+    MAX_LABELS,
+    MAX_NESTING,
+    MAX_PLACES,
 )
-from automaton.recording.frames import END, KEYFRAME, TICKS, Frame, Recording, preamble
+from automaton.recording.frames import (
+    FRAME_KIND_END,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    Frame,
+    Recording,
+    preamble,
+)
 from automaton.recording.header import resolved_of
 from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.recording_reader import read_recording
@@ -100,21 +107,26 @@ def test_ticks_follow_each_other_whatever_the_pauses(tmp_path: Path) -> None:
         simulation.run(until=simulation.tick + 7)
     for name in ("executed", "changes", "digests"):
         one, other = (
-            np.concatenate([f.content[name] for f in memory.recording().frames if f.kind == TICKS])
+            np.concatenate(
+                [f.content[name] for f in memory.recording().frames if f.kind == FRAME_KIND_TICKS]
+            )
             for memory in (at_once, in_steps)
         )
         assert np.array_equal(one, other), name
-    assert max(len(f.content["executed"]) for f in in_steps.frames if f.kind == TICKS) <= 256
+    assert (
+        max(len(f.content["executed"]) for f in in_steps.frames if f.kind == FRAME_KIND_TICKS)
+        <= 256
+    )
 
 
 def test_keyframes_come_at_the_start_now_and_then_and_at_the_end() -> None:
     resolved = resolve("tabletop-1", ["fleet.robots=1"])
     memory = MemoryRecorder(resolved)
     Simulation(resolved, on_record=memory).run()
-    ticks = [f.content["tick"] for f in memory.recording().frames if f.kind == KEYFRAME]
+    ticks = [f.content["tick"] for f in memory.recording().frames if f.kind == FRAME_KIND_KEYFRAME]
     assert ticks[0] == 0 and ticks[-1] > 4000
     assert ticks[:-1] == list(range(0, ticks[-1], KEYFRAME_TICKS))
-    assert memory.frames[-1].kind == END
+    assert memory.frames[-1].kind == FRAME_KIND_END
 
 
 def test_states_and_actions_are_stored_by_identity() -> None:
@@ -145,7 +157,11 @@ def test_states_and_actions_are_stored_by_identity() -> None:
 def test_the_header_is_enough_to_run_again(name: str, settings: list[str]) -> None:
     resolved = resolve(name, settings)
     header = MemoryRecorder(resolved, 5).header
-    again = resolved_of(stored.decode(stored.HEADER, stored.payload_of(stored.HEADER, header).data))
+    again = resolved_of(
+        stored.decode(
+            stored.FRAME_KIND_HEADER, stored.payload_of(stored.FRAME_KIND_HEADER, header).data
+        )
+    )
     assert again == resolved
     one, other = Simulation(resolved, 5), Simulation(again, 5)
     one.run(until=300)
@@ -291,7 +307,9 @@ def test_recordings_are_small(tmp_path: Path) -> None:
     data = (tmp_path / "run.rec").read_bytes()
     recording = read_recording(tmp_path / "run.rec")
     per_tick = len(data) / recording.ticks
-    actions = [frame.content["executed"] for frame in recording.frames if frame.kind == TICKS]
+    actions = [
+        frame.content["executed"] for frame in recording.frames if frame.kind == FRAME_KIND_TICKS
+    ]
     packed = sum(len(zlib.compress(np.ascontiguousarray(did.T).tobytes())) for did in actions)
     print(
         f"{per_tick / 5:.2f} bytes per robot and tick, digests included; "
@@ -309,8 +327,11 @@ def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
         "decisions": np.zeros(0, np.int64),
         "digests": np.array([[1, 2**64 - 1], [1, 0]], np.uint64),
     }
-    data = stored.payload_of(TICKS, content).data
-    assert same(Frame(TICKS, stored.decode(TICKS, data)), Frame(TICKS, content))
+    data = stored.payload_of(FRAME_KIND_TICKS, content).data
+    assert same(
+        Frame(FRAME_KIND_TICKS, stored.decode(FRAME_KIND_TICKS, data)),
+        Frame(FRAME_KIND_TICKS, content),
+    )
 
 
 def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], parts: Any) -> str:
@@ -345,11 +366,13 @@ def test_an_array_without_values_takes_no_memory(
     names: int, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parts = apart()
-    first(parts, TICKS).update(due=np.zeros(0, np.int32), digests=np.zeros((names, 0), np.uint64))
+    first(parts, FRAME_KIND_TICKS).update(
+        due=np.zeros(0, np.int32), digests=np.zeros((names, 0), np.uint64)
+    )
     assert told in refused(tmp_path, capsys, parts)
 
 
-@pytest.mark.parametrize("levels", [MOST_LEVELS + 1, 450, 900])
+@pytest.mark.parametrize("levels", [MAX_NESTING + 1, 450, 900])
 @pytest.mark.parametrize("part", ["scenario", "strategies"])
 def test_lists_within_lists_have_a_bound(
     part: str, levels: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -357,17 +380,17 @@ def test_lists_within_lists_have_a_bound(
     parts, deep = apart(), []
     for _ in range(levels - 3):
         deep = [deep]
-    header = first(parts, HEADER)
+    header = first(parts, FRAME_KIND_HEADER)
     header[part]["layout"] = {"generator": "a:B", "deep": deep}
     told = refused(tmp_path, capsys, parts)
-    assert f"{part} is nested more than {MOST_LEVELS} levels deep" in told
+    assert f"{part} is nested more than {MAX_NESTING} levels deep" in told
 
 
 def test_as_many_levels_as_a_file_may_have_are_read(tmp_path: Path) -> None:
     parts, deep = apart(), []
-    for _ in range(MOST_LEVELS - 3):
+    for _ in range(MAX_NESTING - 3):
         deep = [deep]
-    header = first(parts, HEADER)
+    header = first(parts, FRAME_KIND_HEADER)
     header["scenario"]["layout"] = {"generator": "a:B", "deep": deep}
     path = tmp_path / "deep.rec"
     path.write_bytes(put_together(parts[:1]))
@@ -385,24 +408,24 @@ def test_lists_of_a_header_have_a_bound(
     name: str, value: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parts = apart()
-    header = first(parts, HEADER)
+    header = first(parts, FRAME_KIND_HEADER)
     if name in ("versions", "files"):
         header[name] = {str(number): value for number in range(20_000)}
     else:
         (header["floor"] if name in header["floor"] else header)[name] = [value] * 20_000_000
     told = refused(tmp_path, capsys, parts)
-    assert f"of length <= {MOST_PLACES if value else MOST_LABELS} - at `$." in told
+    assert f"of length <= {MAX_PLACES if value else MAX_LABELS} - at `$." in told
 
 
 def test_changes_of_a_frame_have_a_bound(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """However many robots there are; and a tick has not those of a whole frame."""
-    for rows, told in ((MOST_CHANGES + 1, "changes"), (5000, "changes in a tick")):
+    for rows, told in ((MAX_CHANGES + 1, "changes"), (5000, "changes in a tick")):
         parts = apart()
-        ticks = first(parts, TICKS)
+        ticks = first(parts, FRAME_KIND_TICKS)
         ticks["changes"] = np.full((4, rows), [[0], [CHANGE_DURATION], [0], [0]], np.int32)
-        if rows > MOST_CHANGES:
+        if rows > MAX_CHANGES:
             ticks["executed"] = np.zeros((1000, 256), np.uint8)
         assert f"{told}\n" in refused(tmp_path, capsys, parts[:4])
 
@@ -410,7 +433,7 @@ def test_changes_of_a_frame_have_a_bound(
 @pytest.mark.parametrize("count", [0, 5_000_000])
 def test_a_state_of_another_number_of_stations_is_found(count: int, tmp_path: Path) -> None:
     parts = copy.deepcopy(list(taken_apart("factory")))
-    first(parts, KEYFRAME)["stations"]["completion_tick"] = np.zeros(count, np.uint8)
+    first(parts, FRAME_KIND_KEYFRAME)["stations"]["completion_tick"] = np.zeros(count, np.uint8)
     report = validate_stored(reread(tmp_path, put_together(parts)))
     text = f"stations.completion_tick has {count:,} values in the recorded state, not "
     assert text in report.violations[0].text

@@ -9,7 +9,7 @@ import pytest
 from recording_trials import MEMORY, Worker, flipped, mutant, recorded, trials
 
 from automaton.errors import InputError
-from automaton.recording.contents import HEADER, MOST_BYTES
+from automaton.recording.contents import FRAME_KIND_HEADER, MAX_BYTES
 from automaton.recording.frames import Chain, Payload, preamble
 from automaton.recording.recording_reader import read_recording
 
@@ -35,8 +35,8 @@ def test_a_trial_notices_a_crash(tmp_path: Path) -> None:
 
 def test_what_a_small_file_unpacks_to_is_bounded(tmp_path: Path) -> None:
     path = tmp_path / "bomb.rec"
-    data = zlib.compress(bytes(MOST_BYTES[HEADER] + 1))
-    path.write_bytes(preamble() + Chain().framed(Payload(HEADER, 0, data)))
+    data = zlib.compress(bytes(MAX_BYTES[FRAME_KIND_HEADER] + 1))
+    path.write_bytes(preamble() + Chain().framed(Payload(FRAME_KIND_HEADER, 0, data)))
     assert len(data) < 200_000
-    with pytest.raises(InputError, match=f"has more than {MOST_BYTES[HEADER]:,} bytes"):
+    with pytest.raises(InputError, match=f"has more than {MAX_BYTES[FRAME_KIND_HEADER]:,} bytes"):
         read_recording(path)

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_results import made_up, noise, study_of
-from read_reports import report, tables
+from report_helpers import report, tables
+from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
 from automaton.reporting.charts import chart, coarse, shaded
-from automaton.reporting.comparing import comparisons, declared_pairs
+from automaton.reporting.comparisons import comparisons, declared_pairs
 from automaton.reporting.document import Curves, Document, HeatMap, Line, Listed, Table, Text
-from automaton.reporting.figures import metric_section
 from automaton.reporting.html import as_html
+from automaton.reporting.metric_tables import metric_section
 from automaton.reporting.sections import comparison_section, remarks
-from automaton.reporting.writing import as_markdown, as_text, table_lines
+from automaton.reporting.text_output import as_markdown, as_text, table_lines
 from automaton.statistics.effects import effect
 
 pytest.importorskip("pyarrow")
@@ -200,10 +200,10 @@ def test_a_report_says_what_is_damaged(folder: Path, capsys: Any, tmp_path: Path
 
 def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> None:
     study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
-    results = made_up(
+    results = synthetic_store(
         study,
         lambda p, r: None if r == 0 else (9999.0 if r == 1 else 100.0),
-        failed=lambda p, r: "it broke" if r == 0 else None,
+        error=lambda p, r: "it broke" if r == 0 else None,
         finished=lambda p, r: r > 1,
     )
     counts = results.counts(study.points[0])
@@ -217,7 +217,7 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
 
 def test_what_was_not_measured_is_in_no_mean() -> None:
     study = study_of({"fleet.robots": (1, 2)})
-    results = made_up(study, lambda p, r: 100.0 if r % 3 else None)
+    results = synthetic_store(study, lambda p, r: 100.0 if r % 3 else None)
     (table,) = tables(blocks := list(metric_section(results, {}, "makespan")))
     assert [row[1] for row in table.rows] == ["100", "100"]
     (listed, *_) = (block for block in blocks if isinstance(block, Listed))
@@ -226,7 +226,7 @@ def test_what_was_not_measured_is_in_no_mean() -> None:
 
 def test_runs_that_lack_are_told() -> None:
     study = study_of({"fleet.robots": (1, 2)}, replications=10)
-    whole = made_up(study, noise)
+    whole = synthetic_store(study, noise)
     some = replace(whole, columns={k: v[:15] for k, v in whole.columns.items()}, earlier=1)
     notes = " ".join(remarks(some))
     assert "5 runs of 20 not done yet" in notes
@@ -236,7 +236,7 @@ def test_runs_that_lack_are_told() -> None:
 def test_the_baseline_is_compared_at_equal_other_levels() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b", "c")}
     study = study_of(factors, comparisons="baseline", baseline={"strategy.allocation": "b"})
-    pairs = list(declared_pairs(made_up(study, noise)))
+    pairs = list(declared_pairs(synthetic_store(study, noise)))
     assert [(a.levels, b.levels) for a, b in pairs] == [
         ({"fleet.robots": n, "strategy.allocation": x}, {"fleet.robots": n, "strategy.allocation": "b"})
         for n in (1, 2)
@@ -246,7 +246,7 @@ def test_the_baseline_is_compared_at_equal_other_levels() -> None:
 
 def test_a_family_shares_its_error() -> None:
     study = study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs")
-    found = comparisons(made_up(study, noise))
+    found = comparisons(synthetic_store(study, noise))
     assert [one.family for one in found] == [3, 3, 3]
     alone = effect(
         [noise(1, r) for r in range(60)], [noise(0, r) for r in range(60)], True, 1 - 0.05 / 3
@@ -256,14 +256,14 @@ def test_a_family_shares_its_error() -> None:
 
 
 def test_few_runs_are_warned_of() -> None:
-    results = made_up(study_of({"fleet.robots": (1, 2)}, replications=10), noise)
+    results = synthetic_store(study_of({"fleet.robots": (1, 2)}, replications=10), noise)
     listed = [b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed)]
     assert "only 10 runs, skew" in listed[0].items[0]
 
 
 def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
     study = study_of({"fleet.robots": (1, 2, 3, 4, 5)}, replications=10)
-    results = made_up(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
+    results = synthetic_store(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
     (listed,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed))
     assert (
         "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]

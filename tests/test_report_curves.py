@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from made_up_results import made_up, study_of
+from synthetic_results import study_of, synthetic_store
 
-from automaton.reporting.charts import SIGNS
+from automaton.reporting.charts import CURVE_MARKS
 from automaton.reporting.curves import curves
 from automaton.reporting.html import COLOURS
 from automaton.reporting.results import point_name
@@ -15,7 +15,7 @@ from automaton.reporting.results import point_name
 
 def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:
     factors = {"strategy.allocation": ("a", "b"), "fleet.robots": (1, 2, 4)}
-    results = made_up(study_of(factors), lambda p, r: 100.0 * p + r)
+    results = synthetic_store(study_of(factors), lambda p, r: 100.0 * p + r)
     (drawn,) = curves(results)
     assert [line.name for line in drawn.lines] == ["a", "b"]
     assert list(drawn.lines[1].x) == [1, 2, 4]
@@ -29,7 +29,7 @@ def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_th
         {"name": "wait"},
     )
     factors = {"fleet.robots": (1, 2), "strategy.right_of_way": rules}
-    (drawn,) = curves(made_up(study_of(factors), lambda p, r: 100.0 * p))
+    (drawn,) = curves(synthetic_store(study_of(factors), lambda p, r: 100.0 * p))
     assert [line.name for line in drawn.lines] == [
         "retreat max_retries 3",
         "retreat after 3",
@@ -40,15 +40,17 @@ def test_levels_with_equal_values_have_lines_of_their_own_and_names_that_tell_th
 
 
 def test_curves_find_no_bounds_since_they_show_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr("automaton.reporting.figures.bound")
-    (drawn,) = curves(made_up(study_of({"fleet.robots": (1, 2)}, 2), lambda p, r: 100.0 * p))
+    monkeypatch.delattr("automaton.reporting.metric_tables.bound")
+    (drawn,) = curves(
+        synthetic_store(study_of({"fleet.robots": (1, 2)}, 2), lambda p, r: 100.0 * p)
+    )
     assert list(drawn.lines[0].value) == [0, 100]
 
 
 def test_every_line_has_a_sign_and_a_colour_of_its_own() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefghij")}
-    (drawn,) = curves(made_up(study_of(factors, 2), lambda p, r: 100.0 * p))
-    assert len(drawn.lines) == len(SIGNS) == len(COLOURS)
+    (drawn,) = curves(synthetic_store(study_of(factors, 2), lambda p, r: 100.0 * p))
+    assert len(drawn.lines) == len(CURVE_MARKS) == len(COLOURS)
     assert drawn.title == "makespan by fleet.robots, 2 more not shown"
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_up_results import made_up, noise, study_of
 from msgspec.structs import replace
+from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.experiments.study import Study
-from automaton.reporting.comparing import comparisons, pairing_remark
+from automaton.reporting.comparisons import comparisons, pairing_remark
 from automaton.reporting.document import Table, Text
 from automaton.reporting.results import Results
 from automaton.reporting.sections import comparison_section
@@ -18,7 +18,7 @@ from automaton.statistics.precision import fewest, paired_runs, unpaired_runs
 
 def test_pairs_are_those_of_a_replication_that_both_finished() -> None:
     study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(
+    results = synthetic_store(
         study,
         lambda p, r: 100.0 + r + p,
         finished=lambda p, r: (p, r) != (0, 5),
@@ -42,20 +42,22 @@ def test_runs_with_the_same_seed_are_compared_in_pairs_unless_declared_otherwise
     study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
     study = replace(study, common_random_numbers=common)
     failed = {(0, 3), (0, 4), (1, 9)}
-    results = made_up(study, ticks, failed=lambda p, r: "killed" if (p, r) in failed else None)
+    results = synthetic_store(
+        study, ticks, error=lambda p, r: "killed" if (p, r) in failed else None
+    )
     (one,) = comparisons(results)
     assert one.effect.paired is study.paired is paired
     assert one.runs == ((57, 57) if paired else (59, 58))
     assert one.effect.difference.half is not None
     assert (one.effect.difference.half < 0.5) is paired
     declared = replace(study, analysis=replace(study.analysis, paired=False))
-    (one,) = comparisons(made_up(declared, ticks))
+    (one,) = comparisons(synthetic_store(declared, ticks))
     assert not one.effect.paired
 
 
 def test_the_report_says_if_pairing_does_not_help() -> None:
     study = study_of({"fleet.robots": (1, 2)}, comparisons="pairs", paired=True)
-    results = made_up(study, lambda p, r: 100.0 + (r if p else -r))
+    results = synthetic_store(study, lambda p, r: 100.0 + (r if p else -r))
     texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
     assert any("variance ratio of pairs 2.00: pairing does not help" in text for text in texts)
 
@@ -77,7 +79,7 @@ def test_correlated_runs_need_fewer_pairs_for_the_declared_precision() -> None:
         demand, own = replication % 2 * 20 - 10, (replication // 2 + point) % 2 * 2 - 1
         return 100.0 + 10 * point + demand + own
 
-    texts, table = told(made_up(precise(paired=True), ticks))
+    texts, table = told(synthetic_store(precise(paired=True), ticks))
     cells = dict(zip(table.head, table.rows[0], strict=True))
     assert cells["correlation"] == "+0.98" and cells["var. ratio"] == "0.02"
     # sd of differences 2.02, of single runs 10.1, half an mean_interarrival_time: 2 % of 100
@@ -90,12 +92,12 @@ def test_where_pairs_do_not_help_the_report_says_so_for_the_precision_too() -> N
     def against(point: int, replication: int) -> float:
         return 100.0 + (1 if point else -1) * (replication % 2 * 2 - 1)
 
-    texts, table = told(made_up(precise(), against))
+    texts, table = told(synthetic_store(precise(), against))
     cells = dict(zip(table.head, table.rows[0], strict=True))
     assert int(cells["needs paired"]) > int(cells["unpaired"])
     assert any("runs of each point paired" in text and "does not help" in text for text in texts)
     none = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
-    texts, table = told(made_up(none, against))
+    texts, table = told(synthetic_store(none, against))
     assert "needs paired" not in table.head and not any("unpaired" in text for text in texts)
 
 
@@ -104,7 +106,7 @@ def test_runs_with_seeds_of_their_own_are_no_pairs() -> None:
         return 100.0 + 10 * point + (replication % 2 * 20 - 10) + noise(point, replication) / 100
 
     own_seeds = replace(precise(), common_random_numbers=False)
-    texts, table = told(made_up(own_seeds, together))
+    texts, table = told(synthetic_store(own_seeds, together))
     cells = dict(zip(table.head, table.rows[0], strict=True))
     assert [cells[name] for name in ("correlation", "var. ratio", "needs paired")] == ["-"] * 3
     assert int(cells["unpaired"]) > 100
@@ -130,6 +132,6 @@ def test_runs_for_a_precision_by_hand_and_by_the_interval_they_give() -> None:
 
 def test_a_relative_effect_without_an_upper_end_is_told() -> None:
     study = study_of({"fleet.robots": tuple(range(1, 21))}, replications=2, comparisons="pairs")
-    _, table = told(made_up(study, lambda p, r: 1.0 + p + r * (1 + p % 3)))
+    _, table = told(synthetic_store(study, lambda p, r: 1.0 + p + r * (1 + p % 3)))
     relative = [row[table.head.index("relative")] for row in table.rows]
     assert any(cell.endswith("(-100.0 to -)") for cell in relative)

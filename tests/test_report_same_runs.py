@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from made_up_results import made_up, noise, study_of
 from msgspec.structs import replace
+from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.__main__ import main
 from automaton.experiments.study import Study
-from automaton.reporting.comparing import comparisons, left_out
+from automaton.reporting.comparisons import comparisons, left_out
 from automaton.reporting.document import Table, Text
-from automaton.reporting.figures import metric_section
+from automaton.reporting.metric_tables import metric_section
 from automaton.reporting.results import Results
 from automaton.reporting.same_runs import same_remarks
 from automaton.reporting.sections import comparison_section
@@ -26,7 +26,9 @@ def one_robot_has_nobody_to_give_way_to(study: Study) -> Results:
     def real(point: int) -> int:
         return 0 if point == 1 else point
 
-    return made_up(study, lambda p, r: noise(real(p), r), digest=lambda p, r: f"{real(p)}-{r}")
+    return synthetic_store(
+        study, lambda p, r: noise(real(p), r), digest=lambda p, r: f"{real(p)}-{r}"
+    )
 
 
 def against(baseline: str = "wait", **more: object) -> Study:
@@ -65,7 +67,9 @@ def test_the_inert_factor_is_named_and_every_table_says_where() -> None:
 
 
 def test_a_factor_without_any_effect_is_named_without_a_place() -> None:
-    results = made_up(against(), lambda p, r: noise(p // 2, r), digest=lambda p, r: f"{p // 2}-{r}")
+    results = synthetic_store(
+        against(), lambda p, r: noise(p // 2, r), digest=lambda p, r: f"{p // 2}-{r}"
+    )
     (remark,) = same_remarks(results)
     assert remark.startswith("strategy.right_of_way has no effect: ")
     assert comparisons(results) == []
@@ -75,16 +79,18 @@ def test_a_factor_without_any_effect_is_named_without_a_place() -> None:
 
 def test_two_levels_of_three_with_the_same_runs_are_named_by_their_points() -> None:
     study = study_of({"strategy.right_of_way": ("wait", "queue", "retreat")}, comparisons="pairs")
-    results = made_up(study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{p and 1}-{r}")
+    results = synthetic_store(
+        study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{p and 1}-{r}"
+    )
     assert list(same_remarks(results)) == ["the same runs, digest by digest: point 2 and point 1"]
 
 
 def test_runs_that_failed_do_not_hide_that_the_others_are_the_same() -> None:
-    results = made_up(
+    results = synthetic_store(
         against(),
         lambda p, r: noise(p // 2, r),
         digest=lambda p, r: f"{p // 2}-{r}",
-        failed=lambda p, r: "killed" if (p, r) == (1, 7) else None,
+        error=lambda p, r: "killed" if (p, r) == (1, 7) else None,
     )
     assert comparisons(results) == []
 
@@ -93,7 +99,7 @@ def test_one_run_that_differs_is_enough_to_compare() -> None:
     def differs(point: int, replication: int) -> bool:
         return point % 2 == 1 and replication == 59
 
-    results = made_up(
+    results = synthetic_store(
         against(),
         lambda p, r: noise(p // 2, r) + differs(p, r),
         digest=lambda p, r: f"{p // 2}-{r}{differs(p, r)}",
@@ -103,20 +109,22 @@ def test_one_run_that_differs_is_enough_to_compare() -> None:
 
 def test_equal_digests_of_other_seeds_are_not_the_same_runs() -> None:
     own_seeds = replace(against(), common_random_numbers=False)
-    results = made_up(own_seeds, noise, seed=lambda p, r: 1000 * p + r, digest=lambda p, r: f"{r}")
+    results = synthetic_store(
+        own_seeds, noise, seed=lambda p, r: 1000 * p + r, digest=lambda p, r: f"{r}"
+    )
     assert len(comparisons(results)) == 2
 
 
 def test_the_same_runs_measured_otherwise_are_compared() -> None:
     """A warm-up changes what is counted of a run, not the run."""
-    results = made_up(against(), noise, digest=lambda p, r: f"{p // 2}-{r}")
+    results = synthetic_store(against(), noise, digest=lambda p, r: f"{p // 2}-{r}")
     assert len(comparisons(results)) == 2 and left_out(results) == 0
 
 
 def test_a_warm_up_changes_no_run_but_what_is_measured() -> None:
     """Points 1 and 2 count alike; 0 does not. One comparison is left, and no remark denies it."""
     study = study_of({"measure.warm_up": (0, 100, 200)}, comparisons="pairs")
-    results = made_up(study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{r}")
+    results = synthetic_store(study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{r}")
     assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(1, 0)]
     assert left_out(results) == 2
     assert list(same_remarks(results)) == [
@@ -126,7 +134,7 @@ def test_a_warm_up_changes_no_run_but_what_is_measured() -> None:
 
 
 def test_a_figure_that_only_one_of_two_points_has_is_measured_otherwise() -> None:
-    results = made_up(
+    results = synthetic_store(
         against(),
         lambda p, r: noise(0, r) if p % 2 == 0 or r < 30 else None,
         digest=lambda p, r: f"{p // 2}-{r}",
@@ -137,22 +145,22 @@ def test_a_figure_that_only_one_of_two_points_has_is_measured_otherwise() -> Non
 
 def test_one_seed_in_common_is_too_little() -> None:
     """59 of the 60 runs of point 1 failed; the last one is that of point 0."""
-    results = made_up(
+    results = synthetic_store(
         study_of({"fleet.robots": (1, 2)}, comparisons="pairs"),
         noise,
         digest=lambda p, r: "x" if r == 0 else f"{p}-{r}",
-        failed=lambda p, r: "killed" if p == 1 and r > 0 else None,
+        error=lambda p, r: "killed" if p == 1 and r > 0 else None,
     )
     assert left_out(results) == 0 and list(same_remarks(results)) == []
 
 
 def test_points_that_differ_where_a_third_failed_are_compared() -> None:
     """Point 0 is the same as 1 and as 2 on its 30 seeds; those two differ on the other 30."""
-    results = made_up(
+    results = synthetic_store(
         study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs"),
         lambda p, r: noise(p == 2 and r >= 30, r),
         digest=lambda p, r: f"{p if p == 2 and r >= 30 else 1}-{r}",
-        failed=lambda p, r: "killed" if p == 0 and r >= 30 else None,
+        error=lambda p, r: "killed" if p == 0 and r >= 30 else None,
     )
     assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(2, 1)]
     (remark,) = same_remarks(results)
@@ -161,11 +169,11 @@ def test_points_that_differ_where_a_third_failed_are_compared() -> None:
 
 def test_comparisons_with_twins_of_fewer_runs_are_comparisons_of_their_own() -> None:
     """Point 1 is point 0 without seed 7: what is compared with both rests on other runs."""
-    results = made_up(
+    results = synthetic_store(
         study_of({"fleet.robots": (1, 2, 3)}, comparisons="pairs"),
         lambda p, r: noise(p // 2, r),
         digest=lambda p, r: f"{p // 2}-{r}",
-        failed=lambda p, r: "killed" if (p, r) == (1, 7) else None,
+        error=lambda p, r: "killed" if (p, r) == (1, 7) else None,
     )
     assert [(a.number, b.number) for _, a, b, *_ in comparisons(results)] == [(2, 0), (2, 1)]
 
@@ -183,7 +191,7 @@ def test_the_search_for_the_same_runs_reads_each_run_once() -> None:
         __hash__ = str.__hash__
 
     study = study_of({"fleet.robots": tuple(range(1, 31))}, comparisons="none")
-    results = made_up(study, lambda p, r: noise(0, r), digest=lambda p, r: Counting(r))
+    results = synthetic_store(study, lambda p, r: noise(0, r), digest=lambda p, r: Counting(r))
     assert len(results.repeats) == 29
     assert len(list(same_remarks(results))) == 1
     assert Counting.looks < 10 * 30 * 60, "against 435 * 60 for all pairs"

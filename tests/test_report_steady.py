@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_results import made_up, noise
-from read_reports import report, tables
+from report_helpers import report, tables
+from synthetic_results import noise, synthetic_store
 
 from automaton.experiments import sweep
 from automaton.experiments.store import Store
 from automaton.experiments.study import Analysis, Point, Study
 from automaton.metrics import metrics_of
-from automaton.reporting.compose import compose
+from automaton.reporting.build_report import compose
 from automaton.reporting.cutting import cut_of
 from automaton.reporting.document import Listed
-from automaton.reporting.figures import bound
+from automaton.reporting.metric_tables import bound
 from automaton.reporting.results import Results
-from automaton.reporting.steady_state import steady_section
-from automaton.reporting.writing import as_text
+from automaton.reporting.steady_section import steady_section
+from automaton.reporting.text_output import as_text
 from automaton.scenario.reading import find
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
@@ -38,7 +38,9 @@ def test_a_steady_state_is_given_or_refused_with_its_reason() -> None:
         rate = np.concatenate([ramp, np.ones(400 - len(ramp))])
         return rng.poisson(5 * rate).tolist()  # type: ignore[no-any-return]
 
-    results = cut_off(made_up(study, noise, series=series, throughput=lambda p, r: 500.0 + r))
+    results = cut_off(
+        synthetic_store(study, noise, series=series, throughput=lambda p, r: 500.0 + r)
+    )
     blocks = list(steady_section(results))
     (table,) = tables(blocks)
     good, refused = table.rows
@@ -55,7 +57,7 @@ def test_a_steady_state_of_a_few_runs_rests_on_all_of_them() -> None:
         return [99] * 20 + rng.poisson(5, 350).tolist()  # type: ignore[no-any-return]
 
     study = replace_study(replications=7, warm_up=200)
-    results = cut_off(made_up(study, noise, series=series), declared=200)
+    results = cut_off(synthetic_store(study, noise, series=series), declared=200)
     (table,) = tables(steady_section(results))
     for row, point in zip(table.rows, (0, 1), strict=True):
         assert row[5] == "14 batch means of 7 runs"
@@ -68,7 +70,9 @@ def test_the_largest_warm_up_of_all_points_is_cut_off_at_all_of_them() -> None:
         rng = np.random.default_rng((point, replication))
         return rng.poisson([1] * (40 + 80 * point) + [9] * (360 - 80 * point)).tolist()  # type: ignore[no-any-return]
 
-    results = made_up(replace_study(replications=10, warm_up="mser-5"), noise, series=series)
+    results = synthetic_store(
+        replace_study(replications=10, warm_up="mser-5"), noise, series=series
+    )
     cut = cut_off(results).cut
     assert cut is not None and cut.found == {0: 400, 1: 1200} and cut.ticks == 1200
     declared = cut_off(results, declared=1500).cut

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.metrics import GLOSSARY, metrics_by_robot, metrics_of
+from automaton.metrics import METRIC_CATALOGUE, metrics_by_robot, metrics_of
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.station_figures import busy_ticks
+from automaton.station_metrics import busy_ticks
 from automaton.sums import metric
 from automaton.units import Unit, duration, unit
 from automaton.world.state import NIL
@@ -90,7 +90,7 @@ def test_balance_is_a_share_of_the_time_that_was_watched() -> None:
 
 def test_what_zoning_counts_is_explained(ran: Simulation) -> None:
     figures = metrics_of(ran)
-    assert {"redesigns", "balanced_share", "shared_orders"} < set(figures) <= set(GLOSSARY)
+    assert {"redesigns", "balanced_share", "shared_orders"} < set(figures) <= set(METRIC_CATALOGUE)
     assert not {"ticks_in_balance", "ticks_watched"} & set(figures)
 
 

@@ -23,9 +23,9 @@ from automaton.reproductions.auction_tables import (
     ROLLING,
 )
 from automaton.reproductions.auctions import REPRODUCTION
+from automaton.reproductions.claim_report import evidence
 from automaton.reproductions.claims import judge
-from automaton.reproductions.report import evidence
-from automaton.reproductions.study import MadeTable, Reproduced, Table
+from automaton.reproductions.reproduction_study import MadeTable, Reproduced, Table
 
 
 @pytest.fixture(scope="module")

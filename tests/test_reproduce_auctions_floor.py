@@ -9,7 +9,7 @@ import pytest
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
-from automaton.parallel import run_jobs
+from automaton.process_pool import run_jobs
 from automaton.reproductions import find
 from automaton.reproductions.claims import judge
 from automaton.reproductions.living_auctions import CHARGING, KINDS, SATURATED
@@ -21,7 +21,7 @@ from automaton.reproductions.living_runs import (
     with_failure,
     with_lines,
 )
-from automaton.reproductions.study import Reproduced, reproduce
+from automaton.reproductions.reproduction_study import Reproduced, reproduce
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 
@@ -105,8 +105,8 @@ def test_looking_at_lines_changes_no_run() -> None:
 def test_jobs_come_back_in_their_order_whoever_does_them() -> None:
     scenarios = [resolve(name, ["orders.count=10"]) for name in ("depots", "depots-full")]
     jobs = [(scenarios[seed % 2], seed) for seed in range(1, 8)]
-    alone = run_jobs(jobs, 1, conduct=to_the_end)
-    assert run_jobs(jobs, 2, conduct=to_the_end) == alone
+    alone = run_jobs(jobs, 1, run_function=to_the_end)
+    assert run_jobs(jobs, 2, run_function=to_the_end) == alone
     assert [result.seed for result in alone] == list(range(1, 8))
     assert all("recovered" in result.metrics for result in alone)
 

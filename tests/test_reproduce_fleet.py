@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from automaton.reproductions import find
-from automaton.reproductions.study import ScenarioCase, run_scenarios
+from automaton.reproductions.reproduction_study import ScenarioCase, run_scenarios
 from automaton.reproductions.traffic_fleet import (
     A_STAR,
     AVOIDANCE,

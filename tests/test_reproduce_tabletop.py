@@ -16,11 +16,11 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.parallel import run_all
+from automaton.process_pool import run_all
 from automaton.reproductions import REPRODUCTIONS, find
+from automaton.reproductions.claim_report import evidence
 from automaton.reproductions.claims import Claim, Figure, judge
-from automaton.reproductions.report import evidence
-from automaton.reproductions.study import Reproduced, reproduce
+from automaton.reproductions.reproduction_study import Reproduced, reproduce
 from automaton.reproductions.tabletop import (
     REPRODUCTION,
     T_R,
@@ -29,7 +29,7 @@ from automaton.reproductions.tabletop import (
     published,
 )
 from automaton.scenario.resolve import resolve
-from automaton.statistics.student import student
+from automaton.statistics.t_distribution import student
 
 SIXTH = ("T_total", "T_R", "least_picks", "sixth_idle")
 METRICS = ("T_total", "T_R", "T_Rtotal", "E_U_moves", "E_U_operations", "E_U_cycles")

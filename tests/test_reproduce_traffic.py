@@ -14,7 +14,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.reproductions.claims import JudgedClaim, judge
-from automaton.reproductions.study import Reproduced, Row, reproduce
+from automaton.reproductions.reproduction_study import Reproduced, Row, reproduce
 from automaton.reproductions.traffic import REPRODUCTION
 from automaton.reproductions.traffic_claims import CLAIMS, PLAIN, READINGS
 from automaton.reproductions.traffic_trials import (

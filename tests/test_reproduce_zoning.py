@@ -11,13 +11,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_once import made_once
+from shared_fixture import shared_fixture
 
 from automaton.commands import main
-from automaton.parallel import run_jobs
+from automaton.process_pool import run_jobs
 from automaton.reproductions import find
 from automaton.reproductions.claims import Claim, JudgedClaim, judge
-from automaton.reproductions.study import MadeTable, Reproduced, reproduce, tables_named
+from automaton.reproductions.reproduction_study import (
+    MadeTable,
+    Reproduced,
+    reproduce,
+    tables_named,
+)
 from automaton.reproductions.zoning import beside_reference, further
 from automaton.reproductions.zoning_cases import (
     DDZ,
@@ -48,7 +53,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduced:
     def run() -> list[Any]:
         return [table.results for table in reproduce(zoning, 2, workers=1).tables]
 
-    results = made_once(tmp_path_factory, "zoning", run)
+    results = shared_fixture(tmp_path_factory, "zoning", run)
     found = [
         MadeTable(table, table.cases(()), of) for table, of in zip(tables, results, strict=True)
     ]
@@ -121,7 +126,7 @@ def test_the_way_to_the_first_station_does_not_count() -> None:
 def test_runs_are_the_same_whoever_does_them() -> None:
     resolved = resolve("factory", SETTINGS[SA])
     jobs = [(resolved, seed) for seed in range(1, 3)]
-    assert run_jobs(jobs, 1, conduct=completed) == run_jobs(jobs, 2, conduct=completed)
+    assert run_jobs(jobs, 1, run_function=completed) == run_jobs(jobs, 2, run_function=completed)
 
 
 def test_the_time_ends_with_the_last_work(made: Reproduced) -> None:
@@ -241,7 +246,7 @@ def test_a_table_with_intervals_and_ranks(
         kept[:] = kept or [reproduce(*how, **more)]
         return kept[0]
 
-    monkeypatch.setattr("automaton.reproductions.study.reproduce", once)
+    monkeypatch.setattr("automaton.reproductions.reproduction_study.reproduce", once)
     command = ["reproduce", "zoning", "--seeds", "2", "--workers", "1", "--tables", "claim"]
     assert main(command) == 0
     text = capsys.readouterr().out

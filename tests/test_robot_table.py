@@ -6,17 +6,28 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from panel_stage import NARROW, Stage, click, deadlocked, of_robot, on_stage, said, text
+from panel_harness import (
+    NARROW,
+    PanelHarness,
+    click,
+    deadlocked,
+    of_robot,
+    run_in_harness,
+    said,
+    text,
+)
 from textual.pilot import Pilot
 
 from automaton.history.snapshot import Fleet
 from automaton.world.observation import CAUSE_REDUCED_SPEED
-from tui.shot import Figures
+from tui.playback_state import Figures
 from tui.view import View
-from tui.widgets.robot_columns import COLUMNS, Column, ordered
+from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS, Column, ordered
 from tui.widgets.robots import Robots
 
-PLAIN = [c for c in COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")]
+PLAIN = [
+    c for c in ROBOT_TABLE_COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")
+]
 TITLES = [column.title for column in PLAIN]  # without types, batteries, plans and zones to serve
 ALL = 80  # columns for the whole table
 
@@ -31,9 +42,9 @@ def crowd(many: int) -> View:
         )
         for field in fields(Fleet)
     }
-    figures = Figures(300, view.shot.figures[0].metrics, np.arange(many), np.full(many, 0.5))
+    figures = Figures(300, view.playback.figures[0].metrics, np.arange(many), np.full(many, 0.5))
     snapshot = replace(view.snapshot, robots=Fleet(**copies))
-    return replace(view, shot=replace(view.shot, snapshots=(snapshot,), figures=(figures,)))
+    return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))
 
 
 def rows_of(robots: Robots) -> list[list[str]]:
@@ -43,13 +54,13 @@ def rows_of(robots: Robots) -> list[list[str]]:
 def test_all_columns_tell_what_the_snapshot_says() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         view = crowd(5)  # of its own: it is changed here
         view.snapshot.robots.lost[2, CAUSE_REDUCED_SPEED] = 7
         robots.show(view)
         await pilot.pause()
         assert [title.strip("▴▾") for title in said(robots)[0].split()] == TITLES
-        fleet, figures = view.snapshot.robots, view.shot.figures[0]
+        fleet, figures = view.snapshot.robots, view.playback.figures[0]
         waited = 300 - int(fleet.since[2])
         x, y = view.floor_plan.xy(int(fleet.cell[2]))
         assert rows_of(robots)[2] == [
@@ -57,10 +68,10 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
             *(f"{x},{y}", "7", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
         ]
 
-    on_stage(robots, story, ALL, 20)
+    run_in_harness(robots, story, ALL, 20)
 
 
-@pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.title)
+@pytest.mark.parametrize("column", ROBOT_TABLE_COLUMNS, ids=lambda column: column.title)
 def test_each_column_sorts_both_ways(column: Column) -> None:
     view = deadlocked()
     keys = np.asarray(column.keys(view)).tolist()
@@ -73,7 +84,7 @@ def test_each_column_sorts_both_ways(column: Column) -> None:
 def test_a_click_on_a_title_sorts_and_another_turns_it_round() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         await pilot.pause()
         await click(pilot, robots, "waits ")
@@ -83,13 +94,13 @@ def test_a_click_on_a_title_sorts_and_another_turns_it_round() -> None:
         await click(pilot, robots, "waits")
         assert "waits▴" in said(robots)[0] and rows_of(robots)[0][0] == "0"
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)
 
 
 def test_keys_sort_and_show_other_columns() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         robots.focus()
         await pilot.press("c", "c")
@@ -103,13 +114,13 @@ def test_keys_sort_and_show_other_columns() -> None:
         await pilot.press("right")
         assert "waits" in said(robots)[0] and "doing" not in said(robots)[0]
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)
 
 
 def test_a_narrow_table_leads_on_by_mouse() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         await pilot.pause()
         assert said(robots)[0].endswith("▹") and "cell" not in said(robots)[0]
@@ -119,13 +130,13 @@ def test_a_narrow_table_leads_on_by_mouse() -> None:
         assert "ops" in said(robots)[0] and "◃" in said(robots)[0]
         assert all(len(row) <= robots.width for row in said(robots))
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)
 
 
 def test_a_click_or_enter_selects_the_robot() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         await pilot.pause()
         await pilot.click(robots, offset=(5, 4))
@@ -133,20 +144,20 @@ def test_a_click_or_enter_selects_the_robot() -> None:
         await pilot.press("down", "enter")
         assert stage.wishes() == [("robot", 3), ("robot", 4)]
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)
 
 
 def test_the_cursor_goes_to_the_robot_that_is_selected_elsewhere_and_stays_with_it() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         robots.show(of_robot(deadlocked(), 3))
         assert robots.cursor == 3
         robots.sort_by(0, greatest_first=True)
         assert robots.cursor == 1 and robots.order[1] == 3
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)
 
 
 def test_of_a_thousand_robots_only_those_in_sight_are_written() -> None:
@@ -155,7 +166,7 @@ def test_of_a_thousand_robots_only_those_in_sight_are_written() -> None:
     row = robots.row
     robots.row = lambda index: written.append(index) or row(index)  # type: ignore[method-assign, func-returns-value]
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(crowd(1000))
         await pilot.pause()
         assert len(set(written)) <= 20
@@ -163,4 +174,4 @@ def test_of_a_thousand_robots_only_those_in_sight_are_written() -> None:
         await pilot.press("up", *["pagedown"] * 60)
         assert rows_of(robots)[-1][0] == "999" and "999" in text(robots)
 
-    on_stage(robots, story, NARROW, 20)
+    run_in_harness(robots, story, NARROW, 20)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from panel_stage import busy, moment, of_cell, of_robot, shown
+from panel_harness import busy, moment, of_cell, of_robot, shown
 
 from automaton.commands.check import described
 from automaton.headless import run_once
@@ -23,7 +23,7 @@ from automaton.strategy import lookup, paths
 from automaton.strategy.layer import Strategy
 from automaton.world.state import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVERED
 from tui.widgets.inspector import Inspector
-from tui.widgets.robot_columns import COLUMNS
+from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS
 
 TUG = {"name": "tug", "robots": 1, "move_time_factor": 3, "payload": 5}
 SHUTTLE = {"name": "shuttle", "payload": 2}
@@ -312,9 +312,9 @@ def test_the_viewer_tells_types_and_closed_cells() -> None:
     assert "type shuttle" in shown(Inspector(), of_robot(view, 1))
     assert "closed to tug" in shown(Inspector(), of_cell(view, 4, 0))
     assert "closed to" not in shown(Inspector(), of_cell(view, 5, 0))
-    columns = {column.title: column for column in COLUMNS if column.there(view)}
+    columns = {column.title: column for column in ROBOT_TABLE_COLUMNS if column.there(view)}
     assert [columns["type"].text(view, robot) for robot in (0, 1)] == ["tug", "shuttle"]
-    assert "type" not in {column.title for column in COLUMNS if column.there(busy())}
+    assert "type" not in {column.title for column in ROBOT_TABLE_COLUMNS if column.there(busy())}
 
 
 def test_an_order_that_needs_both_types_is_doubted() -> None:

@@ -7,11 +7,11 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from drawn_recordings import E, W, played, rules
+from handmade_recordings import E, W, played, rules
 
 from automaton.errors import InputError
 from automaton.recording.codes import CHANGE_DURATION
-from automaton.recording.frames import TICKS
+from automaton.recording.frames import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_recording
 from automaton.scenario.resolve import resolve
@@ -60,7 +60,7 @@ def test_a_load_too_heavy_for_its_robot() -> None:
     assert validate_recording(recording.header, recording.frames).valid
     header = {**recording.header, "orders": {**recording.header["orders"], "weight": np.array([4])}}
     assert rules(validate_recording(header, recording.frames)) == ["payload"]
-    assert any(kind == TICKS for kind, _ in recording.frames)
+    assert any(kind == FRAME_KIND_TICKS for kind, _ in recording.frames)
 
 
 FILE = """\

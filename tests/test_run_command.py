@@ -13,15 +13,15 @@ import pytest
 from metric_names import OF_OTHER_RUNS
 
 from automaton.commands import main
-from automaton.headless import WINDOW, run_once
-from automaton.metrics import GLOSSARY
+from automaton.headless import WINDOW_TICKS, run_once
+from automaton.metrics import METRIC_CATALOGUE
 from automaton.scenario.resolve import resolve
 from automaton.simulation import RECORD_TICKS, Simulation
 from automaton.sizing.question import read_target
 from automaton.units import Unit, listed, number, unit
 from automaton.world.rules import tick_length
 
-METRICS = [name for name in GLOSSARY if name not in OF_OTHER_RUNS]
+METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
 from automaton.strategy.layer import Strategy, memory_of
@@ -110,8 +110,8 @@ def test_looking_at_a_run_now_and_then_does_not_change_it() -> None:
     seen: list[int] = []
     watched = run_once(resolved, on_window=lambda simulation: seen.append(simulation.tick))
     assert watched.digest == run_once(resolved).digest
-    assert seen == [*range(0, watched.ticks, WINDOW), watched.ticks]
-    assert WINDOW % RECORD_TICKS == 0
+    assert seen == [*range(0, watched.ticks, WINDOW_TICKS), watched.ticks]
+    assert WINDOW_TICKS % RECORD_TICKS == 0
 
 
 def test_the_report_in_a_pipe_has_80_columns_and_no_colours(

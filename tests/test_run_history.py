@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.errors import InputError
-from automaton.history.chronicle import Chronicle
+from automaton.history.event_history import EventHistory
 from automaton.history.live import LiveRun, branch_of
 from automaton.history.playback import Playback
 from automaton.history.run import RecordedRun, Run
@@ -38,12 +38,12 @@ class Moody(Strategy):
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)
-        self.asked = 0
+        self.question = 0
 
     def decide(self, view, batch, decisions, memory, workspace):
         for k in range(batch.count[0]):
-            self.asked += 1
-            if self.asked % 97 == 0 and not view.robots.parked[batch.robot[k]]:
+            self.question += 1
+            if self.question % 97 == 0 and not view.robots.parked[batch.robot[k]]:
                 decisions.right_of_way.command[k], decisions.right_of_way.value[k] = 3, 1
 
 
@@ -91,7 +91,7 @@ def same(one: Simulation, other: Simulation) -> bool:
 
 
 def told(run: Run) -> tuple[list[Any], list[Any]]:
-    return run.chronicle.events.tolist(), run.chronicle.curve.rows.tolist()
+    return run.event_history.events.tolist(), run.event_history.curve.rows.tolist()
 
 
 # Going back and on
@@ -145,7 +145,7 @@ def test_the_shown_tick_stays_when_the_front_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
     go(live(*FLEET, path=path), 700).close()
     run = go(RecordedRun(read_recording(path)), 50)
-    assert run.extend() and run.front.tick > 50
+    assert run.extend() and run.leading_simulation.tick > 50
     assert run.tick == 50 == run.shown.tick and same(run.shown, straight(*FLEET, until=50))
 
 
@@ -243,7 +243,10 @@ def test_a_branch_makes_a_difference() -> None:
     run = go(live(*FLEET), 300)
     branch = branch_of(run, CHANGES["durations"])
     assert not same(go(branch, 400).shown, go(run, 400).shown)
-    assert branch.chronicle.curve.rows[:300].tolist() == run.chronicle.curve.rows[:300].tolist()
+    assert (
+        branch.event_history.curve.rows[:300].tolist()
+        == run.event_history.curve.rows[:300].tolist()
+    )
 
 
 def test_a_branch_at_the_last_tick_goes_on_when_the_limit_is_raised(tmp_path: Path) -> None:
@@ -326,7 +329,7 @@ def test_a_run_whose_strategy_fails_ends_with_the_tick_before(tmp_path: Path) ->
     with pytest.raises(InputError, match=r"FailsLater' raised ZeroDivisionError: own mistake"):
         run.show(400, 99)
     assert run.tick == run.head == run.end == 49 == run.shown.tick and not run.live
-    assert run.chronicle.known == 49
+    assert run.event_history.known == 49
     assert run.show(400, 99) == 49 and go(run, 20) and go(run, 49)
     run.close()
     recording = read_recording(path)
@@ -342,36 +345,36 @@ def test_the_chronicle_takes_each_tick_once() -> None:
     first = told(run)
     for tick in (100, 600, 0, 599, 300):
         go(run, tick)
-    assert told(run) == first and run.chronicle.known == 600
+    assert told(run) == first and run.event_history.known == 600
     go(run, 900)
     assert told(run)[0][: len(first[0])] == first[0]
     assert told(run) == told(go(live(*FLEET), 900))
-    ticks = run.chronicle.events[:, 0]
+    ticks = run.event_history.events[:, 0]
     assert (np.diff(ticks) >= 0).all() and ticks[0] >= 1 and ticks[-1] <= 900
 
 
 def test_a_chronicle_may_be_played_to_again_and_again(tmp_path: Path) -> None:
-    path, chronicle = tmp_path / "run.rec", Chronicle()
+    path, event_history = tmp_path / "run.rec", EventHistory()
     run = go(live(*FLEET, path=path), 700)
     run.close()
     recording = read_recording(path)
-    playback = Playback(recording.header, recording.stored(), on_observe=chronicle)
+    playback = Playback(recording.header, recording.stored(), on_observe=event_history)
     for tick in (100, 50, 300, 299, 301, 10, 700):
         playback.go_to(tick)
-    assert (chronicle.events.tolist(), chronicle.curve.rows.tolist()) == told(run)
+    assert (event_history.events.tolist(), event_history.curve.rows.tolist()) == told(run)
 
 
 def test_deliveries_in_the_chronicle_are_those_of_the_orders() -> None:
     run = live(*FLEET)
     last = run.show(10**6, 99)
-    events = run.chronicle.events
+    events = run.event_history.events
     mine = {(t, s) for t, code, _, s, _ in events.tolist() if code == EVENT_DELIVERED}
     delivered = run.shown.world.orders.delivered
     assert mine == {(int(t), order) for order, t in enumerate(delivered) if t != NIL}
     for tick in (1, 700, last):
         count = ((delivered != NIL) & (delivered <= tick)).sum()
-        assert run.chronicle.curve.rows[tick - 1, DELIVERED_ORDERS] == count
-        index = run.chronicle.index_at(tick)
+        assert run.event_history.curve.rows[tick - 1, DELIVERED_ORDERS] == count
+        index = run.event_history.index_at(tick)
         assert (events[:index, 0] <= tick).all() and (events[index:, 0] > tick).all()
 
 
@@ -394,10 +397,14 @@ class FullDisk:
 def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
     run = live(*FLEET, path=path)
-    assert run.journal.file is not None
-    run.journal.file._file = FullDisk(run.journal.file._file, 4_000)  # type: ignore[assignment]
+    assert run.recorder.file is not None
+    run.recorder.file._file = FullDisk(run.recorder.file._file, 4_000)  # type: ignore[assignment]
     last = run.show(10**6, 99)
-    assert run.front.finished and "No space left" in run.trouble and str(path) in run.trouble
+    assert (
+        run.leading_simulation.finished
+        and "No space left" in run.warning
+        and str(path) in run.warning
+    )
     assert same(go(run, 300).shown, straight(*FLEET, until=300))  # the past is in memory
     run.close()
     kept = read_recording(path.with_name("run.rec.part"))

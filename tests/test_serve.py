@@ -15,10 +15,10 @@ import pytest
 pytest.importorskip("textual_serve")
 
 import aiohttp
-from stand_ins import TOKEN, Served, read_until, running, served, wait_for_end
+from fake_viewer import TOKEN, Served, read_until, running, served, wait_for_end
 
+from tui.serve import browser_session as session_module
 from tui.serve import server as server_module
-from tui.serve import session as session_module
 from tui.serve.environment import clean
 
 
@@ -331,7 +331,7 @@ def test_keys_keep_a_session_alive(tmp_path: Path) -> None:
 def test_more_sessions_than_allowed_are_told_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_module, "PATIENCE_S", 0.3)
+    monkeypatch.setattr(server_module, "SESSION_SLOT_TIMEOUT_S", 0.3)
 
     async def told(server: Served) -> None:
         async with server.connect() as first, server.connect() as second:
@@ -361,7 +361,7 @@ def test_a_reloaded_page_gets_the_place_it_gave_up(tmp_path: Path) -> None:
 def test_nothing_runs_after_the_browser_went(
     tmp_path: Path, manner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session_module, "GRACE_S", 0.5)
+    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 0.5)
 
     async def told(server: Served) -> None:
         browser = await server.connect()
@@ -380,7 +380,7 @@ def test_nothing_runs_after_the_browser_went(
 def test_nothing_runs_after_the_server_ended(
     tmp_path: Path, manner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session_module, "GRACE_S", 0.5)
+    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 0.5)
     pids: list[int] = []
     browsers: list[aiohttp.ClientWebSocketResponse] = []  # kept, so that they stay connected
 
@@ -397,15 +397,15 @@ def test_nothing_runs_after_the_server_ended(
 def test_a_session_that_begins_while_the_server_ends_ends_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    start = session_module.Session.start
+    start = session_module.BrowserSession.start
 
-    async def slow(self: session_module.Session, width: int, height: int) -> None:
+    async def slow(self: session_module.BrowserSession, width: int, height: int) -> None:
         await asyncio.sleep(0.5)  # as on a busy machine
         await start(self, width, height)
         started.append(self)
 
-    monkeypatch.setattr(session_module.Session, "start", slow)
-    started: list[session_module.Session] = []
+    monkeypatch.setattr(session_module.BrowserSession, "start", slow)
+    started: list[session_module.BrowserSession] = []
     browsers: list[aiohttp.ClientWebSocketResponse] = []
 
     async def told(server: Served) -> None:
@@ -419,7 +419,7 @@ def test_a_session_that_begins_while_the_server_ends_ends_at_once(
 def test_a_request_that_the_server_gave_up_leaves_no_session(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(session_module, "GRACE_S", 0.5)
+    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 0.5)
     monkeypatch.setattr(server_module, "SHUTDOWN_S", 0.1)
     monkeypatch.setattr(server_module.ViewerServer, "on_shutdown", lambda *_: asyncio.sleep(0))
     pids: list[int] = []

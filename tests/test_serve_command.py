@@ -15,8 +15,8 @@ import pytest
 pytest.importorskip("textual_serve")
 
 import aiohttp
-from hearing import hearing
-from stand_ins import TOKEN, wait_for_end
+from fake_viewer import TOKEN, wait_for_end
+from signal_process import signal_process
 
 from automaton.commands import main
 from automaton.commands.serve import viewer
@@ -27,7 +27,7 @@ from tui.serve.address import origin
 def test_the_command_prints_its_address_and_ends_on_a_signal(number: signal.Signals) -> None:
     command = [sys.executable, "-m", "automaton", "serve", "tabletop-mini", "--port", "0"]
     process = subprocess.Popen(
-        hearing(number, command),
+        signal_process(number, command),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from automaton.jit_struct import Struct
 from automaton.kernels.visibility import is_visible, is_zone_visible, mask_world, zone_of_order
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.struct import Struct
 from automaton.world.state import NIL
 
 # What everybody knows: the floor and the rules, the calendar, the order list with the slots in it, how

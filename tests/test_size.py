@@ -16,23 +16,23 @@ from statistics_trials import synthetic
 from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.parallel import Rounds
+from automaton.process_pool import PersistentPool
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.sizing.candidates import Candidate, Place, Run, judged
+from automaton.sizing.candidates import Candidate, FleetConfig, Run, judged
 from automaton.sizing.charts import picture
-from automaton.sizing.follow_up import Purse
-from automaton.sizing.question import Target, question, read_target
-from automaton.sizing.report import print_answer
+from automaton.sizing.follow_up import RunBudget
+from automaton.sizing.question import Target, make_question, read_target
 from automaton.sizing.runner import (
     Checked,
     Fleets,
-    conducted_with_use,
     longer,
     replication_seeds,
+    run_and_measure_use,
 )
 from automaton.sizing.search import Search
-from automaton.sizing.session import Session
+from automaton.sizing.sizing_report import print_answer
+from automaton.sizing.sizing_session import SizingSession
 from automaton.units import Unit
 from automaton.world.state import ORDER_DELIVERED
 
@@ -40,8 +40,8 @@ ZERO = Target("makespan", True, 0.0)
 
 
 def searched(shares: list[float], budget: int = 100_000, **more: Any) -> Search:
-    asked = question(ZERO, (1, len(shares)), budget=budget, **more)
-    search = Search(asked, "", synthetic(shares, np.random.default_rng(1)), budget)
+    question = make_question(ZERO, (1, len(shares)), budget=budget, **more)
+    search = Search(question, "", synthetic(shares, np.random.default_rng(1)), budget)
     search.go()
     return search
 
@@ -73,21 +73,21 @@ def test_a_budget_that_ends_before_any_fleet_passes_leaves_the_top_open() -> Non
 
 
 def test_bounds_exclude_without_runs() -> None:
-    asked = question(ZERO, (1, 3))
+    question = make_question(ZERO, (1, 3))
     run = synthetic([1.0, 1.0, 1.0], np.random.default_rng(1))
-    search = Search(asked, "", run, asked.budget, {1: "too much work"})
+    search = Search(question, "", run, question.budget, {1: "too much work"})
     search.go()
     assert search.answer.robots == 2
     assert search.candidates[0].runs == []
 
 
 def test_a_run_that_does_not_finish_fails() -> None:
-    def censored(place: Place, first: int, number: int) -> list[Run]:
+    def censored(place: FleetConfig, first: int, number: int) -> list[Run]:
         return [Run(False, {"makespan": 0.0})] * number
 
     for mean in (False, True):
-        asked = question(ZERO, (1, 1), mean=mean, indifference=0.02)
-        search = Search(asked, "", censored, asked.budget)
+        question = make_question(ZERO, (1, 1), mean=mean, indifference=0.02)
+        search = Search(question, "", censored, question.budget)
         search.go()
         assert search.answer.kind == "not reachable"
 
@@ -106,62 +106,64 @@ def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
 
 
 def test_means_are_judged_in_the_direction_of_the_target() -> None:
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         rng = np.random.default_rng(place.robots)
         values = rng.normal(10 * place.robots, 3, first + number)[first:]
         return [Run(True, {"throughput": value}) for value in values]
 
-    at_least = question(Target("throughput", False, 25.0), (1, 5), mean=True, indifference=1.0)
+    at_least = make_question(Target("throughput", False, 25.0), (1, 5), mean=True, indifference=1.0)
     search = Search(at_least, "", run, at_least.budget)
     search.go()
     assert search.answer.robots == 3
-    at_most = question(Target("throughput", True, 25.0), (1, 5), mean=True, indifference=1.0)
+    at_most = make_question(Target("throughput", True, 25.0), (1, 5), mean=True, indifference=1.0)
     search = Search(at_most, "", run, at_most.budget)
     search.go()
     assert search.answer.robots == 1
 
 
 def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
-    asked = question(Target("makespan", True, 100.0), (1, 1), mean=True)
+    question = make_question(Target("makespan", True, 100.0), (1, 1), mean=True)
     good, cut = Run(True, {"makespan": 90.0}), Run(False, {"makespan": 90.0})
-    assert judged([good] * 250 + [cut], asked) == judged([good] * 250, asked) == ("meets", 200)
-    assert judged([good] * 150 + [cut] + [good] * 100, asked) == ("fails", 151)
+    assert (
+        judged([good] * 250 + [cut], question) == judged([good] * 250, question) == ("meets", 200)
+    )
+    assert judged([good] * 150 + [cut] + [good] * 100, question) == ("fails", 151)
 
 
 def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         rng = np.random.default_rng(len(place.strategy))
         values = rng.normal(100 if place.strategy == "better" else 110, 5, first + number)
         slow = 1000 if place.robots < 2 else 0
         return [Run(True, {"makespan": value + slow}) for value in values[first:]]
 
-    asked = question(Target("makespan", True, 200.0), (1, 4), ("worse", "better"))
-    assert asked.candidates == 8
-    session = Session(asked, run)
+    question = make_question(Target("makespan", True, 200.0), (1, 4), ("worse", "better"))
+    assert question.candidates == 8
+    session = SizingSession(question, run)
     session.go()
     assert [search.answer.robots for search in session.searches] == [2, 2]
     assert session.best is not None and session.best.left == ("better",)
-    assert session.place == Place(2, "better")
+    assert session.place == FleetConfig(2, "better")
     gain = session.gains["worse"].effect
     assert gain is not None and gain.difference.value == pytest.approx(-1000, abs=5)
-    assert session.spent <= asked.budget and session.complete
+    assert session.spent <= question.budget and session.complete
 
 
 def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> None:
     rng = np.random.default_rng(1)
     sure, edge = synthetic([0.1, 0.1, 1.0], rng), synthetic([0.1, 0.95, 1.0], rng)
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         return (edge if place.strategy == "edge" else sure)(place, first, number)
 
-    session = Session(question(ZERO, (1, 3), ("edge", "sure"), budget=1200), run)
+    session = SizingSession(make_question(ZERO, (1, 3), ("edge", "sure"), budget=1200), run)
     session.go()
-    assert session.place == Place(3, "sure")
+    assert session.place == FleetConfig(3, "sure")
     assert not session.settled
     assert session.searches[0].answer == ("undecided", 3, 2)
 
 
-def texts(session: Session) -> str:
+def texts(session: SizingSession) -> str:
     out = Console(file=io.StringIO(), width=120)
     print_answer(out, session, "made up", "", 0.0)
     assert isinstance(out.file, io.StringIO)
@@ -170,8 +172,8 @@ def texts(session: Session) -> str:
 
 def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
     target = read_target("makespan<=30s", Unit(0.5, "s"))
-    session = Session(
-        question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
+    session = SizingSession(
+        make_question(target, (1, 1), mean=True), synthetic([1.0], np.random.default_rng(1))
     )
     told = texts(session)
     assert "so that makespan <= 60 ticks (30 s)?" in told
@@ -179,14 +181,14 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
 
 
 def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         return [Run(r != 7, {"makespan": 0.0}) for r in range(first, first + number)]
 
-    session = Session(question(ZERO, (1, 1), budget=500), run)
+    session = SizingSession(make_question(ZERO, (1, 1), budget=500), run)
     session.go()
     told = texts(session)
     assert f"Answer: 1 robot; 1 of {session.spent} runs did not finish\n" in told
-    assert "did not finish" not in texts(Session(session.asked, run))
+    assert "did not finish" not in texts(SizingSession(session.question, run))
 
 
 def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> None:
@@ -199,7 +201,7 @@ def test_orders_that_are_listed_are_the_same_demand_in_all_runs(capsys: Any) -> 
 
 def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> None:
     run = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1))
-    session = Session(question(ZERO, (1, 2), budget=1000), run, {1: "too much work"})
+    session = SizingSession(make_question(ZERO, (1, 2), budget=1000), run, {1: "too much work"})
     session.go()
     assert len(session.searches[0].candidates[0].runs) == 60  # for what the second robot gains
     told = texts(session)
@@ -210,9 +212,11 @@ def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> N
 
 def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
     run = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1))
-    session = Session(question(ZERO, (1, 3), budget=450), run, {}, {10: ["durations.turn=2"]})
+    session = SizingSession(
+        make_question(ZERO, (1, 3), budget=450), run, {}, {10: ["durations.turn=2"]}
+    )
     session.go()
-    assert session.moved == [] and session.place == Place(2)
+    assert session.moved == [] and session.place == FleetConfig(2)
     left = 450 - session.spent
     assert 0 < left < 300
     assert f"longer: not examined, which takes 300 runs: {left} of the budget are left" in texts(
@@ -223,29 +227,31 @@ def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
 def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
     """Runs that are shown for the largest fleet may decide it."""
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         return [
             Run(True, {"makespan": float(r in (10, 11, 12))}) for r in range(first, first + number)
         ]
 
-    asked = question(ZERO, (1, 1), ("slow",), budget=900, success_share=0.9, indifference=0.05)
-    session = Session(asked, run, {}, {10: ["durations.turn=2"]})
-    search = Search(asked, "slow", run, 30)
+    question = make_question(
+        ZERO, (1, 1), ("slow",), budget=900, success_share=0.9, indifference=0.05
+    )
+    session = SizingSession(question, run, {}, {10: ["durations.turn=2"]})
+    search = Search(question, "slow", run, 30)
     search.go()
     session.searches.append(search)
     assert session.place is None
-    session._follow_up(Purse(run, 800))
-    assert session.place == Place(1, "slow") and len(session.moved) == 1
+    session._follow_up(RunBudget(run, 800))
+    assert session.place == FleetConfig(1, "slow") and len(session.moved) == 1
 
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
-    monkeypatch.setattr("automaton.parallel.PATIENCE_S", 0.0)
-    asked = question(Target("makespan", True, 1700.0), (1, 4), budget=400)
+    monkeypatch.setattr("automaton.process_pool.POOL_START_DELAY_S", 0.0)
+    question = make_question(Target("makespan", True, 1700.0), (1, 4), budget=400)
     found = []
     for workers in (1, 2):
-        with Rounds(workers, conducted_with_use) as rounds:
+        with PersistentPool(workers, run_and_measure_use) as rounds:
             fleets = Fleets("tabletop-mini", (), None, rounds)
-            session = Session(asked, fleets, fleets.excluded(asked), {10: [""]})
+            session = SizingSession(question, fleets, fleets.excluded(question), {10: [""]})
             session.go()
             found.append([one.runs for search in session.searches for one in search.candidates])
             place = session.place
@@ -274,7 +280,7 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
 
 def test_the_candidates_are_drawn_one_below_the_other() -> None:
     search = searched([0.0, 0.5, 1.0])
-    head, *lines, ends = picture(search, search.asked)
+    head, *lines, ends = picture(search, search.question)
     assert head == "robots  share with its 95 % interval; | indifference zone"
     assert re.fullmatch(r" {5}1  o-+ +\| \|", lines[0])  # far from the zone, which begins at 93 %
     assert re.fullmatch(r" {5}2  +-+o-+ +\| \|", lines[1])
@@ -298,12 +304,12 @@ def test_shares_and_means_are_plotted(capsys: Any, tmp_path: Path) -> None:
 
 
 def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:
-    asked = question(ZERO._replace(value=100.0), (1, 2), mean=True, indifference=5.0)
-    search = Search(asked, "", lambda *_: [], asked.budget)
+    question = make_question(ZERO._replace(value=100.0), (1, 2), mean=True, indifference=5.0)
+    search = Search(question, "", lambda *_: [], question.budget)
     for robots, ticks in ((1, [128.0, 132.0]), (2, [80.0, 80.0])):
-        search.candidates.append(Candidate(Place(robots)))
+        search.candidates.append(Candidate(FleetConfig(robots)))
         search.candidates[-1].runs = [Run(True, {"makespan": one}) for one in ticks]
-    head, one, two, ends = picture(search, asked)
+    head, one, two, ends = picture(search, question)
     assert head == "robots  mean makespan with its 95 % interval; | indifference zone"
     low, high = (int(text) for text in ends.split())
     at = {value: 8 + round((value - low) / (high - low) * 60) for value in (80, 95, 105, 130)}
@@ -373,7 +379,7 @@ def test_durations_ten_percent_longer_in_whole_ticks() -> None:
 def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
     calls, run = 0, Fleets.__call__
 
-    def interrupted(fleets: Fleets, place: Place, first: int, number: int) -> list[Run]:
+    def interrupted(fleets: Fleets, place: FleetConfig, first: int, number: int) -> list[Run]:
         nonlocal calls
         calls += 1
         if calls > 4:
@@ -391,11 +397,11 @@ def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
 
 
 def test_the_first_run_tells_whether_there_is_such_a_metric() -> None:
-    asked = question(Target("energy", True, 1.0), (1, 1))
-    with Rounds(1, conducted_with_use) as rounds:
-        runner = Checked(Fleets("tabletop-mini", (), None, rounds), asked)
+    question = make_question(Target("energy", True, 1.0), (1, 1))
+    with PersistentPool(1, run_and_measure_use) as rounds:
+        runner = Checked(Fleets("tabletop-mini", (), None, rounds), question)
         with pytest.raises(InputError, match="does not measure energy"):
-            runner(Place(1), 0, 5)
+            runner(FleetConfig(1), 0, 5)
 
 
 SMALL = ["fleet.robots=3", "orders.count=200", "stop.max_duration=600", "measure.warm_up=200"]
@@ -404,7 +410,7 @@ SMALL = ["fleet.robots=3", "orders.count=200", "stop.max_duration=600", "measure
 def test_figures_of_a_steady_state_leave_the_start_up_out() -> None:
     """Robots start empty: before their first orders are done nothing is delivered."""
     run = Simulation(resolve("warehouse-100", SMALL))
-    figures = conducted_with_use(run)
+    figures = run_and_measure_use(run)
     orders = run.world.orders
     late = int(((orders.state == ORDER_DELIVERED) & (orders.delivered > 200)).sum())
     assert figures["delivered"] == late < int((orders.state == ORDER_DELIVERED).sum())

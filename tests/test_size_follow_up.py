@@ -10,10 +10,10 @@ import pytest
 from statistics_trials import synthetic
 
 from automaton.commands import main
-from automaton.sizing.candidates import Candidate, NotRunnable, Place, Run
-from automaton.sizing.follow_up import Purse, best_of
-from automaton.sizing.question import Target, question
-from automaton.sizing.session import Session
+from automaton.sizing.candidates import Candidate, FleetConfig, InfeasibleFleetError, Run
+from automaton.sizing.follow_up import RunBudget, best_of
+from automaton.sizing.question import Target, make_question
+from automaton.sizing.sizing_session import SizingSession
 
 ZERO = Target("makespan", True, 0.0)
 LONGER = {-10: ["durations.turn=1"], 10: ["durations.turn=2"]}
@@ -39,12 +39,12 @@ def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
 def test_durations_that_no_fleet_can_have_are_not_examined() -> None:
     fleets = synthetic([1.0], np.random.default_rng(1))
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         if place.percent == 10:
-            raise NotRunnable("too long")
+            raise InfeasibleFleetError("too long")
         return fleets(place, first, number)
 
-    session = Session(question(ZERO, (1, 1)), run, {}, LONGER)
+    session = SizingSession(make_question(ZERO, (1, 1)), run, {}, LONGER)
     session.go()
     assert session.settled and session.complete
     assert [len(one.fleets) for one in session.moved] == [1, 0]
@@ -53,14 +53,14 @@ def test_durations_that_no_fleet_can_have_are_not_examined() -> None:
 def test_ctrl_c_keeps_what_followed_so_far_and_counts_it() -> None:
     fleets, made = synthetic([0.0, 1.0, 1.0], np.random.default_rng(1)), 0
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         nonlocal made
-        if place == Place(2, percent=10):
+        if place == FleetConfig(2, percent=10):
             raise KeyboardInterrupt
         made += number
         return fleets(place, first, number)
 
-    session = Session(question(ZERO, (1, 3)), run, {}, LONGER)
+    session = SizingSession(make_question(ZERO, (1, 3)), run, {}, LONGER)
     with pytest.raises(KeyboardInterrupt):
         session.go()
     assert [one.percent for one in session.moved] == [-10]
@@ -70,16 +70,16 @@ def test_ctrl_c_keeps_what_followed_so_far_and_counts_it() -> None:
 def test_strategies_that_drop_out_get_no_further_runs() -> None:
     """Two are so much alike that they take many runs; the third is far off from the first on."""
 
-    def run(place: Place, first: int, number: int) -> list[Run]:
+    def run(place: FleetConfig, first: int, number: int) -> list[Run]:
         mean = {"far": 150, "near": 101, "best": 100}[place.strategy]
         rng = np.random.default_rng(mean)
         values = rng.normal(mean, 10, first + number)[first:]
         return [Run(True, {"makespan": value}) for value in values]
 
-    fleets = [Candidate(Place(1, strategy)) for strategy in ("far", "near", "best")]
-    asked = question(Target("makespan", True, 200.0), (1, 1), ("far", "near", "best"))
-    purse = Purse(run, 10_000)
-    best = best_of(fleets, purse, asked, zone=0.5)
+    fleets = [Candidate(FleetConfig(1, strategy)) for strategy in ("far", "near", "best")]
+    question = make_question(Target("makespan", True, 200.0), (1, 1), ("far", "near", "best"))
+    run_budget = RunBudget(run, 10_000)
+    best = best_of(fleets, run_budget, question, zone=0.5)
     assert best is not None and best.left == ("best",)
     assert best.runs[0] == 200 < best.runs[1] == best.runs[2]
-    assert purse.spent == sum(best.runs) == sum(len(one.runs) for one in fleets)
+    assert run_budget.spent == sum(best.runs) == sum(len(one.runs) for one in fleets)

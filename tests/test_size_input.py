@@ -9,9 +9,9 @@ import pytest
 from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.parallel import Rounds
-from automaton.sizing.question import Target, question, read_robots, read_target, robots_of
-from automaton.sizing.runner import Fleets, conducted_with_use
+from automaton.process_pool import PersistentPool
+from automaton.sizing.question import Target, make_question, read_robots, read_target, robots_of
+from automaton.sizing.runner import Fleets, run_and_measure_use
 from automaton.sizing.strategies import strategies_named, strategies_of
 from automaton.units import Unit
 
@@ -77,11 +77,11 @@ def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None
     assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
     code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
     assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
-    with Rounds(1, conducted_with_use) as rounds:
+    with PersistentPool(1, run_and_measure_use) as rounds:
         fleets = Fleets("factory", any_fleet, None, rounds)
-        asked = question(Target("makespan", True, 18_000.0), (1, 5))
-        fleets.check(asked)
-        excluded = fleets.excluded(asked)
+        question = make_question(Target("makespan", True, 18_000.0), (1, 5))
+        fleets.check(question)
+        excluded = fleets.excluded(question)
     assert list(excluded) == [1, 2, 3, 4, 5]
     assert (
         excluded[1] == "makespan is at least 36,620 ticks: work of 36,620 robot ticks shared by 1"

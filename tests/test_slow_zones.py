@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_floors import pictures
 from random_strategies import Mood
 
-from automaton.history.chronicle import Chronicle
+from automaton.history.event_history import EventHistory
 from automaton.metrics import metrics_of
 from automaton.picture import Story
 from automaton.recording.codes import ACTION_MASK, LEFT_PARKING_BAY, MOVE_NORTH
@@ -174,7 +174,7 @@ class Watcher:
         self.traffic_zones, self.world_rules = case.traffic_zones, case.resolved.scenario.world
         self.move = case.resolved.scenario.durations.move
         self.recorder = MemoryRecorder(case.resolved)
-        self.run = Simulation(case.resolved, on_record=self.recorder, on_observe=Chronicle())
+        self.run = Simulation(case.resolved, on_record=self.recorder, on_observe=EventHistory())
         self.moves: dict[int, Move] = {}
         self.held: set[int] = set()  # robots in the zones that moves began in
         self.lost: Counter[int] = Counter()  # ticks beyond the duration, by robot

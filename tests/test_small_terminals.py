@@ -6,9 +6,9 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from viewing import Watched, screen_text, viewing
+from viewer_harness import Watched, screen_text, viewing
 
-from tui.widgets.too_small import COLUMNS, ROWS, size_classes
+from tui.widgets.too_small import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 
 OVER = {"slash": ("Find", (50, 20)), "ctrl+p": ("10 ticks", (80, 12))}  # key: a word, a size
 
@@ -29,7 +29,8 @@ def test_over_a_dialog_the_message_is_seen_and_then_the_dialog_with_its_caret_ag
             await user.until(lambda word=word: word in screen_text(user.app), word)
             focused = user.app.screen.focused
             await user.pilot.resize_terminal(*small)
-            said = f"automaton needs {COLUMNS}x{ROWS}, has {small[0]}x{small[1]}"
+            said = f"automaton needs {MIN_TERMINAL_COLUMNS}x{MIN_TERMINAL_ROWS}, "
+            said += f"has {small[0]}x{small[1]}"
             await user.until(lambda said=said: screen_text(user.app).strip() == said, said)
             await user.pilot.resize_terminal(80, 24)
             await user.until(lambda word=word: word in screen_text(user.app), word)
@@ -81,15 +82,15 @@ def test_the_palette_has_its_lower_edge_on_the_smallest_screen() -> None:
     async def tell(user: Watched) -> None:
         await user.press("ctrl+p")
         await user.until(lambda: "10 ticks" in screen_text(user.app))
-        assert "\u2581" * COLUMNS in screen_text(user.app)
+        assert "\u2581" * MIN_TERMINAL_COLUMNS in screen_text(user.app)
 
-    story(tell, (COLUMNS, ROWS))
+    story(tell, (MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS))
 
 
 def test_the_last_row_names_whole_keys_and_always_help_and_the_way_out() -> None:
     async def tell(user: Watched) -> None:
-        for width, words in ((COLUMNS, 7), (80, 10), (COLUMNS, 7)):
-            await user.pilot.resize_terminal(width, ROWS)
+        for width, words in ((MIN_TERMINAL_COLUMNS, 7), (80, 10), (MIN_TERMINAL_COLUMNS, 7)):
+            await user.pilot.resize_terminal(width, MIN_TERMINAL_ROWS)
 
             def fits(words: int = words) -> bool:
                 row = screen_text(user.app).splitlines()[-1].rstrip()
@@ -97,7 +98,7 @@ def test_the_last_row_names_whole_keys_and_always_help_and_the_way_out() -> None
 
             await user.until(fits, screen_text(user.app))
 
-    story(tell, (COLUMNS, ROWS))
+    story(tell, (MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS))
 
 
 @pytest.mark.parametrize(

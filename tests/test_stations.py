@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from powered import recorded_run, scene
+from battery_scenes import recorded_run, scene
 
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
 from automaton.recording.codes import CHANGE_DROPPED
-from automaton.recording.frames import TICKS
+from automaton.recording.frames import FRAME_KIND_TICKS
 from automaton.recording.validator import validate_stored
 from automaton.simulation import Simulation
 from automaton.world.state import NIL, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_WAITING
@@ -154,7 +154,7 @@ def spoiled(change: Any) -> set[str]:
     """The rules that a recording breaks after `change(header, first rows of changes)`."""
     _, recorder = recorded_run(line([{"route": [1, 2, 3], "count": 2}], work=5))
     recording = recorder.recording()
-    frame = next(frame for frame in recording.frames if frame.kind == TICKS)
+    frame = next(frame for frame in recording.frames if frame.kind == FRAME_KIND_TICKS)
     change(recording.header, frame.content["changes"])
     return {violation.rule for violation in validate_stored(recording).violations}
 

@@ -12,9 +12,9 @@ from scipy import stats
 from statistics_trials import coverage, drawn_from, false_families
 
 from automaton.statistics.effects import effect
-from automaton.statistics.families import bonferroni, holm
-from automaton.statistics.intervals import ENOUGH, mean_interval, skewness
-from automaton.statistics.student import incomplete_beta, student, tails
+from automaton.statistics.intervals import STUDENT_MIN_RUNS, mean_interval, skewness
+from automaton.statistics.multiple_comparisons import bonferroni, holm
+from automaton.statistics.t_distribution import incomplete_beta, student, tails
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=80)
 
@@ -127,7 +127,7 @@ def test_a_higher_level_gives_a_wider_interval() -> None:
     assert narrow.half is not None and wide.half is not None and wide.half > narrow.half
 
 
-@pytest.mark.parametrize("n", [10, ENOUGH])
+@pytest.mark.parametrize("n", [10, STUDENT_MIN_RUNS])
 def test_coverage_of_normal_runs_in_small(n: int) -> None:
     rng = np.random.default_rng(3)
     found = coverage(lambda studies, size: rng.normal(5, 1, (studies, size)), 5.0, n, 400)
@@ -155,7 +155,7 @@ def test_differences_hold_at_the_level_of_a_family_in_small() -> None:
 
 def test_coverage_of_skewed_runs_in_small() -> None:
     pool = np.random.default_rng(4).gamma(1.1, 1, 50_000)  # skew 1.9, that of table-top runs
-    found = coverage(drawn_from(pool, 5), float(pool.mean()), ENOUGH, 400)
+    found = coverage(drawn_from(pool, 5), float(pool.mean()), STUDENT_MIN_RUNS, 400)
     assert 0.91 <= found <= 0.98
 
 

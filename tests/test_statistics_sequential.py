@@ -18,10 +18,10 @@ from statistics_trials import (
     wrong_means,
 )
 
+from automaton.statistics.proportions import confidence_sequence, share_test
 from automaton.statistics.selection import batches, feasible, region, select_least
-from automaton.statistics.shares import confidence_sequence, share_test
-from automaton.statistics.steady import (
-    Refused,
+from automaton.statistics.steady_state import (
+    NotSteadyError,
     batch_means,
     correlation_time,
     independent,
@@ -159,11 +159,11 @@ def test_mser_cuts_the_warm_up_off() -> None:
 def test_mser_refuses_what_is_not_stationary_and_what_is_too_little() -> None:
     rng = np.random.default_rng(1)
     growing = np.linspace(0, 50, 1000) ** 2 + rng.normal(0, 1, (5, 1000))
-    with pytest.raises(Refused, match="not stationary or too short"):
+    with pytest.raises(NotSteadyError, match="not stationary or too short"):
         mser5(growing)
-    with pytest.raises(Refused, match="needs 5 replications, there are 4"):
+    with pytest.raises(NotSteadyError, match="needs 5 replications, there are 4"):
         mser5(np.zeros((4, 1000)))
-    with pytest.raises(Refused, match="observations"):
+    with pytest.raises(NotSteadyError, match="observations"):
         mser5(np.zeros((5, 20)))
 
 
@@ -171,9 +171,9 @@ def test_replication_deletion_needs_twenty() -> None:
     rng = np.random.default_rng(1)
     series = rng.normal(3, 1, (60, 200))
     assert replication_deletion(series, 50).holds(3.0)
-    with pytest.raises(Refused, match="20 replications, there are 19"):
+    with pytest.raises(NotSteadyError, match="20 replications, there are 19"):
         replication_deletion(series[:19], 50)
-    with pytest.raises(Refused, match="leaves nothing"):
+    with pytest.raises(NotSteadyError, match="leaves nothing"):
         replication_deletion(series, 200)
 
 
@@ -192,9 +192,9 @@ def test_batch_means_of_a_queue_hold_its_delay() -> None:
     few = batch_means(several)  # of a few runs all count
     assert (few.n, few.method) == (14, "14 batch means of 7 runs")
     assert few.value == pytest.approx(several.mean())
-    with pytest.raises(Refused, match="observations"):
+    with pytest.raises(NotSteadyError, match="observations"):
         batch_means(series[0, :100])
-    with pytest.raises(Refused, match="depend"):
+    with pytest.raises(NotSteadyError, match="depend"):
         batch_means(np.linspace(0, 1, 1000))
 
 

@@ -8,25 +8,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from read_reports import report
-from sweeping import swept_here
+from report_helpers import report
+from sweep_studies import swept_here
 
 from automaton.errors import InputError
-from automaton.experiments.names import STRETCHES, metric_names
-from automaton.experiments.plan import check_study
+from automaton.experiments.names import SUMS_COLUMN, metric_names
 from automaton.experiments.store import Store, arrow
+from automaton.experiments.sweep_plan import check_study
 from automaton.measured_run import run_marked, sums_by_stretch
 from automaton.metrics import counted, metrics_of
 from automaton.reporting import cutting
-from automaton.reporting.compose import compose
+from automaton.reporting.build_report import compose
 from automaton.reporting.floor_maps import floor_maps
 from automaton.reporting.results import read_results
-from automaton.reporting.writing import as_text
+from automaton.reporting.text_output import as_text
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
-from automaton.statistics.steady import mser5, mser5_of_means
+from automaton.statistics.steady_state import mser5, mser5_of_means
 from automaton.sums import metric
-from automaton.tasks import tasks_after
+from automaton.task_metrics import tasks_after
 from automaton.world.state import NIL, ORDER_DELIVERED
 
 pytest.importorskip("pyarrow")
@@ -244,11 +244,11 @@ def poisoned(store: Store) -> Any:
             name: None if values is None else [10**6 + row] * kept + values[kept:]
             for name, values in run.items()
         }
-        for row, run in enumerate(table.column(STRETCHES).to_pylist())
+        for row, run in enumerate(table.column(SUMS_COLUMN).to_pylist())
     ]
-    field = table.schema.field(STRETCHES)
+    field = table.schema.field(SUMS_COLUMN)
     return table.set_column(
-        table.schema.get_field_index(STRETCHES), field, pa.array(sums, field.type)
+        table.schema.get_field_index(SUMS_COLUMN), field, pa.array(sums, field.type)
     )
 
 

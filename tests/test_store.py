@@ -18,17 +18,17 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from sweeping import environment, plain, row_files, small_study, swept_here
+from sweep_studies import environment, plain, row_files, small_study, swept_here
 
+from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.experiments import session, sweeping, writing
+from automaton.experiments import sweep_session, sweeping, writing
 from automaton.experiments.keys import Run
-from automaton.experiments.plan import Plan, plan_of
-from automaton.experiments.pools import GivenExecutor
+from automaton.experiments.pools import ExternalExecutor
 from automaton.experiments.runs import Row
-from automaton.experiments.store import Damaged, Store, read_rows
-from automaton.experiments.writing import Writer, locked
-from automaton.whole_file import written
+from automaton.experiments.store import DamagedFileError, Store, read_rows
+from automaton.experiments.sweep_plan import SweepPlan, make_sweep_plan
+from automaton.experiments.writing import Writer, lock_folder
 
 
 def made_up(run: Run) -> Row:
@@ -40,22 +40,22 @@ def made_up(run: Run) -> Row:
     return {
         **run._asdict(),
         "finished": True,
-        "failed": None,
+        "error": None,
         **figures,
         **times,
         "metrics": metrics,
     }
 
 
-def declared(folder: Path, replications: int = 50) -> tuple[Plan, Store]:
+def declared(folder: Path, replications: int = 50) -> tuple[SweepPlan, Store]:
     """A folder for the small study, without rows."""
-    plan = plan_of(small_study(folder, replications))
+    plan = make_sweep_plan(small_study(folder, replications))
     out = folder / "out"
     (out / "rows").mkdir(parents=True)
-    return plan, session.opened(out, plan)[0]
+    return plan, sweep_session.open_results(out, plan)[0]
 
 
-def filled(folder: Path, batch: int = 20) -> tuple[Plan, Store]:
+def filled(folder: Path, batch: int = 20) -> tuple[SweepPlan, Store]:
     """A folder with made-up rows of 200 runs, in files of so many rows."""
     plan, store = declared(folder)
     writer = Writer(store)
@@ -152,7 +152,7 @@ def test_no_damage_goes_unnoticed(seed: int, tmp_path: Path) -> None:
             bad[draw.randrange(len(bad))] ^= 1 << draw.randrange(8)
         path.write_bytes(bytes(bad[: draw.choice((len(bad), draw.randrange(len(bad))))]))
         if path.read_bytes() != good:
-            with pytest.raises(Damaged):
+            with pytest.raises(DamagedFileError):
                 read_rows(path)
     path.write_bytes(good)
     assert read_rows(path).num_rows == 200
@@ -174,7 +174,7 @@ def test_damaged_files_are_set_aside_and_their_runs_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writing, "BATCH_ROWS", 8)
-    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    monkeypatch.setattr(sweeping, "MAX_SWEEP_CHUNK", 2)
     monkeypatch.setattr(writing.Writer, "merge", lambda self, only_small=False: None)
     study, out = small_study(tmp_path), tmp_path / "out"
     expected = plain(swept_here(study, out))
@@ -210,19 +210,19 @@ def test_files_that_are_damaged_while_a_sweep_goes_on_are_noticed_at_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writing, "BATCH_ROWS", 2)
-    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
-    plan, out = plan_of(small_study(tmp_path)), tmp_path / "out"
+    monkeypatch.setattr(sweeping, "MAX_SWEEP_CHUNK", 2)
+    plan, out = make_sweep_plan(small_study(tmp_path)), tmp_path / "out"
     expected = plain(swept_here(small_study(tmp_path)))
     with ThreadPoolExecutor(1) as executor:
-        crew, heard = GivenExecutor(executor), []
-        swept = session.sweep_into(
-            out, plan, lambda: crew, on_begun=heard.append, on_rows=damaging(out, times=1)
+        backend, heard = ExternalExecutor(executor), []
+        swept = sweep_session.sweep_into(
+            out, plan, lambda: backend, on_begun=heard.append, on_rows=damaging(out, times=1)
         )
         assert plain(swept.store.rows()) == expected and swept.tally.done == 26
         assert [(begun.done, len(begun.aside)) for begun in heard] == [(0, 0), (22, 1)]
         with pytest.raises(InputError, match=r"lacks .* of 24, since files of rows were damaged"):
-            session.sweep_into(
-                tmp_path / "bad", plan, lambda: crew, on_rows=damaging(tmp_path / "bad", 99)
+            sweep_session.sweep_into(
+                tmp_path / "bad", plan, lambda: backend, on_rows=damaging(tmp_path / "bad", 99)
             )
 
 
@@ -232,7 +232,7 @@ def test_a_full_disk_is_told_and_loses_nothing(
     study, out = small_study(tmp_path), tmp_path / "out"
     expected = plain(swept_here(study))
     monkeypatch.setattr(writing, "BATCH_ROWS", 4)
-    monkeypatch.setattr(sweeping, "LARGEST_CHUNK", 2)
+    monkeypatch.setattr(sweeping, "MAX_SWEEP_CHUNK", 2)
     full = fill_the_disk(monkeypatch, after=2)
     with pytest.raises(InputError, match="no space left on device; all finished runs are kept"):
         swept_here(study, out)
@@ -260,7 +260,7 @@ def test_the_room_that_is_kept_is_really_taken(
 def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
     """Have files of rows fail for want of room, unless the reserve has been given back."""
     full = [True]
-    real, written = writing.write_whole, []
+    real, written = writing.write_atomically, []
 
     def write(path: Path, content: bytes) -> None:
         if path.suffix == ".parquet":
@@ -269,7 +269,7 @@ def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(path, content)
 
-    monkeypatch.setattr(writing, "write_whole", write)
+    monkeypatch.setattr(writing, "write_atomically", write)
     return full
 
 
@@ -294,7 +294,7 @@ def test_a_row_that_cannot_be_written_has_failed_and_the_others_are_kept(
     writer.hold(rows)
     writer.close()
     assert len(store.keys()) == 200 and store.failed() == {rows[3]["key"]}
-    (why,) = (why for why in store.rows().column("failed").to_pylist() if why)
+    (why,) = (why for why in store.rows().column("error").to_pylist() if why)
     assert why.startswith("its row cannot be written: ")
 
 
@@ -325,7 +325,7 @@ def test_what_the_disk_refuses_is_told_in_one_sentence(
 
     monkeypatch.setattr(place, call, refuse)
     with pytest.raises(InputError, match=f"(?i){said}"):
-        session.sweep_into(store.folder, plan, lambda: pytest.fail("nothing is to be done"))
+        sweep_session.sweep_into(store.folder, plan, lambda: pytest.fail("nothing is to be done"))
 
 
 def test_a_file_on_a_read_only_file_system_is_told(
@@ -337,7 +337,7 @@ def test_a_file_on_a_read_only_file_system_is_told(
     monkeypatch.setattr(Path, "open", refuse)
     monkeypatch.setattr(Path, "unlink", refuse)
     said = r"r\.html: cannot write it: Read-only file system"
-    with pytest.raises(InputError, match=said), written(tmp_path / "r.html"):
+    with pytest.raises(InputError, match=said), atomic_writer(tmp_path / "r.html"):
         pass
 
 
@@ -361,7 +361,7 @@ def test_rows_are_read_by_the_thread_that_asks(
 
 def test_one_sweep_writes_to_a_folder_at_a_time(tmp_path: Path) -> None:
     study, out = small_study(tmp_path), tmp_path / "out"
-    with locked(out):
+    with lock_folder(out):
         command = [sys.executable, "-m", "automaton", "sweep", str(study), "--out", str(out)]
         done = subprocess.run(command, capture_output=True, text=True, env=environment())
     assert done.returncode == 2

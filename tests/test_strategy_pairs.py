@@ -76,8 +76,8 @@ def test_a_jam_is_told_apart_from_doing_nothing(
     path = tmp_path / "head-on.yaml"
     path.write_text(HEAD_ON)
     simulation = Simulation(resolve(path, [setting]))
-    still = np.zeros(len(simulation.world.robots.cell), np.int64)
-    run_to_end(simulation, still=still)
-    found = judged(simulation, still)
+    last_worked = np.zeros(len(simulation.world.robots.cell), np.int64)
+    run_to_end(simulation, last_worked=last_worked)
+    found = judged(simulation, last_worked)
     assert found.word == word and told in found.told
     assert found.is_fault == word.isupper()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from powered import recorded_run, scene
+from battery_scenes import recorded_run, scene
 
 from automaton.history.run import RecordedRun
 from automaton.picture import picture_of, world_from

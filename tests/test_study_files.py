@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.experiments.json_schema import study_schema
-from automaton.experiments.plan import check_study, plan_of
 from automaton.experiments.study import (
     Analysis,
     Study,
@@ -25,6 +24,7 @@ from automaton.experiments.study import (
     shipped_studies,
     study_document,
 )
+from automaton.experiments.sweep_plan import check_study, make_sweep_plan
 from automaton.scenario.reading import SHIPPED_FOLDER, shipped
 
 GOOD = """name: good
@@ -84,7 +84,7 @@ def test_factors_are_crossed_and_the_last_runs_fastest(tmp_path: Path) -> None:
         baseline={"strategy.allocation": "independent"},
         comparisons="baseline",
     )
-    plan = plan_of(path)
+    plan = make_sweep_plan(path)
     assert [resolved.scenario.fleet.robots for resolved in plan.scenarios[::4]] == [1, 2, 3]
 
 
@@ -362,7 +362,7 @@ def test_levels_may_be_ranges_and_of_numpy() -> None:
                 metrics=("ticks",), comparisons="baseline", baseline={"fleet.robots": np.int64(1)}
             ),
         )
-        assert [point.levels for point in plan_of(study).points] == [
+        assert [point.levels for point in make_sweep_plan(study).points] == [
             {"fleet.robots": 1},
             {"fleet.robots": 2},
         ]

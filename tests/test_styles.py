@@ -11,7 +11,16 @@ import pytest
 from tui.render import styles
 from tui.render.depth import Depth, depth_of, glyphs_of
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet, code, text
-from tui.render.styles import COLOURS, FLOOR, HEAT_0, STYLES, ZONE_0, Look, contrast, style
+from tui.render.styles import (
+    COLOUR_FLOOR,
+    COLOUR_HEAT_0,
+    COLOUR_ZONE_0,
+    COLOURS,
+    STYLE_COUNT,
+    Look,
+    contrast,
+    style,
+)
 
 COLOURED = [
     Look(depth, theme)
@@ -22,66 +31,97 @@ every_look = pytest.mark.parametrize(
     "look", COLOURED, ids=lambda look: f"{look.depth.name}-{look.theme}"
 )
 ROBOTS = (
-    *(styles.ROBOT, styles.LOADED, styles.PARKED, styles.CHARGING, styles.LOW),
-    *(styles.WAITS, styles.FAULT, styles.SELECTED),
+    *(
+        styles.COLOUR_ROBOT,
+        styles.COLOUR_LOADED,
+        styles.COLOUR_PARKED,
+        styles.COLOUR_CHARGING,
+        styles.COLOUR_LOW_BATTERY,
+    ),
+    *(styles.COLOUR_WAITING, styles.COLOUR_FAULT, styles.COLOUR_SELECTED),
 )
 CELLS = (
-    *(styles.WALL, styles.RACK, styles.SHELF, styles.BAY, styles.TURNTABLE),
-    *(styles.CHARGER, styles.DESTINATION, styles.DOCK, styles.STATION, styles.LOAD),
+    *(
+        styles.COLOUR_WALL,
+        styles.COLOUR_RACK,
+        styles.COLOUR_SHELF,
+        styles.COLOUR_BAY,
+        styles.COLOUR_TURNTABLE,
+    ),
+    *(
+        styles.COLOUR_CHARGER,
+        styles.COLOUR_DESTINATION,
+        styles.COLOUR_DOCK,
+        styles.COLOUR_STATION,
+        styles.COLOUR_LOAD,
+    ),
 )
-WRITTEN = (styles.TEXT, styles.DIM, styles.DONE, styles.ROUTE)
-HEAT = range(HEAT_0, HEAT_0 + 9)
-ZONES = range(ZONE_0, ZONE_0 + 8)
+WRITTEN = (styles.COLOUR_TEXT, styles.COLOUR_DIM, styles.COLOUR_DONE, styles.COLOUR_ROUTE)
+HEAT = range(COLOUR_HEAT_0, COLOUR_HEAT_0 + 9)
+ZONES = range(COLOUR_ZONE_0, COLOUR_ZONE_0 + 8)
 
 
-def ink(look: Look, colour: int) -> int:
-    return look.pair(style(colour, FLOOR))[0]
+def fg(look: Look, colour: int) -> int:
+    return look.pair(style(colour, COLOUR_FLOOR))[0]
 
 
-def clearness(look: Look, colour: int, paper: int) -> float:
-    return contrast(*look.pair(style(colour, paper)), look.depth)
+def clearness(look: Look, colour: int, bg: int) -> float:
+    return contrast(*look.pair(style(colour, bg)), look.depth)
 
 
 def test_the_first_style_is_the_plain_floor_and_the_first_code_is_blank() -> None:
-    assert style(FLOOR, FLOOR) == 0
+    assert style(COLOUR_FLOOR, COLOUR_FLOOR) == 0
     assert code(0, UNICODE.blank) == 0
     assert UNICODE.characters[0] == ASCII.characters[0] == " "
 
 
 def test_styles_and_codes_are_made_of_arrays_of_any_kind() -> None:
-    inks = np.array([styles.ROBOT, styles.SELECTED], np.uint8)
-    made = style(inks, styles.MARKED)
-    assert made.tolist() == [style(int(one), styles.MARKED) for one in inks]
+    foregrounds = np.array([styles.COLOUR_ROBOT, styles.COLOUR_SELECTED], np.uint8)
+    made = style(foregrounds, styles.COLOUR_MARKED)
+    assert made.tolist() == [style(int(one), styles.COLOUR_MARKED) for one in foregrounds]
     codes = code(made, UNICODE.digits[7])
     assert codes.dtype == np.uint32
     assert (codes >> 16).tolist() == made.tolist()
     assert (codes & 0xFFFF).tolist() == [ord("7")] * 2
-    assert style(FLOOR, inks).tolist() == inks.tolist()
+    assert style(COLOUR_FLOOR, foregrounds).tolist() == foregrounds.tolist()
 
 
 def test_another_paper_changes_neither_glyph_nor_ink() -> None:
-    codes = code(style(np.array([styles.ROBOT, styles.FAULT]), ZONE_0), np.array([200, 65]))
-    expected = code(
-        style(np.array([styles.ROBOT, styles.FAULT]), styles.CURSOR), np.array([200, 65])
+    codes = code(
+        style(np.array([styles.COLOUR_ROBOT, styles.COLOUR_FAULT]), COLOUR_ZONE_0),
+        np.array([200, 65]),
     )
-    assert styles.repapered(codes, styles.CURSOR).tolist() == expected.tolist()
-    back = styles.repapered(expected, np.array([ZONE_0, ZONE_0]))
+    expected = code(
+        style(np.array([styles.COLOUR_ROBOT, styles.COLOUR_FAULT]), styles.COLOUR_CURSOR),
+        np.array([200, 65]),
+    )
+    assert styles.with_background(codes, styles.COLOUR_CURSOR).tolist() == expected.tolist()
+    back = styles.with_background(expected, np.array([COLOUR_ZONE_0, COLOUR_ZONE_0]))
     assert back.tolist() == codes.tolist()
 
 
 @every_look
 def test_no_two_states_of_a_robot_and_no_two_kinds_of_zone_or_heat_merge(look: Look) -> None:
-    groups = [ROBOTS] if look.depth == Depth.SIXTEEN else [(*ROBOTS, *CELLS), (*ZONES, FLOOR), HEAT]
+    groups = (
+        [ROBOTS]
+        if look.depth == Depth.SIXTEEN
+        else [(*ROBOTS, *CELLS), (*ZONES, COLOUR_FLOOR), HEAT]
+    )
     for group in groups:
         for one, other in combinations(group, 2):
-            assert ink(look, one) != ink(look, other), (COLOURS[one].name, COLOURS[other].name)
+            assert fg(look, one) != fg(look, other), (COLOURS[one].name, COLOURS[other].name)
 
 
 @every_look
 def test_robots_have_other_colours_than_what_stands_around_them(look: Look) -> None:
-    ground = {ink(look, colour) for colour in (FLOOR, *CELLS)}
-    moving = (styles.ROBOT, styles.WAITS, styles.FAULT, styles.SELECTED)
-    assert not ground & {ink(look, colour) for colour in moving}
+    ground = {fg(look, colour) for colour in (COLOUR_FLOOR, *CELLS)}
+    moving = (
+        styles.COLOUR_ROBOT,
+        styles.COLOUR_WAITING,
+        styles.COLOUR_FAULT,
+        styles.COLOUR_SELECTED,
+    )
+    assert not ground & {fg(look, colour) for colour in moving}
 
 
 @every_look
@@ -89,22 +129,30 @@ def test_signs_on_the_floor_are_legible(look: Look) -> None:
     """WCAG asks 4.5 of text and 3 of signs; of 16 colours each terminal has its own."""
     text_at_least, sign_at_least = (2.0, 2.0) if look.depth == Depth.SIXTEEN else (4.5, 2.5)
     for colour in WRITTEN:
-        for paper in (FLOOR, styles.VOID):
-            assert clearness(look, colour, paper) >= text_at_least, COLOURS[colour].name
-    for colour in (*CELLS, styles.TRACK, styles.FLOW):
-        assert clearness(look, colour, FLOOR) >= sign_at_least, COLOURS[colour].name
+        for bg in (COLOUR_FLOOR, styles.COLOUR_VOID):
+            assert clearness(look, colour, bg) >= text_at_least, COLOURS[colour].name
+    for colour in (*CELLS, styles.COLOUR_TRACK, styles.COLOUR_FLOW):
+        assert clearness(look, colour, COLOUR_FLOOR) >= sign_at_least, COLOURS[colour].name
     for colour in ROBOTS:
-        assert clearness(look, colour, FLOOR) >= max(sign_at_least, 2.0), COLOURS[colour].name
+        assert clearness(look, colour, COLOUR_FLOOR) >= max(sign_at_least, 2.0), COLOURS[
+            colour
+        ].name
 
 
 @every_look
 def test_robots_are_legible_on_every_paper(look: Look) -> None:
-    papers = (*HEAT, *ZONES, styles.MARKED, styles.CURSOR, styles.SELECTED)
+    backgrounds = (
+        *HEAT,
+        *ZONES,
+        styles.COLOUR_MARKED,
+        styles.COLOUR_CURSOR,
+        styles.COLOUR_SELECTED,
+    )
     for colour in ROBOTS:
-        for paper in papers:
-            if (colour, paper) != (styles.SELECTED, styles.SELECTED):
-                names = COLOURS[colour].name, COLOURS[paper].name
-                assert clearness(look, colour, paper) >= styles.LEGIBLE, names
+        for bg in backgrounds:
+            if (colour, bg) != (styles.COLOUR_SELECTED, styles.COLOUR_SELECTED):
+                names = COLOURS[colour].name, COLOURS[bg].name
+                assert clearness(look, colour, bg) >= styles.LEGIBLE, names
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])
@@ -113,7 +161,7 @@ def test_heat_rises_from_the_floor_in_steps_that_grow_brighter_or_darker(
     theme: styles.Theme, depth: Depth
 ) -> None:
     look = Look(depth, theme)
-    levels = [look.pair(style(level, FLOOR)) for level in HEAT]
+    levels = [look.pair(style(level, COLOUR_FLOOR)) for level in HEAT]
     assert levels[0] == look.pair(0)
     black = {Depth.INDEXED: 16, Depth.TRUE: 0}[depth]
     brightness = [contrast(value, black, depth) for value, _ in levels]
@@ -123,8 +171,14 @@ def test_heat_rises_from_the_floor_in_steps_that_grow_brighter_or_darker(
 
 def test_a_robot_on_a_hot_cell_takes_its_ink_of_the_other_theme() -> None:
     dark = Look(Depth.TRUE, "dark")
-    assert dark.pair(style(styles.ROBOT, HEAT_0 + 2))[0] == COLOURS[styles.ROBOT].dark.true
-    assert dark.pair(style(styles.ROBOT, HEAT_0 + 8))[0] == COLOURS[styles.ROBOT].light.true
+    assert (
+        dark.pair(style(styles.COLOUR_ROBOT, COLOUR_HEAT_0 + 2))[0]
+        == COLOURS[styles.COLOUR_ROBOT].dark.true
+    )
+    assert (
+        dark.pair(style(styles.COLOUR_ROBOT, COLOUR_HEAT_0 + 8))[0]
+        == COLOURS[styles.COLOUR_ROBOT].light.true
+    )
 
 
 def test_a_picture_of_pixels_shows_grounds_as_they_are() -> None:
@@ -136,45 +190,62 @@ def test_a_picture_of_pixels_shows_grounds_as_they_are() -> None:
 @pytest.mark.parametrize("depth", Depth)
 def test_what_matters_most_is_painted_first_and_the_floor_last(depth: Depth) -> None:
     rank = Look(depth).rank
-    assert len(set(rank.tolist())) == STYLES
+    assert len(set(rank.tolist())) == STYLE_COUNT
     order = (
-        *(styles.SELECTED, styles.FAULT, styles.LOADED, styles.ROBOT, styles.ROUTE),
-        *(styles.LOAD, styles.SHELF, styles.FLOOR_MARK, FLOOR),
+        *(
+            styles.COLOUR_SELECTED,
+            styles.COLOUR_FAULT,
+            styles.COLOUR_LOADED,
+            styles.COLOUR_ROBOT,
+            styles.COLOUR_ROUTE,
+        ),
+        *(styles.COLOUR_LOAD, styles.COLOUR_SHELF, styles.COLOUR_FLOOR_MARK, COLOUR_FLOOR),
     )
-    assert sorted(order, key=lambda colour: rank[style(colour, FLOOR)]) == list(order)
-    assert rank[style(styles.TRACK, styles.SELECTED)] < rank[style(styles.FAULT, FLOOR)]
+    assert sorted(order, key=lambda colour: rank[style(colour, COLOUR_FLOOR)]) == list(order)
+    assert (
+        rank[style(styles.COLOUR_TRACK, styles.COLOUR_SELECTED)]
+        < rank[style(styles.COLOUR_FAULT, COLOUR_FLOOR)]
+    )
 
 
 def test_without_colour_no_colour_is_sent_and_attributes_tell_what_needs_attention() -> None:
     look = Look(Depth.NONE)
-    parameters = {look.sgr(number) for number in range(STYLES)}
+    parameters = {look.sgr(number) for number in range(STYLE_COUNT)}
     numbers = {n for one in parameters for n in one[2:-1].split(";")}
     assert numbers == {"0", "1", "4", "7"}
-    alarming = [style(colour, FLOOR) for colour in (styles.ROBOT, styles.WAITS, styles.FAULT)]
-    selected = [style(styles.ROBOT, paper) for paper in (styles.SELECTED, styles.CURSOR)]
+    alarming = [
+        style(colour, COLOUR_FLOOR)
+        for colour in (styles.COLOUR_ROBOT, styles.COLOUR_WAITING, styles.COLOUR_FAULT)
+    ]
+    selected = [
+        style(styles.COLOUR_ROBOT, bg) for bg in (styles.COLOUR_SELECTED, styles.COLOUR_CURSOR)
+    ]
     assert len({look.sgr(number) for number in (*alarming, *selected)}) == 5
-    assert look.attributes(style(FLOOR, styles.ROBOT)).reverse  # a number cut out of a robot
-    assert look.css(style(styles.FAULT, FLOOR))[:2] == look.css(0)[1::-1]
+    # a number cut out of a robot
+    assert look.attributes(style(COLOUR_FLOOR, styles.COLOUR_ROBOT)).reverse
+    assert look.css(style(styles.COLOUR_FAULT, COLOUR_FLOOR))[:2] == look.css(0)[1::-1]
 
 
 @pytest.mark.parametrize("depth", Depth)
 def test_a_robot_that_waits_is_told_by_more_than_its_colour(depth: Depth) -> None:
     look = Look(depth)
-    for paper in (FLOOR, styles.HEAT_5, styles.ZONE_2):
-        waits, drives = (look.attributes(style(ink, paper)) for ink in (styles.WAITS, styles.ROBOT))
+    for bg in (COLOUR_FLOOR, styles.COLOUR_HEAT_5, styles.COLOUR_ZONE_2):
+        waits, drives = (
+            look.attributes(style(fg, bg)) for fg in (styles.COLOUR_WAITING, styles.COLOUR_ROBOT)
+        )
         assert waits.underline and not drives.underline
     if depth != Depth.NONE:  # words in that colour are not underlined: they lead nowhere
-        assert not look.attributes(style(styles.WAITS, styles.VOID)).underline
+        assert not look.attributes(style(styles.COLOUR_WAITING, styles.COLOUR_VOID)).underline
 
 
 @pytest.mark.parametrize("depth", Depth)
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_rich_sends_the_same_colours(depth: Depth, theme: styles.Theme) -> None:
     from rich.color import ColorSystem
-    from screens import cell_at, screen_of
+    from terminal_replay import cell_at, screen_of
 
     look = Look(depth, theme)
-    for number in range(0, STYLES, 7):
+    for number in range(0, STYLE_COUNT, 7):
         ours = look.sgr(number) + "x"
         theirs = look.rich(number).render("x", color_system=ColorSystem.TRUECOLOR)
         assert cell_at(screen_of(ours, 2, 1), 0, 0) == cell_at(screen_of(theirs, 2, 1), 0, 0)

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from sweeping import (
+from sweep_studies import (
     environment,
     plain,
     row_files,
@@ -19,12 +19,12 @@ from sweeping import (
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.experiments import Study, keys, session, simulate, sweep
-from automaton.experiments.names import COLUMNS
-from automaton.experiments.plan import plan_of
+from automaton.experiments import Study, keys, simulate, sweep, sweep_session
+from automaton.experiments.names import RESULT_COLUMNS
 from automaton.experiments.store import Store
-from automaton.glossary import GLOSSARY
-from automaton.reporting.compose import compose
+from automaton.experiments.sweep_plan import make_sweep_plan
+from automaton.metric_catalogue import METRIC_CATALOGUE
+from automaton.reporting.build_report import compose
 from automaton.reporting.document import Table
 from automaton.reporting.results import read_results
 from automaton.scenario.resolve import resolve
@@ -43,9 +43,9 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_rows_are_those_of_single_runs(swept: Path) -> None:
     table = Store(swept).rows()
-    assert table.column_names[:6] == list(COLUMNS)[:6]
+    assert table.column_names[:6] == list(RESULT_COLUMNS)[:6]
     assert table.column_names[6:8] == ["fleet.robots", "strategy.allocation"]
-    assert {*COLUMNS, *GLOSSARY} <= set(table.column_names)
+    assert {*RESULT_COLUMNS, *METRIC_CATALOGUE} <= set(table.column_names)
     rows = table.to_pylist()
     assert len(rows) == len({row["key"] for row in rows}) == 24
     for row in rows[::5]:
@@ -54,7 +54,7 @@ def test_rows_are_those_of_single_runs(swept: Path) -> None:
         run = Simulation(resolve("tabletop-mini", [robots, allocation]), row["seed"])
         run.run()
         assert (run.digest, run.tick) == (row["digest"], row["ticks"])
-        assert row["finished"] and row["failed"] is None and row["delivered"] == row["orders"] == 25
+        assert row["finished"] and row["error"] is None and row["delivered"] == row["orders"] == 25
         assert row["makespan"] == row["ticks"] and row["wall_s"] > 0 and row["cpu_s"] > 0
         assert row["lead_time"] is None  # not every run has it; the column is there all the same
 
@@ -69,7 +69,7 @@ def test_each_replication_has_the_same_seed_at_every_point(swept: Path) -> None:
 
 def test_without_common_random_numbers_all_seeds_differ(tmp_path: Path) -> None:
     study = small_study(tmp_path, seed=1, **{"seed: 1": "common_random_numbers: false"})
-    runs = list(plan_of(study).manifest.runs())
+    runs = list(make_sweep_plan(study).manifest.runs())
     assert len({run.seed for run in runs}) == len({run.key for run in runs}) == 24
 
 
@@ -116,9 +116,9 @@ def test_other_code_is_refused_and_recomputed_on_demand(
     now = keys.sources_of()
     before = {**now, "automaton/metrics.py": "0" * 16, "strategies/gone.py": "1" * 16}
     monkeypatch.setattr(keys, "sources_of", lambda plugins: before)
-    plan = plan_of(study)
+    plan = make_sweep_plan(study)
     out.joinpath("rows").mkdir(parents=True)
-    session.declare(out, plan.manifest)
+    sweep_session.write_manifest(out, plan.manifest)
     monkeypatch.undo()
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 2
     said = capsys.readouterr().err
@@ -152,11 +152,11 @@ def test_rows_of_other_code_are_never_taken_for_these(swept: Path, tmp_path: Pat
     (out / "rows").mkdir(parents=True)
     for path in row_files(swept):
         (out / "rows" / path.name).write_bytes(path.read_bytes())
-    plan = plan_of(study)
-    session.declare(out, plan.manifest)
+    plan = make_sweep_plan(study)
+    sweep_session.write_manifest(out, plan.manifest)
     assert Store(out).rows().num_rows == 24
     other = plan.manifest.__class__(**{**manifest_fields(plan.manifest), "sources": {"a": "b"}})
-    session.declare(out, other)
+    sweep_session.write_manifest(out, other)
     assert Store(out).rows().num_rows == 0 and Store(out).keys() == set()
 
 
@@ -167,18 +167,20 @@ def manifest_fields(manifest: keys.Manifest) -> dict[str, object]:
 def test_plug_ins_count_as_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     plug_in = tmp_path / "own_allocation.py"
-    text = "from sweeping import Raises\n\n\nclass Own(Raises):\n    pass\n"
+    text = "from sweep_studies import Raises\n\n\nclass Own(Raises):\n    pass\n"
     plug_in.write_text(text)
     study = tmp_path / "own.yaml"
     study.write_text(
         "name: own\nscenario: tabletop-mini\nreplications: 1\n"
         "points: [{strategy.allocation: 'own_allocation:Own'}]\n"
     )
-    before = plan_of(study).manifest
+    before = make_sweep_plan(study).manifest
     plug_in.write_text(text + "# changed\n")
-    now = plan_of(study).manifest
+    now = make_sweep_plan(study).manifest
     assert before.points == now.points and before.keys().isdisjoint(now.keys())
-    assert session.difference(before, now).endswith("own_allocation: own_allocation.py changed")
+    assert sweep_session.difference(before, now).endswith(
+        "own_allocation: own_allocation.py changed"
+    )
 
 
 def test_another_study_seed_point_or_floor_is_refused(

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sweeping import (
+from sweep_studies import (
     end_all,
     hasty_command,
     plain,
@@ -72,8 +72,8 @@ def test_a_cluster_gives_the_same_rows_and_survives_a_killed_worker(
 def test_a_scheduler_that_is_not_there_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("automaton.experiments.cluster.PATIENCE_S", 0.2)
-    monkeypatch.setattr("automaton.experiments.cluster.GLANCE_S", 0.0)
+    monkeypatch.setattr("automaton.experiments.cluster.SCHEDULER_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("automaton.experiments.cluster.ADDRESS_FILE_RETRY_S", 0.0)
     study, out = small_study(tmp_path, 1), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--scheduler", "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from sweeping import environment, plain, swept_here
+from sweep_studies import environment, plain, swept_here
 
 from automaton.errors import InputError
 from automaton.experiments import keys, runs
 from automaton.experiments.keys import sources_of
 from automaton.experiments.store import Store
-from automaton.reporting.compose import scenarios_of
+from automaton.reporting.build_report import scenarios_of
 
 PLUG_IN = """from pathlib import Path
 
@@ -60,8 +60,8 @@ replications: 2
 """
 TELL = (
     "import sys\n"
-    "from automaton.experiments.plan import plan_of\n"
-    "print(*sorted(plan_of(sys.argv[1]).manifest.keys()))\n"
+    "from automaton.experiments.sweep_plan import make_sweep_plan\n"
+    "print(*sorted(make_sweep_plan(sys.argv[1]).manifest.keys()))\n"
 )
 
 
@@ -174,7 +174,7 @@ def test_a_worker_that_lives_on_says_which_code_it_has(
     runs._packages.cache_clear()
     mine = runs._version(())
     with monkeypatch.context() as later:  # the disk has other code now
-        later.setattr(keys, "DATA", ())
+        later.setattr(keys, "DATA_SUFFIXES", ())
         changed = keys.hashed(sources_of(("lasting_plug_in",)))
         assert runs._version(("lasting_plug_in",)) != changed and runs._version(()) == mine
     assert runs._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_once import made_once
-from sweeping import (
+from shared_fixture import shared_fixture
+from sweep_studies import (
     end_all,
     hasty_command,
     of_session,
@@ -22,10 +22,10 @@ from sweeping import (
     wait_until,
 )
 
-from automaton.experiments.plan import plan_of
-from automaton.experiments.pools import GivenExecutor
-from automaton.experiments.session import sweep_into
+from automaton.experiments.pools import ExternalExecutor
 from automaton.experiments.store import Store
+from automaton.experiments.sweep_plan import make_sweep_plan
+from automaton.experiments.sweep_session import sweep_into
 
 REPLICATIONS = 100  # in 4 points, of some ms each: more than are done before the kill
 
@@ -38,7 +38,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def expected(study: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """The rows of a sweep that nobody disturbs."""
-    return made_once(tmp_path_factory, "undisturbed", lambda: plain(swept_here(study)))
+    return shared_fixture(tmp_path_factory, "undisturbed", lambda: plain(swept_here(study)))
 
 
 def resumed(study: Path, out: Path) -> list[dict[str, Any]]:
@@ -96,12 +96,12 @@ def test_a_killed_sweep_goes_on_to_the_same_table(
 
 
 def test_ctrl_c_while_workers_end_keeps_all_rows(tmp_path: Path) -> None:
-    class Interrupted(GivenExecutor):
+    class Interrupted(ExternalExecutor):
         def close(self, now: bool) -> None:
             if not now:
                 raise KeyboardInterrupt
 
-    plan, told, out = plan_of(small_study(tmp_path)), [], tmp_path / "out"
+    plan, told, out = make_sweep_plan(small_study(tmp_path)), [], tmp_path / "out"
     with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
         sweep_into(out, plan, lambda: Interrupted(executor), on_rows=told.extend)
     assert len(told) == Store(out).rows().num_rows == 24

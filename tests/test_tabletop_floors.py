@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_paths import Pose, Ways
+from reference_paths import Pose, Ways
 
 from automaton.errors import InputError
 from automaton.metrics import metrics_of

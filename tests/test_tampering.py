@@ -21,7 +21,13 @@ from automaton.recording.codes import (
     CHANGE_PICKED,
     KEYFRAME_TICKS,
 )
-from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
+from automaton.recording.contents import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    Frame,
+)
 from automaton.recording.frames import encoded
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.recording_reader import read_recording
@@ -56,25 +62,31 @@ class Taken:
     @property
     def scenarios(self) -> list[Any]:
         """The scenario wherever it stands, so that all copies stay equal."""
-        return [self.header["scenario"], *(rules["scenario"] for rules in self.all(CONDITIONS))]
+        return [
+            self.header["scenario"],
+            *(rules["scenario"] for rules in self.all(FRAME_KIND_CONDITIONS)),
+        ]
 
     @property
     def picks(self) -> list[Any]:
-        return [self.header["strategies"], *(rules["strategies"] for rules in self.all(CONDITIONS))]
+        return [
+            self.header["strategies"],
+            *(rules["strategies"] for rules in self.all(FRAME_KIND_CONDITIONS)),
+        ]
 
     @property
     def ticks(self) -> Any:
         """The ticks in the middle."""
-        found = self.all(TICKS)
+        found = self.all(FRAME_KIND_TICKS)
         return found[len(found) // 2]
 
     @property
     def state(self) -> Any:
-        return self.all(KEYFRAME)[-1]
+        return self.all(FRAME_KIND_KEYFRAME)[-1]
 
     @property
     def end(self) -> Any:
-        return self.all(END)[0]
+        return self.all(FRAME_KIND_END)[0]
 
     def places(self, kind: int) -> list[int]:
         return [at for at, frame in enumerate(self.frames) if frame.kind == kind]
@@ -111,7 +123,7 @@ def add_to(of: str, path: str, by: int = 1, at: int = 0) -> None:
         part = {
             "header": taken.header,
             "state": taken.state,
-            "conditions": taken.all(CONDITIONS)[0],
+            "conditions": taken.all(FRAME_KIND_CONDITIONS)[0],
         }
         array: Any = part[where]
         for key in keys:
@@ -235,7 +247,7 @@ def digests_named_otherwise(taken: Taken) -> None:
 @tampering()
 def no_digest_has_a_name(taken: Taken) -> None:
     taken.header["digest_names"] = ()
-    for ticks in taken.all(TICKS):
+    for ticks in taken.all(FRAME_KIND_TICKS):
         ticks["digests"] = ticks["digests"][:, :0]
 
 
@@ -246,67 +258,67 @@ def started_elsewhere(taken: Taken) -> None:
 
 @tampering()
 def conditions_that_nobody_set(taken: Taken) -> None:
-    taken.all(CONDITIONS)[0]["scenario"]["durations"]["turn"] = 3
+    taken.all(FRAME_KIND_CONDITIONS)[0]["scenario"]["durations"]["turn"] = 3
 
 
 @tampering()
 def a_setting_that_changed_nothing(taken: Taken) -> None:
-    taken.all(CONDITIONS)[0]["settings"] = ("durations.turn=3",)
+    taken.all(FRAME_KIND_CONDITIONS)[0]["settings"] = ("durations.turn=3",)
 
 
 @tampering()
 def a_branch_that_there_was_not(taken: Taken) -> None:
-    rules = copy.deepcopy(taken.all(CONDITIONS)[0])
+    rules = copy.deepcopy(taken.all(FRAME_KIND_CONDITIONS)[0])
     rules["settings"], rules["tick"] = ("durations.pick=9",), 256
     rules["scenario"]["durations"]["pick"] = 9
-    taken.frames.insert(taken.places(TICKS)[1], Frame(CONDITIONS, rules))
+    taken.frames.insert(taken.places(FRAME_KIND_TICKS)[1], Frame(FRAME_KIND_CONDITIONS, rules))
 
 
 @tampering()
 def a_branch_named_otherwise(taken: Taken) -> None:
-    rules = copy.deepcopy(taken.all(CONDITIONS)[0])
+    rules = copy.deepcopy(taken.all(FRAME_KIND_CONDITIONS)[0])
     rules["settings"], rules["tick"] = ("durations.pick=9",), 256
-    taken.frames.insert(taken.places(TICKS)[1], Frame(CONDITIONS, rules))
+    taken.frames.insert(taken.places(FRAME_KIND_TICKS)[1], Frame(FRAME_KIND_CONDITIONS, rules))
 
 
 @tampering()
 def teleported(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["executed"]
+    did = taken.all(FRAME_KIND_TICKS)[0]["executed"]
     did[np.nonzero((did > 0) & (did < 5))] = 1
 
 
 @tampering()
 def an_action_less(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["executed"].reshape(-1)
+    did = taken.all(FRAME_KIND_TICKS)[0]["executed"].reshape(-1)
     did[np.flatnonzero(did)[5]] = 0
 
 
 @tampering()
 def robots_exchanged(taken: Taken) -> None:
-    ticks = taken.all(TICKS)[0]
+    ticks = taken.all(FRAME_KIND_TICKS)[0]
     ticks["executed"] = ticks["executed"][:, ::-1].copy()
 
 
 @tampering()
 def two_ticks_exchanged(taken: Taken) -> None:
-    did = taken.all(TICKS)[0]["executed"]
+    did = taken.all(FRAME_KIND_TICKS)[0]["executed"]
     row = next(k for k in range(len(did) - 1) if (did[k] != did[k + 1]).any())
     did[[row, row + 1]] = did[[row + 1, row]]
 
 
 @tampering()
 def a_strategy_answered_otherwise(taken: Taken) -> None:
-    taken.all(TICKS)[0]["decisions"][4] += 1
+    taken.all(FRAME_KIND_TICKS)[0]["decisions"][4] += 1
 
 
 @tampering()
 def no_strategy_answered(taken: Taken) -> None:
-    ticks = taken.all(TICKS)[0]
+    ticks = taken.all(FRAME_KIND_TICKS)[0]
     ticks["decisions"] = ticks["decisions"][:0]
 
 
 def row_of(taken: Taken, code: int) -> Any:
-    changes = taken.all(TICKS)[0]["changes"]
+    changes = taken.all(FRAME_KIND_TICKS)[0]["changes"]
     return changes[np.flatnonzero(changes[:, 1] == code)[0]]
 
 
@@ -328,7 +340,7 @@ def a_wait_of_another_length(taken: Taken) -> None:
 
 @tampering()
 def a_change_less(taken: Taken) -> None:
-    ticks = taken.all(TICKS)[0]
+    ticks = taken.all(FRAME_KIND_TICKS)[0]
     ticks["changes"] = ticks["changes"][1:]
 
 
@@ -344,24 +356,24 @@ def the_digests_of_a_tick_removed(taken: Taken) -> None:
 
 @tampering()
 def all_digests_removed(taken: Taken) -> None:
-    for ticks in taken.all(TICKS):
+    for ticks in taken.all(FRAME_KIND_TICKS):
         ticks["digests"][:] = 0
 
 
 @tampering()
 def ticks_removed(taken: Taken) -> None:
-    del taken.frames[taken.places(TICKS)[2]]
+    del taken.frames[taken.places(FRAME_KIND_TICKS)[2]]
 
 
 @tampering()
 def ticks_doubled(taken: Taken) -> None:
-    at = taken.places(TICKS)[2]
+    at = taken.places(FRAME_KIND_TICKS)[2]
     taken.frames.insert(at, copy.deepcopy(taken.frames[at]))
 
 
 @tampering()
 def frames_exchanged(taken: Taken) -> None:
-    one, other = taken.places(TICKS)[2:4]
+    one, other = taken.places(FRAME_KIND_TICKS)[2:4]
     taken.frames[one], taken.frames[other] = taken.frames[other], taken.frames[one]
 
 
@@ -378,7 +390,7 @@ def a_tick_less(taken: Taken) -> None:
 
 @tampering()
 def ticks_numbered_from_later_on(taken: Taken) -> None:
-    for ticks in taken.all(TICKS):
+    for ticks in taken.all(FRAME_KIND_TICKS):
         ticks["first"] += 10
         ticks["changes"][:, 0] += 10
 
@@ -386,29 +398,31 @@ def ticks_numbered_from_later_on(taken: Taken) -> None:
 @tampering()
 def a_state_removed(taken: Taken) -> None:
     at = next(
-        k for k in taken.places(KEYFRAME) if taken.frames[k].content["tick"] == KEYFRAME_TICKS
+        k
+        for k in taken.places(FRAME_KIND_KEYFRAME)
+        if taken.frames[k].content["tick"] == KEYFRAME_TICKS
     )
     del taken.frames[at]
 
 
 @tampering()
 def the_last_state_removed(taken: Taken) -> None:
-    del taken.frames[taken.places(KEYFRAME)[-1]]
+    del taken.frames[taken.places(FRAME_KIND_KEYFRAME)[-1]]
 
 
 @tampering()
 def the_first_state_removed(taken: Taken) -> None:
-    del taken.frames[taken.places(KEYFRAME)[0]]
+    del taken.frames[taken.places(FRAME_KIND_KEYFRAME)[0]]
 
 
 @tampering()
 def a_state_of_another_tick(taken: Taken) -> None:
-    taken.all(KEYFRAME)[1]["tick"] -= 1
+    taken.all(FRAME_KIND_KEYFRAME)[1]["tick"] -= 1
 
 
 @tampering()
 def an_earlier_state_instead(taken: Taken) -> None:
-    first, second, *_ = taken.all(KEYFRAME)
+    first, second, *_ = taken.all(FRAME_KIND_KEYFRAME)
     second["robots"] = copy.deepcopy(first["robots"])
 
 
@@ -485,7 +499,7 @@ def files(taken: Taken) -> None:
 @tampering(found=False)
 def digest_every(taken: Taken) -> None:
     taken.header["digest_every"] = 2
-    for ticks in taken.all(TICKS):
+    for ticks in taken.all(FRAME_KIND_TICKS):
         odd = (ticks["first"] + np.arange(len(ticks["executed"]))) % 2 == 1
         ticks["digests"][odd] = 0
 

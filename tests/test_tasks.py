@@ -10,13 +10,13 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.metrics import GLOSSARY, metrics_of
+from automaton.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.recording.recorder import MemoryRecorder
 from automaton.recording.validator import validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.simulation import Simulation
 from automaton.strategy.layer import Strategy
-from automaton.tasks import TASK_METRICS, quantile_95
+from automaton.task_metrics import TASK_METRICS, quantile_95
 from automaton.world.cells import DOCK, RACK
 from automaton.world.demand import build_orders
 from automaton.world.floor import floor_for
@@ -154,7 +154,7 @@ def test_a_lone_robot_serves_the_orders_in_turn_without_delay(scenario):
     assert figures["task_time"] == pytest.approx(34 / 3)
     assert figures["delay"] == 0
     assert figures["throughput_per_robot"] == 1000 * 3 / simulation.tick
-    assert list(figures) == [name for name in GLOSSARY if name not in NOT_HERE]
+    assert list(figures) == [name for name in METRIC_CATALOGUE if name not in NOT_HERE]
 
 
 NOT_HERE = (  # no slow zones, no avoidance, no batteries, no faults, no orders that come later

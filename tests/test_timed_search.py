@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from drawn_floors import pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_paths import FAR, HEADINGS, Pose, Ways
-from slow_traffic import ONE_WAY, STEPS, Traffic
+from random_floors import pictures
+from reference_paths import FAR, HEADINGS, Pose, Ways
+from slow_zone_scenes import ONE_WAY, STEPS, Traffic
 
 from automaton.kernels.routes.forecast import forecast_all
 from automaton.kernels.routes.time_dependent import time_dependent_path

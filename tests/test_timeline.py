@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from automaton.history.chronicle import Curve
+from automaton.history.event_history import Curve
 from automaton.world.observation import CURVE_COLUMNS
 from tui.render import styles
 from tui.render.depth import Depth
 from tui.render.glyphs import ASCII, UNICODE, GlyphSet
-from tui.render.still import as_text
+from tui.render.image_export import as_text
 from tui.render.styles import Look
 from tui.widgets.timeline import Mark, Past, picture, span
-from tui.widgets.track import NEAREST, Part, track_of
+from tui.widgets.track import MIN_TICKS_SHOWN, Part, track_of
 
 NOTHING_HAPPENS = Curve(np.zeros((50_000, CURVE_COLUMNS), np.int32), 1, 50_000)
 ENDS = st.integers(1, 10**6)
@@ -26,7 +26,7 @@ WIDTHS = st.integers(30, 240)
 def parts(draw: st.DrawFn) -> tuple[Part, int]:
     """A part of a run, and the end of the run."""
     end = draw(ENDS)
-    ticks = draw(st.integers(min(NEAREST, end), end))
+    ticks = draw(st.integers(min(MIN_TICKS_SHOWN, end), end))
     first = draw(st.integers(0, end - ticks))
     return Part(first, first + ticks), end
 
@@ -52,7 +52,7 @@ def test_zooming_keeps_its_tick_in_sight_and_stays_in_the_run(part_and_end, step
     zoomed = part.zoomed(steps, at, end)
     assert 0 <= zoomed.first <= at <= zoomed.last <= end
     assert zoomed.ticks <= part.ticks if steps > 0 else zoomed.ticks >= part.ticks
-    assert zoomed.ticks >= min(NEAREST, end)
+    assert zoomed.ticks >= min(MIN_TICKS_SHOWN, end)
 
 
 @given(parts(), st.data())
@@ -68,8 +68,8 @@ def test_the_present_stands_out_where_it_is_in_the_part_that_is_shown() -> None:
     for tick, columns in ((100, 1), (45_000, 0), (9_999, 0)):
         past = nothing_delivered(tick=tick)
         codes = picture(past, track_of(Part(100, 9_000), 50_000, 80), UNICODE, False)
-        papers = (codes >> 16) % len(styles.COLOURS)
-        assert np.count_nonzero(papers == styles.SELECTED) == columns
+        backgrounds = (codes >> 16) % len(styles.COLOURS)
+        assert np.count_nonzero(backgrounds == styles.COLOUR_SELECTED) == columns
 
 
 @given(st.integers(0, 10**7))
@@ -114,8 +114,8 @@ def test_a_number_of_marks_stands_out_at_every_depth(glyphs: GlyphSet) -> None:
     codes = picture(past, track_of(None, 50_000, 80), glyphs, False)[0]
     (column,) = np.flatnonzero((codes & 0xFFFF) == ord("2"))
     number = int(codes[column] >> 16)
-    assert number % len(styles.COLOURS) == styles.FAULT  # the gravest kind
+    assert number % len(styles.COLOURS) == styles.COLOUR_FAULT  # the gravest kind
     for depth in set(Depth) - {Depth.NONE}:
-        ink, paper = Look(depth).pair(number)
-        assert ink != paper
+        fg, bg = Look(depth).pair(number)
+        assert fg != bg
     assert Look(Depth.NONE).attributes(number).reverse

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_legs import Case, cases
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_astar import path
-from plain_paths import FAR, Ways
+from random_legs import Case, cases
+from reference_astar import path
+from reference_paths import FAR, Ways
 
 from automaton.commands import main
 from automaton.kernels.routes import avoidance, monte_carlo, noise, replay

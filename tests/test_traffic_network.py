@@ -13,9 +13,9 @@ from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
 from automaton.learning.tables import COLUMNS, PRINTED, from_json
 from automaton.reproductions import find
+from automaton.reproductions.claim_report import evidence
 from automaton.reproductions.claims import judge
-from automaton.reproductions.report import evidence
-from automaton.reproductions.study import MadeTable, Reproduced
+from automaton.reproductions.reproduction_study import MadeTable, Reproduced
 from automaton.reproductions.traffic_claims import CLAIMS
 from automaton.reproductions.traffic_network import DEPTHS as DEPTH_TABLE
 from automaton.reproductions.traffic_network import (

@@ -11,11 +11,11 @@ import pytest
 from automaton.commands import main
 from automaton.learning.depths import HIDDEN, constant_loss
 from automaton.learning.depths import LOSSES as DEPTHS
+from automaton.learning.learning_study import Data
 from automaton.learning.legs import Legs, site_of, unseen
 from automaton.learning.losses import LOSSES, first_bias
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
-from automaton.learning.study import Data
 from automaton.learning.tables import PRINTED, from_json
 from automaton.scenario.resolve import resolve
 from automaton.strategy.network import (

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.parallel import run_all
+from automaton.process_pool import run_all
 from automaton.scenario.resolve import resolve
 
 SEEDS = range(1001, 1061)  # not those of the reproduction

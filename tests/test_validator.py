@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from drawn_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, recorded, rules
+from handmade_recordings import BAYS, FLOOR, RAILS, E, N, S, W, header, played, recorded, rules
 
 from automaton.recording.codes import (
     CHANGE_DROPPED,
@@ -28,9 +28,9 @@ from automaton.recording.codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.recording.frames import END, KEYFRAME, TICKS, Frame
+from automaton.recording.frames import FRAME_KIND_END, FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS, Frame
 from automaton.recording.validator import (
-    MOST_VIOLATIONS,
+    MAX_VIOLATIONS,
     validate_recording,
     validate_stored,
 )
@@ -294,7 +294,7 @@ def test_a_recorded_state_that_differs_from_the_replay(name: str) -> None:
     recording = recorded("tabletop-mini", "stop.max_duration=300")
     frames = copy.deepcopy(list(recording.frames))
     part, field = name.split(".")
-    state = [content for kind, content in frames if kind == KEYFRAME][-1]
+    state = [content for kind, content in frames if kind == FRAME_KIND_KEYFRAME][-1]
     state[part][field][1] += 1
     report = validate_recording(recording.header, frames)
     assert rules(report) == ["record"]
@@ -305,7 +305,7 @@ def test_an_end_that_is_not_true() -> None:
     recording = recorded("tabletop-mini")
     for change in ({"ticks": 5}, {"finished": False}):
         frames = [
-            Frame(kind, {**content, **change}) if kind == END else Frame(kind, content)
+            Frame(kind, {**content, **change}) if kind == FRAME_KIND_END else Frame(kind, content)
             for kind, content in recording.frames
         ]
         assert rules(validate_recording(recording.header, frames)) == ["record"]
@@ -340,7 +340,7 @@ def test_a_tick_lost_to_an_illegal_answer_does_not_tell_whether_a_robot_is_parke
 def test_missing_ticks_and_changes_out_of_order() -> None:
     recording = recorded("tabletop-mini")
     frames = list(recording.frames)
-    second = [i for i, frame in enumerate(frames) if frame.kind == TICKS][1]
+    second = [i for i, frame in enumerate(frames) if frame.kind == FRAME_KIND_TICKS][1]
     report = validate_recording(recording.header, frames[:second] + frames[second + 1 :])
     assert rules(report) == ["record"]
     head = header(FLOOR, [(0, 0)])
@@ -351,7 +351,7 @@ def test_missing_ticks_and_changes_out_of_order() -> None:
 def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
     recording = recorded("tabletop-1", f"fleet.robots={1 + seed % 5}", seed=seed)
     frames = copy.deepcopy(list(recording.frames))
-    ticks = [content for kind, content in frames if kind == TICKS]
+    ticks = [content for kind, content in frames if kind == FRAME_KIND_TICKS]
     rng = np.random.default_rng(seed)
     content = ticks[rng.integers(len(ticks))]
     moves = np.argwhere((content["executed"] >= MOVE_EAST) & (content["executed"] <= MOVE_NORTH))
@@ -360,7 +360,7 @@ def test_a_move_altered_anywhere_in_a_run_is_noticed(seed: int) -> None:
     report = validate_recording(recording.header, frames)
     assert not report.valid
     assert report.violations[0].tick >= content["first"] + row
-    assert len(report.violations) <= MOST_VIOLATIONS
+    assert len(report.violations) <= MAX_VIOLATIONS
 
 
 def test_the_validator_shares_no_code_with_the_kernels() -> None:

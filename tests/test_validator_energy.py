@@ -6,8 +6,8 @@ import copy
 from typing import Any
 
 import pytest
-from drawn_recordings import E, S, W, header, played, rules
-from powered import recorded_run
+from battery_scenes import recorded_run
+from handmade_recordings import E, S, W, header, played, rules
 
 from automaton.recording.codes import (
     CHANGE_DROPPED,
@@ -21,7 +21,7 @@ from automaton.recording.codes import (
     EXECUTED_PICK,
     EXECUTED_WAIT,
 )
-from automaton.recording.frames import KEYFRAME, TICKS, Recording
+from automaton.recording.frames import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS, Recording
 from automaton.recording.validator import Report, validate_stored
 from automaton.scenario.resolve import resolve
 from automaton.world.robot_status import (
@@ -211,7 +211,9 @@ def test_a_recorded_state_with_another_charge_or_status_is_noticed(
     failing: Recording, name: str
 ) -> None:
     recording = altered(failing)
-    frame = next(f for f in recording.frames if f.kind == KEYFRAME and f.content["tick"] > 100)
+    frame = next(
+        f for f in recording.frames if f.kind == FRAME_KIND_KEYFRAME and f.content["tick"] > 100
+    )
     frame.content["robots"][name][1] += 3
     report = validate_stored(recording)
     assert rules(report) == ["record"] and f"robots.{name}[1]" in texts(report)
@@ -231,7 +233,7 @@ def test_a_change_left_out_is_noticed(failing: Recording, code: int) -> None:
     rows = [
         (frame, k)
         for frame in recording.frames
-        if frame.kind == TICKS
+        if frame.kind == FRAME_KIND_TICKS
         for k, row in enumerate(frame.content["changes"].tolist())
         if row[1] == code
     ]
@@ -244,7 +246,7 @@ def test_a_change_left_out_is_noticed(failing: Recording, code: int) -> None:
 def test_a_tick_of_charging_left_out_is_noticed(failing: Recording) -> None:
     recording = altered(failing)
     for frame in recording.frames:
-        if frame.kind == TICKS and (frame.content["executed"] == EXECUTED_CHARGE).any():
+        if frame.kind == FRAME_KIND_TICKS and (frame.content["executed"] == EXECUTED_CHARGE).any():
             rows, robots = (frame.content["executed"] == EXECUTED_CHARGE).nonzero()
             frame.content["executed"][rows[0], robots[0]] = 0
             break

@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 import pytest
-from drawn_recordings import FLOOR, E, S, header, played, rules
+from handmade_recordings import FLOOR, E, S, header, played, rules
 
 from automaton.recording.codes import (
     CHANGE_DROPPED,

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn_floors import pictures
-from drawn_recordings import E, N, W, header, played, recorded, rules
+from handmade_recordings import E, N, W, header, played, recorded, rules
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_floors import pictures
 
 from automaton.kernels.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.recording.codes import CHANGE_DURATION, LEFT_PARKING_BAY
-from automaton.recording.frames import TICKS, Recording
-from automaton.recording.pace_rules import Pace, zones_by_cell
+from automaton.recording.frames import FRAME_KIND_TICKS, Recording
+from automaton.recording.move_time_rules import MoveTimes, zones_by_cell
 from automaton.recording.validator import validate_stored
 from automaton.scenario.pictures import draw_floor
 from automaton.world.traffic_zones import MODES, traffic_zones_of
@@ -102,7 +102,7 @@ def test_without_slow_zones_every_move_takes_its_duration() -> None:
 
 def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
     head = header(CORNER, [(2, 1)], world={"extra_tick_probability": 0.5})
-    pace = Pace(head["floor"], head["seed"], [1] * len(head["robots"]["home"]))
+    pace = MoveTimes(head["floor"], head["seed"], [1] * len(head["robots"]["home"]))
     late = [tick for tick in range(1, 40) if pace.draw(tick, 0) < 2**31]
     assert 5 < len(late) < 35
     for tick in (late[0], next(tick for tick in range(1, 40) if tick not in late)):
@@ -120,7 +120,7 @@ def test_an_extra_tick_must_be_the_one_that_was_drawn() -> None:
 
 @given(st.integers(0, 2**63 - 1), st.integers(0, 2**40), st.integers(0, 10**6))
 def test_its_draws_are_those_of_the_world(seed: int, tick: int, robot: int) -> None:
-    mine = Pace({}, seed, []).draw(tick, robot)
+    mine = MoveTimes({}, seed, []).draw(tick, robot)
     with np.errstate(over="ignore"):
         assert mine == int(random_bits(np.uint64(seed), STREAM_EXTRA_TICKS, tick, robot)) >> 32
 
@@ -157,7 +157,7 @@ def test_a_run_in_slow_zones(good: Recording) -> None:
 
 def test_a_tampered_length_is_named(good: Recording) -> None:
     frames = copy.deepcopy(good.frames)
-    ticks = next(frame.content for frame in frames if frame.kind == TICKS)
+    ticks = next(frame.content for frame in frames if frame.kind == FRAME_KIND_TICKS)
     moves = np.flatnonzero(ticks["changes"][:, 1] == CHANGE_DURATION)
     tick, _, robot, length = ticks["changes"][moves[3]].tolist()
     ticks["changes"][moves[3], 3] += 1

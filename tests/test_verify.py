@@ -14,7 +14,13 @@ from automaton.errors import InputError
 from automaton.kernels.digest import DIGEST_NAMES
 from automaton.recording import frames as stored
 from automaton.recording.codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
-from automaton.recording.frames import CONDITIONS, END, TICKS, Frame, Recording
+from automaton.recording.frames import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_TICKS,
+    Frame,
+    Recording,
+)
 from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.recording.verification import action_text, verify_recording
@@ -33,7 +39,9 @@ def good() -> Recording:
 def altered(recording: Recording) -> tuple[Recording, list[Frame]]:
     frames = copy.deepcopy(list(recording.frames))
     header = copy.deepcopy(recording.header)
-    return Recording(header, frames, complete=True), [f for f in frames if f.kind == TICKS]
+    return Recording(header, frames, complete=True), [
+        f for f in frames if f.kind == FRAME_KIND_TICKS
+    ]
 
 
 def save(path: Path, recording: Recording) -> Path:
@@ -90,7 +98,7 @@ def test_a_changed_reservation_names_its_tick(good: Recording) -> None:
 
 def test_a_changed_end_is_named(good: Recording) -> None:
     recording, _ = altered(good)
-    end = next(frame for frame in recording.frames if frame.kind == END)
+    end = next(frame for frame in recording.frames if frame.kind == FRAME_KIND_END)
     end.content["digest"] = "0" * 16
     difference = verify_recording(recording).difference
     assert difference is not None and difference.array == "end" and difference.tick == 1000
@@ -105,7 +113,9 @@ def test_another_seed_is_another_run(good: Recording) -> None:
 
 def test_a_run_that_ends_sooner_when_made_again(good: Recording) -> None:
     recording, _ = altered(good)
-    conditions = next(frame.content for frame in recording.frames if frame.kind == CONDITIONS)
+    conditions = next(
+        frame.content for frame in recording.frames if frame.kind == FRAME_KIND_CONDITIONS
+    )
     for part in (recording.header, conditions):
         part["scenario"]["stop"]["max_duration"] = 700
     difference = verify_recording(recording).difference

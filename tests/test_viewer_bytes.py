@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tui.bench.session import Session, cursor_colour
 from tui.bench.viewer import fleet
+from tui.bench.viewer_session import Session, cursor_colour
 from tui.terminal_host import FRAME_END
 
 FRAMES = 60

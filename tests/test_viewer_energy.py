@@ -9,22 +9,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from panel_stage import (
+from panel_harness import (
     NARROW,
     WIDE,
-    Stage,
+    PanelHarness,
     click,
     moment,
     of_cell,
     of_robot,
-    on_stage,
+    run_in_harness,
     said,
     shown,
     text,
 )
 from textual.pilot import Pilot
 
-from automaton.history.charging import charging_at, line_before, sent_to, ticks_to_charge
+from automaton.history.charging import charger_queue, charging_at, sent_to, ticks_to_charge
 from automaton.history.explanation import explain
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
@@ -36,7 +36,7 @@ from tui.search import find
 from tui.view import View
 from tui.widgets.figures import Figures
 from tui.widgets.inspector import Inspector
-from tui.widgets.lost import LETTERS
+from tui.widgets.lost import CAUSE_LETTERS
 from tui.widgets.robots import Robots
 from tui.widgets.signs import ASCII as PLAIN_SIGNS
 from tui.widgets.why import Why
@@ -65,7 +65,7 @@ def first(holds: Found, after: int = 0) -> int:
 
 
 def is_line_of_two(now: Snapshot) -> bool:
-    return len(line_before(now, CHARGER_CELL)) == 2 and len(charging_at(now, CHARGER_CELL)) == 1
+    return len(charger_queue(now, CHARGER_CELL)) == 2 and len(charging_at(now, CHARGER_CELL)) == 1
 
 
 def is_broken(now: Snapshot) -> bool:
@@ -86,7 +86,7 @@ def is_sent(now: Snapshot) -> bool:
 
 def is_held(now: Snapshot) -> bool:
     """Somebody queues, and who holds the charger does not charge."""
-    line = line_before(now, CHARGER_CELL)
+    line = charger_queue(now, CHARGER_CELL)
     there = now.robots.cell == CHARGER_CELL
     return bool(line and there.any() and not charging_at(now, CHARGER_CELL))
 
@@ -95,7 +95,7 @@ def in_line() -> tuple[View, int, int, int]:
     """A moment in which one robot charges and two queue: who charges, the first, the second."""
     view = living(first(is_line_of_two))
     (holder,) = charging_at(view.snapshot, CHARGER_CELL)
-    one, two = line_before(view.snapshot, CHARGER_CELL)
+    one, two = charger_queue(view.snapshot, CHARGER_CELL)
     return view, holder, one, two
 
 
@@ -113,7 +113,7 @@ def selected(view: View, robot: int) -> View:
     """The moment as the player shows it when a robot is selected: with its plan."""
     plan = np.array([7, 3, 11], np.int32)
     snapshot = replace(view.snapshot, selected=robot, order_queue=plan)
-    return of_robot(replace(view, shot=replace(view.shot, snapshots=(snapshot,))), robot)
+    return of_robot(replace(view, playback=replace(view.playback, snapshots=(snapshot,))), robot)
 
 
 # The inspector.
@@ -216,14 +216,14 @@ def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
     inspector = Inspector()
     told: list[str] = []
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(view)
         for order in (done, open_, 199):
             inspector.tell_order(order)
             await pilot.pause()
             told.append(text(inspector))
 
-    on_stage(inspector, story, WIDE, 40)
+    run_in_harness(inspector, story, WIDE, 40)
     lead = orders.delivered[done] - orders.release_tick[done]
     assert (
         f"known from tick {orders.release_tick[done]}" in told[0] and f"lead time {lead}" in told[0]
@@ -238,7 +238,7 @@ def test_an_order_says_from_when_it_is_known_and_how_long_it_takes() -> None:
 def test_the_table_has_columns_for_batteries_and_plans() -> None:
     robots = Robots()
 
-    async def story(stage: Stage, pilot: Pilot[None]) -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         view = in_line()[0]
         robots.show(moment(600))
         await pilot.pause()
@@ -255,7 +255,7 @@ def test_the_table_has_columns_for_batteries_and_plans() -> None:
         assert [int(row.split()[0]) for row in said(robots)[1:5]] == ahead
         assert sum("queues" in row for row in said(robots)) == 2
 
-    on_stage(robots, story, 110, 20)
+    run_in_harness(robots, story, 110, 20)
 
 
 def test_robots_are_found_by_their_condition() -> None:
@@ -290,8 +290,8 @@ def test_lost_time_names_charger_empty_and_broken() -> None:
     assert "P charger" in shown(Figures(), in_line()[0], WIDE, 100)
     assert "b broken down" in shown(Figures(), living(first(is_broken) + 10), WIDE, 100)
     assert "e empty battery" in shown(Figures(), drained(100), WIDE, 100)
-    assert len(LETTERS) == len(set(LETTERS)) == len(CAUSES)
-    pairs = list(zip(LETTERS, CAUSES, strict=True))[1:]
+    assert len(CAUSE_LETTERS) == len(set(CAUSE_LETTERS)) == len(CAUSES)
+    pairs = list(zip(CAUSE_LETTERS, CAUSES, strict=True))[1:]
     assert all(letter.isupper() == cause.blocked for letter, cause in pairs)
 
 
@@ -305,7 +305,7 @@ def test_why_tells_the_line_before_a_charger() -> None:
     assert f"robot {holder} charges at (4, 0) up to" in shown(Why(), of_robot(view, two), WIDE)
     held = living(first(is_held)).snapshot
     (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
-    waiting = line_before(held, CHARGER_CELL)[0]
+    waiting = charger_queue(held, CHARGER_CELL)[0]
     assert f"queues: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from panel_stage import moment, of_cell, of_robot, shown
+from panel_harness import moment, of_cell, of_robot, shown
 
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
-from automaton.history.chronicle import Chronicle, Event
+from automaton.history.event_history import Event, EventHistory
 from automaton.history.explanation import explain
 from automaton.history.live import LiveRun
 from automaton.history.snapshot import take_snapshot
@@ -28,7 +28,7 @@ from automaton.world.observation import (
 )
 from automaton.world.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.zoning.load import load_of
-from automaton.zoning.space import space_for, zone_rules
+from automaton.zoning.workspace import space_for, zone_rules
 from tui.cast.making import make_picture
 from tui.cast.request import Request
 from tui.search import find
@@ -37,7 +37,7 @@ from tui.widgets.event_rows import Wanted, event_words
 from tui.widgets.events import kinds_of
 from tui.widgets.figures import Figures
 from tui.widgets.inspector import Inspector
-from tui.widgets.robot_columns import COLUMNS
+from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS
 
 DDZ = "strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"
 AT = 2500
@@ -49,9 +49,9 @@ def factory() -> View:
     return moment(AT, "factory")
 
 
-def observed(*settings: str) -> tuple[Simulation, Chronicle]:
-    chronicle = Chronicle()
-    return Simulation(resolve("factory", list(settings)), on_observe=chronicle), chronicle
+def observed(*settings: str) -> tuple[Simulation, EventHistory]:
+    event_history = EventHistory()
+    return Simulation(resolve("factory", list(settings)), on_observe=event_history), event_history
 
 
 def station_with(view: View, mask: np.ndarray) -> int:
@@ -173,7 +173,7 @@ def test_robots_that_stand_still_say_why_and_for_how_long(factory: View) -> None
     snapshot = replace(
         factory.snapshot, robots=robots, service_zones=service_zones.replaced(halt=halt)
     )
-    view = replace(factory, shot=replace(factory.shot, snapshots=(snapshot,)))
+    view = replace(factory, playback=replace(factory.playback, snapshots=(snapshot,)))
     said = shown(Inspector(), of_robot(view, 1), 60)
     assert "halted zones are redesigned: it stands still for 30 ticks" in said
     (link,) = explain(snapshot, view.floor_plan, 1).chain
@@ -198,7 +198,7 @@ def test_stations_and_zones_are_found_by_number(factory: View) -> None:
 
 def test_the_table_has_columns_for_zone_and_queue_where_robots_serve_zones(factory: View) -> None:
     def titles(view: View) -> set[str]:
-        return {column.title for column in COLUMNS if column.there(view)}
+        return {column.title for column in ROBOT_TABLE_COLUMNS if column.there(view)}
 
     assert {"zone", "queue"} <= titles(factory)
     assert not {"zone", "queue"} & titles(moment(10, "tabletop-1"))
@@ -215,7 +215,7 @@ def test_the_figures_count_parts_and_redesigns(factory: View) -> None:
 
 
 def test_stations_tell_when_they_are_done_with_a_part(factory: View) -> None:
-    events = factory.run.chronicle.events
+    events = factory.run.event_history.events
     done = events[
         np.isin(events[:, 1], (EVENT_JOB_DONE, EVENT_PART_FINISHED)) & (events[:, 0] <= AT)
     ]
@@ -235,7 +235,7 @@ def test_stations_tell_when_they_are_done_with_a_part(factory: View) -> None:
 
 
 def test_a_station_that_comes_into_another_zone_is_an_event_and_stops_a_run() -> None:
-    run, chronicle = observed()
+    run, event_history = observed()
     run.run(until=50)
     point = breakpoint_of("zones redesigned")
     assert point.test(run, run.resolved.floor_plan).tolist() == []
@@ -244,8 +244,8 @@ def test_a_station_that_comes_into_another_zone_is_an_event_and_stops_a_run() ->
     assert point.test(run, run.resolved.floor_plan).tolist() == [1, 2]
     run.run(until=60)
     assert point.test(run, run.resolved.floor_plan).tolist() == []
-    events = chronicle.events[chronicle.events[:, 1] == EVENT_ZONES_REDESIGNED]
-    assert events[:, [0, 4]].tolist() == [[51, 1]] and chronicle.redesigns.tolist() == [51]
+    events = event_history.events[event_history.events[:, 1] == EVENT_ZONES_REDESIGNED]
+    assert events[:, [0, 4]].tolist() == [[51, 1]] and event_history.redesigns.tolist() == [51]
     assert event_words(Event(*events[0].tolist())) == "zones redesigned: 1 station"
     assert take_snapshot(run).redesigns == 1
 
@@ -264,11 +264,11 @@ def test_designs_are_the_same_when_a_run_is_shown_again(setting: str) -> None:
     """Forwards the first time, then backwards, over a redesign."""
     run = LiveRun(resolve("factory", [setting]), 1)
     first, tick = {}, 0
-    while run.chronicle.redesigns.size == 0 and tick < 6000:
+    while run.event_history.redesigns.size == 0 and tick < 6000:
         tick += 500
         show(run, tick)
         first[tick] = designs(run)
-    assert run.chronicle.redesigns.size
+    assert run.event_history.redesigns.size
     assert len(set(first.values())) > 1
     for tick in reversed(first):
         show(run, tick)
@@ -327,7 +327,7 @@ def test_a_run_with_pictures_prints_zones_and_stations(capsys: pytest.CaptureFix
 def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Path) -> None:
     file, out = tmp_path / "run.rec", tmp_path / "zones.txt"
     assert main(["run", "factory", "--until", "40", "--record", str(file), "--json"]) == 0
-    request = Request(layer="served", color="none", ascii=True, size=(100, 40))
+    request = Request(layer="service-zones", color="none", ascii=True, size=(100, 40))
     make_picture(file, request, out, 20)
     drawn = out.read_text()
     assert "d zone 1  e zone 2  f zone 3  T transfer station" in drawn

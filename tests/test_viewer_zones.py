@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from panel_stage import moment, of_cell, of_robot, shown
-from staged_scenes import camera_at, drawn, open_floor, shipped, stage, text
-from viewing import mini, record, viewing
+from panel_harness import moment, of_cell, of_robot, shown
+from render_scenes import camera_at, drawn, make_scene, open_floor, shipped, text
+from viewer_harness import mini, record, viewing
 
 from automaton.errors import InputError
 from automaton.history.overlays import Overlays, Paths, driven, explored, predicted, ties_of
@@ -28,7 +28,7 @@ from tui.render.compose import compose
 from tui.render.describe import describe
 from tui.render.glyphs import ASCII
 from tui.render.legend import legend
-from tui.render.zone_tints import LETTERS, TINTS, tints_of
+from tui.render.traffic_zone_tints import TINT_CODES, TINTS, tints_of
 from tui.search import find
 from tui.view import View
 from tui.widgets.figures import Figures, slow_zones
@@ -71,7 +71,7 @@ def drawn_ascii(scene, zoom: str = "1x1") -> str:
 
 def test_zones_bear_letters_where_touching_ones_differ_and_crossings_a_sign() -> None:
     floor_plan = drawn(AISLES)
-    scene = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
+    scene = make_scene(floor_plan, zones=traffic_zones_of(floor_plan), layer="traffic-zones")
     picture = drawn_ascii(scene).splitlines()
     assert [row.strip() for row in picture if row.strip()] == ZONES_PICTURE
 
@@ -92,12 +92,12 @@ def test_touching_zones_have_other_tints(name: str, mode: str) -> None:
 
 def test_no_letter_of_a_zone_is_a_sign_of_something_else_in_ascii() -> None:
     signs = set(ASCII.characters[127:])
-    assert not signs & set(map(chr, LETTERS)) and len(set(LETTERS)) == len(TINTS)
+    assert not signs & set(map(chr, TINT_CODES)) and len(set(TINT_CODES)) == len(TINTS)
 
 
 def test_a_floor_of_intersections_says_that_it_has_no_zones() -> None:
     floor_plan = open_floor(3, 3)
-    scene = stage(floor_plan, zones=traffic_zones_of(floor_plan), layer="zones")
+    scene = make_scene(floor_plan, zones=traffic_zones_of(floor_plan), layer="traffic-zones")
     meanings = [entry.meaning for entry in legend(scene, camera_at(floor_plan, "1x1").zoom, ASCII)]
     assert "zones: this floor has none, all of it is intersections" in meanings
     assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) floor, intersection"
@@ -108,7 +108,7 @@ def test_explored_and_predicted_cells_are_shaded_where_there_are_no_colours() ->
     field = np.zeros(floor_plan.kind.size, np.int32)
     for x, value in enumerate((0, 1, 2, 1, 0)):
         field[floor_plan.cell(x, 1)] = value
-    searched = stage(floor_plan, heat=field, layer="explored", selected=NIL)
+    searched = make_scene(floor_plan, heat=field, layer="explored", selected=NIL)
     assert [row.strip() for row in drawn_ascii(searched).splitlines()] == EXPLORED_PICTURE
     foreseen = searched.with_(layer="predicted")
     assert [row.strip() for row in drawn_ascii(foreseen).splitlines()] == PREDICTED_PICTURE
@@ -292,7 +292,7 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
         async with viewing(mini()) as user:
             await user.press("slash", *"zone", "space", "3", "enter")
             await user.until(lambda: user.app.choice.zone == 3)
-            scene = user.app.pictures.scene(user.app.shot, user.app.choice, 0)
+            scene = user.app.pictures.scene(user.app.playback, user.app.choice, 0)
             of = traffic_zones_of(scene.floor.floor_plan).of
             assert scene.zone_cells.tolist() == np.flatnonzero(of[:, 0] == 3).tolist()
             await user.until(lambda: "zone 3 of" in "".join(
@@ -310,7 +310,7 @@ def test_a_zone_that_was_found_is_marked_on_the_map_until_escape() -> None:
     asyncio.run(story())
 
 
-@pytest.mark.parametrize("layer", ["zones", "explored", "predicted"])
+@pytest.mark.parametrize("layer", ["traffic-zones", "explored", "predicted"])
 def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> None:
     plain, laid = recording.with_suffix(".txt"), recording.with_name(f"{layer}.txt")
     for out, name in ((plain, ""), (laid, layer)):
@@ -320,12 +320,12 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
     assert f"{layer}  robot 1" in after[-3] + after[-2] + after[-1]
     assert before[:-2] != after[: len(before) - 2]
     key = "a tint or letter (d e f) for each zone  touching ones differ"
-    assert (key in after[-1]) == (layer == "zones")
+    assert (key in after[-1]) == (layer == "traffic-zones")
 
 
 def test_a_drawing_of_zones_says_what_its_letters_mean(recording: Path) -> None:
     out = recording.with_name("zones.svg")
-    make_picture(recording, Request(layer="zones", size=(80, 24)), out, 30)
+    make_picture(recording, Request(layer="traffic-zones", size=(80, 24)), out, 30)
     words = re.findall(r"<text[^>]*>([^<]*)</text>", out.read_text())
     assert "a tint or letter (d e f) for each zone" in words and "touching ones differ" in words
 

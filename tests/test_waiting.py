@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from staged_runs import Staged
+from small_runs import SmallRun
 
 from automaton.scenario.resolve import resolve
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
@@ -61,25 +61,25 @@ class Answers(Strategy):
 
 
 def test_a_robot_that_drives_or_works_does_not_wait() -> None:
-    floor = Staged("A..", {"A": "EE"}).tick()
+    floor = SmallRun("A..", {"A": "EE"}).tick()
     assert floor.why("A") == ("none", "", None)
 
 
 def test_queue() -> None:
-    floor = Staged("ABC", {"A": "E", "B": "E"}).tick()
+    floor = SmallRun("ABC", {"A": "E", "B": "E"}).tick()
     assert floor.why("A") == ("queue", "B", (1, 0))
     assert floor.why("B") == ("idle ahead", "C", (2, 0))
 
 
 def test_head_on() -> None:
-    floor = Staged("AB", {"A": "E", "B": "W"}).tick()
+    floor = SmallRun("AB", {"A": "E", "B": "W"}).tick()
     assert floor.why("A") == ("head-on", "B", (1, 0)) and floor.why("B") == ("head-on", "A", (0, 0))
     floor.tick()  # the wait that was drawn is over: a retry
     assert floor.cause("A") == floor.cause("B") == "head-on"
 
 
 def test_at_work() -> None:
-    floor = Staged(
+    floor = SmallRun(
         "A..\n.B.", {"A": "SE", "B": "E"}, kinematics="differential", durations=Durations(turn=9)
     )
     robots = floor.world.robots
@@ -92,33 +92,33 @@ def test_at_work() -> None:
 
 
 def test_passing() -> None:
-    floor = Staged("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
+    floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4)).tick()
     assert floor.cause("B") == "none"
     assert floor.why("A") == ("driving ahead", "B", (1, 0)), "a long move holds both cells"
 
 
 def test_in_the_way_of_a_robot_with_nothing_to_do() -> None:
-    floor = Staged("AB", {"A": "E"}).tick()
+    floor = SmallRun("AB", {"A": "E"}).tick()
     assert floor.why("A") == ("idle ahead", "B", (1, 0))
     assert floor.why("B") == ("no order", "", None)
 
 
 def test_in_the_way_of_a_parked_robot() -> None:
-    floor = Staged("AB", {"A": "E"})
+    floor = SmallRun("AB", {"A": "E"})
     floor.world.robots.parked[floor.index("B")] = 1
     assert floor.tick().why("A") == ("idle ahead", "B", (1, 0))
     assert floor.why("B") == ("none", "", None)
 
 
 def test_lost_contest() -> None:
-    floor = Staged("A.B", {"A": "E", "B": "W"}).tick()
+    floor = SmallRun("A.B", {"A": "E", "B": "W"}).tick()
     loser, winner = ("A", "B") if floor.cause("B") == "none" else ("B", "A")
     assert floor.why(loser) == ("vertex conflict", winner, (1, 0))
 
 
 def test_lane() -> None:
     # A drives east through the aisle and has to turn there, while B comes the other way.
-    floor = Staged(
+    floor = SmallRun(
         "A=B\n...", {"A": "ES", "B": "W"}, kinematics="differential", durations=Durations(turn=3)
     )
     floor.world.robots.heading[:] = [0, 2]
@@ -128,7 +128,7 @@ def test_lane() -> None:
 
 
 def test_who_turns_in_an_aisle_holds_both_lanes() -> None:
-    floor = Staged(
+    floor = SmallRun(
         "A=B\n.=.",
         {"A": "ES"},
         kinematics="differential",
@@ -142,7 +142,7 @@ def test_who_turns_in_an_aisle_holds_both_lanes() -> None:
 
 
 def test_bay() -> None:
-    floor = Staged("b.\nb.", start="parking-bays")
+    floor = SmallRun("b.\nb.", start="parking-bays")
     robots = floor.world.robots
     home = int(robots.home[0])
     robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, home
@@ -153,51 +153,51 @@ def test_bay() -> None:
 
 
 def test_wait_drawn() -> None:
-    floor = Staged("AB.", {"A": "E"}, waits=(9, 9, 9, 9, 255)).tick()
+    floor = SmallRun("AB.", {"A": "E"}, waits=(9, 9, 9, 9, 255)).tick()
     floor.send("B", "E")
     floor.tick()  # B has left while A still waits
     assert floor.why("A") == ("random wait", "", (1, 0))
 
 
 def test_just_freed() -> None:
-    floor = Staged("AB.", {"A": "E", "B": "E"}, following=False).tick()
+    floor = SmallRun("AB.", {"A": "E", "B": "E"}, following=False).tick()
     assert floor.cause("B") == "none"
     assert floor.why("A") == ("following conflict", "", (1, 0))
 
 
 def test_withdrawal() -> None:
-    floor = Staged(
+    floor = SmallRun(
         "A..", {"A": "E"}, strategies={"right_of_way": Answers(A=(CMD_RETREAT, 2))}
     ).tick()
     assert floor.why("A") == ("retreat", "", None)
 
 
 def test_no_order() -> None:
-    assert Staged("A..").tick().why("A") == ("no order", "", None)
+    assert SmallRun("A..").tick().why("A") == ("no order", "", None)
 
 
 def test_no_place() -> None:
-    floor = Staged("A$d")
+    floor = SmallRun("A$d")
     robots = floor.world.robots
     robots.load[0] = robots.order[0] = 0
     assert floor.tick().why("A") == ("no drop-off slot", "", None)
 
 
 def test_no_route() -> None:
-    floor = Staged("A..")
+    floor = SmallRun("A..")
     floor.send("A", "")
     floor.world.robots.goal_cell[0] += 2
     assert floor.tick().why("A") == ("no route", "", (2, 0))
 
 
 def test_illegal_answer() -> None:
-    floor = Staged("A#.", strategies={"right_of_way": Answers(A=(CMD_STEP, 0))}).tick()
+    floor = SmallRun("A#.", strategies={"right_of_way": Answers(A=(CMD_STEP, 0))}).tick()
     assert floor.why("A") == ("illegal decision", "", None)
 
 
 def test_in_line_before_a_charger() -> None:
     battery = Battery(drain=Drain(move=1.0), charge_rate=1.0, initial_charge=50.0)
-    floor = Staged("A.Bc", {"A": "EEE", "B": "E"}, battery=battery)
+    floor = SmallRun("A.Bc", {"A": "EEE", "B": "E"}, battery=battery)
     for name in "AB":
         i = floor.index(name)
         floor.world.robots.goal_type[i] = GOAL_CHARGE
@@ -211,14 +211,14 @@ def test_in_line_before_a_charger() -> None:
 
 def test_an_empty_battery() -> None:
     battery = Battery(drain=Drain(move=10.0), charge_rate=1.0, initial_charge=15.0)
-    floor = Staged("A..", {"A": "EE"}, battery=battery).tick()
+    floor = SmallRun("A..", {"A": "EE"}, battery=battery).tick()
     assert floor.cause("A") == "none"
     assert floor.tick().why("A") == ("empty battery", "", None)
 
 
 def test_broken_down() -> None:
     faults = Faults(listed=(Fault(robot=0, at=2),))
-    floor = Staged("A...", {"A": "EEE"}, faults=faults).tick()
+    floor = SmallRun("A...", {"A": "EEE"}, faults=faults).tick()
     assert floor.cause("A") == "none"
     floor.tick()  # the move that it begins in this tick is its last
     assert floor.tick().why("A") == ("broken down", "", None)
@@ -226,7 +226,7 @@ def test_broken_down() -> None:
 
 def test_driving_slowly_is_lost_time_but_no_wait() -> None:
     rules = WorldRules(slowdown="zones")
-    floor = Staged("##.####\nB.A.C.D", {"C": "E"}, rules=rules).tick()
+    floor = SmallRun("##.####\nB.A.C.D", {"C": "E"}, rules=rules).tick()
     observation, i = floor.run.observation, floor.index("C")
     for _ in range(2):  # its move takes 2 ticks: one more than its duration
         assert observation.cause[i] == CAUSE_NOT_WAITING
@@ -262,7 +262,7 @@ def test_every_cause_has_a_floor_here() -> None:
 
 @pytest.mark.parametrize("mouth", ["=", "~"])
 def test_a_swap_with_a_cell_for_several_robots_is_head_on_for_both(mouth: str) -> None:
-    floor = Staged(f"A{mouth}B", {"B": "WW"}).tick()
+    floor = SmallRun(f"A{mouth}B", {"B": "WW"}).tick()
     assert floor.cause("B") == "none"
     floor.send("A", "EE")
     floor.tick()
@@ -272,7 +272,7 @@ def test_a_swap_with_a_cell_for_several_robots_is_head_on_for_both(mouth: str) -
 
 
 def test_a_turn_in_an_aisle_that_right_of_way_asks_for() -> None:
-    floor = Staged(
+    floor = SmallRun(
         "A=B\n.=.",
         {"A": "E", "B": "W"},
         kinematics="differential",
@@ -287,7 +287,7 @@ def test_a_turn_in_an_aisle_that_right_of_way_asks_for() -> None:
 
 
 def test_who_stands_before_a_turn_does_not_wait_for_itself() -> None:
-    floor = Staged(
+    floor = SmallRun(
         "A.\n..",
         {"A": "S"},
         kinematics="differential",
@@ -300,7 +300,7 @@ def test_who_stands_before_a_turn_does_not_wait_for_itself() -> None:
 
 
 def test_after_idleness_a_wait_begins_anew() -> None:
-    floor = Staged("AB").tick(40)
+    floor = SmallRun("AB").tick(40)
     floor.send("A", "E")
     floor.tick()
     assert floor.cause("A") == "idle ahead"
@@ -309,7 +309,7 @@ def test_after_idleness_a_wait_begins_anew() -> None:
 
 
 def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
-    floor = Staged("AB", {"A": "E"}).tick(MEMORY_TICKS - 1)
+    floor = SmallRun("AB", {"A": "E"}).tick(MEMORY_TICKS - 1)
     cell = floor.floor_plan.cell(0, 0)
     lost_ticks_by_cell = floor.run.observation.lost_ticks_by_cell[cell]
     assert lost_ticks_by_cell[LOST_LATELY] == lost_ticks_by_cell[LOST_EVER] == MEMORY_TICKS - 1
@@ -327,7 +327,7 @@ def test_the_congestion_of_a_cell_halves_from_time_to_time() -> None:
 
 def test_a_ring_of_four_that_cannot_turn() -> None:
     ring = {"A": "E", "B": "S", "C": "W", "D": "N"}
-    floor = Staged("AB\nDC", ring, following=False, waits=(500, 500, 500, 500, 255)).tick()
+    floor = SmallRun("AB\nDC", ring, following=False, waits=(500, 500, 500, 500, 255)).tick()
     for robot, ahead in zip("ABCD", "BCDA", strict=True):
         assert floor.cause(robot) == "queue" and floor.blocker(robot) == ahead
         assert floor.ring(robot) == 1
@@ -336,7 +336,7 @@ def test_a_ring_of_four_that_cannot_turn() -> None:
 
 
 def test_a_circle_that_lasts_is_a_deadlock_once() -> None:
-    floor = Staged(".AB", {"A": "E", "B": "W"}, waits=(500, 500, 500, 500, 255))
+    floor = SmallRun(".AB", {"A": "E", "B": "W"}, waits=(500, 500, 500, 500, 255))
     floor.tick(DEADLOCK_TICKS - 1)
     assert [event.code for event in floor.events()] == [EVENT_WAIT_CYCLE]
     floor.tick(40)
@@ -348,7 +348,7 @@ def test_a_circle_that_lasts_is_a_deadlock_once() -> None:
 
 
 def test_with_another_robot_in_it_it_is_another_circle() -> None:
-    floor = Staged("AB\nDC", {"A": "E", "B": "W"}, waits=(1, 1, 1, 1, 255)).tick(30)
+    floor = SmallRun("AB\nDC", {"A": "E", "B": "W"}, waits=(1, 1, 1, 1, 255)).tick(30)
     assert floor.ring("A") == floor.ring("B") == 30
     for robot, route in {"B": "S", "C": "W", "D": "N"}.items():
         floor.send(robot, route)
@@ -358,13 +358,13 @@ def test_with_another_robot_in_it_it_is_another_circle() -> None:
 
 
 def test_who_waits_for_a_circle_is_no_member() -> None:
-    floor = Staged("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
     assert floor.cause("C") == "queue" and floor.ring("C") == 0 and floor.ring("A") == 1
 
 
 def test_circles_of_one_tick_are_told_by_identity_however_robots_are_stored() -> None:
     told = set()
     for storage in permutations(range(4)):
-        floor = Staged("AB\nCD", {"A": "E", "B": "W", "C": "E", "D": "W"}, storage=storage).tick()
+        floor = SmallRun("AB\nCD", {"A": "E", "B": "W", "C": "E", "D": "W"}, storage=storage).tick()
         told.add(tuple(event.robot for event in floor.events()))
     assert told == {(0, 2)}

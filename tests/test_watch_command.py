@@ -8,16 +8,16 @@ import sys
 from pathlib import Path
 
 import pytest
-from viewing import branch, record
+from viewer_harness import branch, record
 
 from automaton.commands import main
 from automaton.history.divergence import first_difference
-from automaton.recording.frames import FRAME, PREAMBLE, TICKS
+from automaton.recording.frames import FRAME, FRAME_KIND_TICKS, PREAMBLE
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import DESTINATION
-from tui.opening import recorded
-from tui.recordings import KEPT, new_recording
+from tui.recordings import MAX_RECORDINGS_KEPT, new_recording
+from tui.run_source import recorded
 
 
 @pytest.fixture(autouse=True)
@@ -107,8 +107,8 @@ def test_the_first_difference_is_the_first_tick_in_which_robots_did_something_el
     assert first_difference(one, one).tick is None
     shorter = read_recording(record(tmp_path / "c.rec", until=200))
     assert first_difference(one, shorter).tick == 201
-    crew = read_recording(record(tmp_path / "d.rec", "fleet.robots=2"))
-    assert first_difference(one, crew).tick == 0
+    backend = read_recording(record(tmp_path / "d.rec", "fleet.robots=2"))
+    assert first_difference(one, backend).tick == 0
 
 
 def test_bad_input_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,7 +148,7 @@ def without_a_frame(data: bytes) -> bytes:
     begins, at = [], PREAMBLE.size
     while at < len(data):
         kind, length, *_ = FRAME.unpack_from(data, at)
-        begins += [(at, at + FRAME.size + length)] if kind == TICKS else []
+        begins += [(at, at + FRAME.size + length)] if kind == FRAME_KIND_TICKS else []
         at += FRAME.size + length
     begin, end = begins[len(begins) // 2]
     return data[:begin] + data[end:]
@@ -168,14 +168,14 @@ def test_a_damaged_recording_is_one_sentence(
 def test_only_the_newest_recordings_are_kept(tmp_path: Path) -> None:
     environ = {"XDG_STATE_HOME": str(tmp_path)}
     folder = new_recording("my floor/1", environ).parent
-    for age in range(KEPT + 5):
+    for age in range(MAX_RECORDINGS_KEPT + 5):
         path = folder / f"{age}.rec{'.part' if age % 2 else ''}"
         path.touch()
         os.utime(path, (1000 - age, 1000 - age))
     path = new_recording("my floor/1", environ)
     assert not path.exists() and path.name.startswith("my-floor-1-")
     kept = {int(path.name.partition(".")[0]) for path in folder.iterdir()}
-    assert kept == set(range(KEPT - 1))
+    assert kept == set(range(MAX_RECORDINGS_KEPT - 1))
     path.touch()
     assert new_recording("my floor/1", environ) != path
 
@@ -186,7 +186,7 @@ def test_a_floor_is_known_without_numba(tmp_path: Path) -> None:
         "import sys\n"
         "from pathlib import Path\n"
         "from automaton.scenario.resolve import resolve\n"
-        "from tui.opening import live, recorded, floor_of\n"
+        "from tui.run_source import live, recorded, floor_of\n"
         "import tui.app\n"
         f"recorded(Path({str(path)!r}))\n"
         "floor_of(live(resolve('tabletop-mini'), None).resolved[0])\n"

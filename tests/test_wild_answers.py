@@ -25,7 +25,7 @@ class Says(Strategy):
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         if view.clock[0] == 2:
-            self.say(view, decisions.zoning)
+            self.set_words(view, decisions.zoning)
 
     def say(self, view: Any, out: Any) -> None:
         raise NotImplementedError

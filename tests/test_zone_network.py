@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from drawn_networks import drawn_network
+from random_networks import random_network
 
 from automaton.errors import InputError
 from automaton.kernels.zone_network import predict_legs
@@ -55,7 +55,7 @@ def with_floats(network, start, end):
 
 @pytest.mark.parametrize(("seed", "scale"), [(1, 1.0), (2, 3.0), (3, 40.0)])
 def test_the_compiled_form_and_numpy_agree_in_every_zone(seed, scale):
-    network = drawn_network(seed, scale=scale)
+    network = random_network(seed, scale=scale)
     start, end = drawn_pairs(seed, network.zones)
     answer = predicted_zones(network, start, end)
     assert answer.any() and not answer.all()
@@ -63,7 +63,7 @@ def test_the_compiled_form_and_numpy_agree_in_every_zone(seed, scale):
 
 
 def test_whole_numbers_answer_as_floats_do_unless_it_is_close():
-    network = drawn_network(5)
+    network = random_network(5)
     start, end = drawn_pairs(5, network.zones)
     logits = with_floats(network, start, end)
     sure = np.abs(logits) > 0.005
@@ -72,16 +72,16 @@ def test_whole_numbers_answer_as_floats_do_unless_it_is_close():
 
 
 def test_large_weights_leave_fewer_bits_and_very_large_ones_are_refused():
-    assert networks.whole_layers(drawn_network(1))[0] == networks.MOST_BITS
-    bits, layers = networks.whole_layers(drawn_network(1, scale=200.0))
+    assert networks.whole_layers(random_network(1))[0] == networks.MOST_BITS
+    bits, layers = networks.whole_layers(random_network(1, scale=200.0))
     assert networks.FEWEST_BITS <= bits < networks.MOST_BITS
     assert networks.largest_sum(layers, bits) < 2**53
     with pytest.raises(InputError, match="weights of the network are too large"):
-        networks.whole_layers(drawn_network(1, scale=60_000.0))
+        networks.whole_layers(random_network(1, scale=60_000.0))
 
 
 def test_a_file_gives_back_the_network(tmp_path):
-    network, path = drawn_network(4), tmp_path / "some.npz"
+    network, path = random_network(4), tmp_path / "some.npz"
     save_network(path, network)
     again = load_network(path)
     for (weights, bias), (weights_again, bias_again) in zip(
@@ -102,7 +102,7 @@ def spoilt_files():
     buffer = io.BytesIO()
     np.savez(buffer, about=np.array({"a": 1}, dtype=object), allow_pickle=True)
     yield "pickled", buffer.getvalue()
-    network = drawn_network(6)
+    network = random_network(6)
     for name, change in {
         "cut": {"bias3": network.layers[3][1][:-1]},
         "wide": {"weights1": network.layers[1][0].astype(np.float64)},

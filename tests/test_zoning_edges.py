@@ -16,7 +16,7 @@ from automaton.world.state import ORDER_DELIVERED
 from automaton.zoning.annealing import repair
 from automaton.zoning.designs import design_arrays
 from automaton.zoning.genetic import evolve
-from automaton.zoning.herd import population_for
+from automaton.zoning.population import population_for
 
 SCENARIO = """name: edge
 layout:

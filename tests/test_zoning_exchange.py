@@ -23,9 +23,9 @@ from automaton.zoning.designs import design_arrays, read_design
 from automaton.zoning.exchange import give, remove
 from automaton.zoning.paths import copy_design
 from automaton.zoning.seeding import random_design
-from automaton.zoning.space import INF, zone_rules
-from automaton.zoning.tips import find_tips
+from automaton.zoning.tip_stations import find_tips
 from automaton.zoning.transfer import find_transfers
+from automaton.zoning.workspace import INF_COST, zone_rules
 
 # Figure 2: zone 1 has WS2 at H, WS4 at O and WS5 at R (here 1, 2, 3); zone 2 has WS6 (here 4).
 FIGURE_2 = """
@@ -64,7 +64,7 @@ def test_removing_ws4_of_figure_2_merges_its_segments() -> None:
 
 def test_the_receiver_fetches_ws4_by_its_own_path() -> None:
     floor_plan, roads, design = figure_2()
-    assert give(roads, design, scratch(roads, 2), 1, 3, INF, 2)
+    assert give(roads, design, scratch(roads, 2), 1, 3, INF_COST, 2)
     check_partition(roads, design)
     assert stations(design) == [{1, 3}, {2, 4}]
     assert segments(floor_plan, roads, design, 1) == [[(9, 2), WS4]]
@@ -82,8 +82,8 @@ def test_the_busier_zone_has_the_transfer_station_of_figure_2() -> None:
 def test_a_zone_keeps_its_last_two_stations() -> None:
     _, roads, design = figure_2()
     workspace = scratch(roads, 2)
-    assert give(roads, design, workspace, 1, 3, INF, 2)
-    assert not give(roads, design, workspace, 0, 3, INF, 2)
+    assert give(roads, design, workspace, 1, 3, INF_COST, 2)
+    assert not give(roads, design, workspace, 0, 3, INF_COST, 2)
 
 
 def test_a_path_that_is_too_long_is_refused() -> None:
@@ -95,7 +95,7 @@ def test_a_path_that_is_too_long_is_refused() -> None:
 def test_what_cannot_be_joined_anew_is_refused() -> None:
     floor_plan, roads = drawn("1..2..3\n###.###\n###4###")
     design = read_design(floor_plan, roads, {"zones": [{"stations": [1, 2, 3]}, {"stations": [4]}]})
-    assert not give(roads, design, scratch(roads, 2), 1, 3, INF, 1)
+    assert not give(roads, design, scratch(roads, 2), 1, 3, INF_COST, 1)
 
 
 def test_the_station_of_a_zone_of_one_is_in_the_way() -> None:

@@ -27,15 +27,15 @@ from zoning_trials import ANNEALED, evolved, repaired, south, turn
 
 from automaton.world.service_zones import Design
 from automaton.zoning import annealing, genetic, negotiation
-from automaton.zoning.chance import GENETIC
 from automaton.zoning.designs import design_arrays, read_design
-from automaton.zoning.exponential import exponential, logarithm, temperature
-from automaton.zoning.herd import population_for
 from automaton.zoning.load import find_loads
+from automaton.zoning.population import population_for
+from automaton.zoning.portable_math import exponential, logarithm, temperature
+from automaton.zoning.random_draws import DRAWS_GENETIC
 from automaton.zoning.roads import typical_distance
 from automaton.zoning.seeding import first_design, random_design
-from automaton.zoning.space import zone_rules
 from automaton.zoning.transfer import connected
+from automaton.zoning.workspace import zone_rules
 
 
 def test_phase_1_gives_every_station_a_zone() -> None:
@@ -107,7 +107,7 @@ def test_zones_too_far_apart_to_be_adjacent_are_joined() -> None:
     flow = 1.0 - np.eye(8)
     for seed in range(6):
         assert annealing.repair(
-            roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, workspace, reach, seed, 0
+            roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS, design, workspace, reach, seed, 0
         )
         check_partition(roads, design)
         assert connected(design, workspace)
@@ -117,7 +117,11 @@ def test_first_zones_of_a_station_each() -> None:
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
     design, workspace, reach = design_arrays(roads, 8), scratch(roads, 8), everyone(8)
-    how = (annealing.HOT, annealing.COLD, annealing.STEPS)
+    how = (
+        annealing.DEFAULT_INITIAL_TEMPERATURE,
+        annealing.DEFAULT_FINAL_TEMPERATURE,
+        annealing.ANNEALING_STEPS,
+    )
     assert annealing.first_zones(roads, rules, *how, 0, design, workspace, reach, 1, 0)
     check_partition(roads, design)
     assert sorted(design.zone) == list(range(8)) and connected(design, workspace)
@@ -136,10 +140,12 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     _, roads = drawn(COMB)
     rules = zone_rules(FEET_PER_MINUTE / 2.5, typical_distance(roads.between))
     design, workspace, herd = design_arrays(roads, 8), scratch(roads, 8), population_for(roads, 12)
-    limits = (20, genetic.SELECTED, genetic.MUTATION)
+    limits = (20, genetic.DEFAULT_PARENTS, genetic.DEFAULT_MUTATION_RATE)
     flow = 1.0 - np.eye(8)
     genetic.evolve(roads, rules, flow, *limits, herd, design, workspace, everyone(8), 1, 0)
-    assert workspace.drawn[0] - GENETIC < 4_000_000, "500 tries to mutate each child are 36 million"
+    assert workspace.drawn[0] - DRAWS_GENETIC < 4_000_000, (
+        "500 tries to mutate each child are 36 million"
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -147,7 +153,7 @@ def test_a_dozen_generations_find_a_balanced_design(seed: int) -> None:
     _, _, roads = factory()
     herd, workspace = population_for(roads, 30), scratch(roads, 3)
     design, rules = design_arrays(roads, 3), factory_rules(roads)
-    limits = (12, genetic.SELECTED, genetic.MUTATION)
+    limits = (12, genetic.DEFAULT_PARENTS, genetic.DEFAULT_MUTATION_RATE)
     flow = training_flow()
     assert genetic.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0

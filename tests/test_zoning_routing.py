@@ -12,14 +12,14 @@ from zoning_scenes import drawn, everyone, factory, factory_rules, scratch, ship
 
 from automaton.zoning.designs import design_arrays
 from automaton.zoning.load import find_loads
-from automaton.zoning.routing import CENTRAL, NEIGHBOURS, route
+from automaton.zoning.routing import ROUTING_CENTRAL, ROUTING_NEIGHBOURS, route
 from automaton.zoning.transfer import find_transfers
 
 DELIVERED = 1
 HANDED_ON = 0
 
 
-def routed(zone: int, at: int, to: int, rule: int = CENTRAL) -> tuple[int, int, int]:
+def routed(zone: int, at: int, to: int, rule: int = ROUTING_CENTRAL) -> tuple[int, int, int]:
     """Stations as users count them."""
     _, _, roads = factory()
     workspace, rules = scratch(roads, 3), factory_rules(roads)
@@ -30,7 +30,7 @@ def routed(zone: int, at: int, to: int, rule: int = CENTRAL) -> tuple[int, int, 
     return queue, stop + 1, direct
 
 
-@pytest.mark.parametrize("rule", [CENTRAL, NEIGHBOURS])
+@pytest.mark.parametrize("rule", [ROUTING_CENTRAL, ROUTING_NEIGHBOURS])
 @pytest.mark.parametrize(
     ("story", "zone", "at", "to", "expected"),
     [
@@ -55,7 +55,7 @@ def test_through_a_third_zone_by_the_transfer_station_nearest_to_the_part() -> N
 
 
 def test_in_ddz_by_the_one_nearest_to_the_target() -> None:
-    assert routed(1, 1, 12, NEIGHBOURS) == (1, 5, HANDED_ON)
+    assert routed(1, 1, 12, ROUTING_NEIGHBOURS) == (1, 5, HANDED_ON)
 
 
 def test_a_part_at_the_way_out_is_the_third_robots_at_once() -> None:
@@ -75,25 +75,25 @@ def row():
 
 def test_the_fewest_transfers_win(row) -> None:
     roads, design, workspace = row
-    assert route(roads, design, workspace, CENTRAL, 0, 0, 4) == (0, 3, HANDED_ON)
-    assert route(roads, design, workspace, CENTRAL, 0, 0, 2) == (0, 1, HANDED_ON)
+    assert route(roads, design, workspace, ROUTING_CENTRAL, 0, 0, 4) == (0, 3, HANDED_ON)
+    assert route(roads, design, workspace, ROUTING_CENTRAL, 0, 0, 2) == (0, 1, HANDED_ON)
 
 
 def test_of_equal_ways_the_nearer_then_the_lower_station(row) -> None:
     roads, design, workspace = row
     design.transfer[0, 3, 0] = design.transfer[3, 0, 0] = 1
-    assert route(roads, design, workspace, CENTRAL, 0, 1, 4) == (0, 0, HANDED_ON)
+    assert route(roads, design, workspace, ROUTING_CENTRAL, 0, 1, 4) == (0, 0, HANDED_ON)
 
 
 def test_where_no_transfers_lead_its_own_robot_delivers(row) -> None:
     roads, design, workspace = row
-    for rule in (CENTRAL, NEIGHBOURS):
+    for rule in (ROUTING_CENTRAL, ROUTING_NEIGHBOURS):
         assert route(roads, design, workspace, rule, 0, 0, 5) == (0, 5, DELIVERED)
 
 
 def test_every_part_arrives_after_a_few_transfers(row) -> None:
     roads, design, workspace = row
-    for rule in (CENTRAL, NEIGHBOURS):
+    for rule in (ROUTING_CENTRAL, ROUTING_NEIGHBOURS):
         for start in range(5):
             for to in np.setdiff1d(range(5), [start]).tolist():
                 zone, at, direct = start, start, HANDED_ON

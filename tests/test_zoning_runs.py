@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from zoning_events import Run
+from reference_factory import Run
 from zoning_scenes import (
     ddz_rules,
     everyone,
@@ -21,15 +21,15 @@ from zoning_scenes import (
 
 from automaton.world.service_zones import Design
 from automaton.zoning.load import find_loads
-from automaton.zoning.routing import CENTRAL, NEIGHBOURS
+from automaton.zoning.routing import ROUTING_CENTRAL, ROUTING_NEIGHBOURS
 from automaton.zoning.transfer import find_transfers
 
 
 def with_transfers(name: str, rule: int) -> Design:
     _, _, roads = factory()
     design, workspace = shipped(name), scratch(roads, 3)
-    rules = factory_rules(roads) if rule == CENTRAL else ddz_rules()
-    if rule == CENTRAL:
+    rules = factory_rules(roads) if rule == ROUTING_CENTRAL else ddz_rules()
+    if rule == ROUTING_CENTRAL:
         find_loads(roads, rules, training_flow(), 0, design, workspace)
     find_transfers(roads, rules, design, workspace, everyone(3))
     return design
@@ -38,9 +38,9 @@ def with_transfers(name: str, rule: int) -> Design:
 @pytest.mark.parametrize(
     ("name", "rule", "sharing", "hours", "feet", "sigma"),
     [
-        ("factory-logged", CENTRAL, False, 9.54, 57_043, 36_846),
-        ("factory-ddz", NEIGHBOURS, False, 7.78, 53_931, 22_455),
-        ("factory-logged", CENTRAL, True, 5.76, 48_523, 20_101),
+        ("factory-logged", ROUTING_CENTRAL, False, 9.54, 57_043, 36_846),
+        ("factory-ddz", ROUTING_NEIGHBOURS, False, 7.78, 53_931, 22_455),
+        ("factory-logged", ROUTING_CENTRAL, True, 5.76, 48_523, 20_101),
     ],
 )
 def test_fixed_zones(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from reference_load_sharing import share
 from zoning_scenes import drawn
-from zoning_sharing import share
 
 from automaton.zoning.designs import read_design
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from battery_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
-from powered import scene
 
 from automaton.errors import InputError
 from automaton.metrics import metrics_of
@@ -29,8 +29,8 @@ from automaton.world.state import (
     ORDER_DELIVERED,
     ORDER_WAITING,
 )
+from strategies.zoning.negotiation_messages import DEGREES, MEAN, REDESIGN
 from strategies.zoning.repairing import AnnealedZones
-from strategies.zoning.talk import DEGREES, MEAN, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
 LOGGED = f"design: factory-logged, {ADJACENT}"

@@ -49,8 +49,8 @@ def watched(
         log.flows.append(tick)
         return usual_flow(view, window, tick, found)
 
-    usual_look, usual_flow = monitored.Monitored._look, repairing.record_flow
-    monkeypatch.setattr(monitored.Monitored, "_look", look)
+    usual_look, usual_flow = monitored.MonitoredZones._check_balance, repairing.record_flow
+    monkeypatch.setattr(monitored.MonitoredZones, "_check_balance", look)
     monkeypatch.setattr(monitored, "share", share)
     monkeypatch.setattr(monitored, "balance", lambda _: value(now))
     monkeypatch.setattr(repairing, "record_flow", flow)

@@ -24,14 +24,19 @@ from automaton.world.state import NIL
 from automaton.zoning import annealing, genetic
 from automaton.zoning.abilities import match
 from automaton.zoning.designs import design_arrays
-from automaton.zoning.herd import population_for
 from automaton.zoning.load import find_loads
 from automaton.zoning.negotiation import lead, parts_for
-from automaton.zoning.space import HANDLING, ZoneSpace
+from automaton.zoning.population import population_for
 from automaton.zoning.transfer import find_transfers
+from automaton.zoning.workspace import ZONE_RULE_HANDLING, ZoneSpace
 
 NORTH = [0, 1, 2, 3]  # stations 1 to 4, closed to the robot of zone 0
-ANNEALED = (annealing.HOT, annealing.COLD, annealing.STEPS, annealing.MOST)
+ANNEALED = (
+    annealing.DEFAULT_INITIAL_TEMPERATURE,
+    annealing.DEFAULT_FINAL_TEMPERATURE,
+    annealing.ANNEALING_STEPS,
+    annealing.ANNEALING_MAX_MOVES,
+)
 METHODS = {
     "static": "{name: static, adjacency: 243.6437908496732}",
     "annealing": "{name: annealing, adjacency: 243.6437908496732}",
@@ -46,7 +51,7 @@ def mixed() -> ZoneSpace:
     workspace = scratch(factory()[2], 3)
     workspace.serves[0, NORTH] = 0
     workspace.first[0, [7, 10]] = 1
-    workspace.pace[0] = 2.0
+    workspace.move_time_factor[0] = 2.0
     return workspace
 
 
@@ -69,7 +74,7 @@ def made(method: str, seed: int) -> tuple[Design, ZoneSpace]:
             roads, rules, flow, *ANNEALED, 3, design, workspace, everyone(3), seed, 0
         )
     else:
-        limits = (8, genetic.SELECTED, genetic.MUTATION)
+        limits = (8, genetic.DEFAULT_PARENTS, genetic.DEFAULT_MUTATION_RATE)
         herd = population_for(roads, 20)
         assert genetic.evolve(
             roads, rules, flow, *limits, herd, design, workspace, everyone(3), seed, 0
@@ -84,12 +89,12 @@ def test_minutes_of_a_zone_are_those_of_the_robot_that_serves_it() -> None:
     roads, flow = factory()[2], training_flow()
     design, rules = shipped("factory-logged"), factory_rules(roads)
     alike, slow = scratch(roads, 3), scratch(roads, 3)
-    slow.pace[1] = 3.0
+    slow.move_time_factor[1] = 3.0
     find_loads(roads, rules, flow, 0, design, alike)
     find_loads(roads, rules, flow, 0, design, slow)
     assert alike.load[0] == slow.load[0] and alike.load[2] == slow.load[2]
     inside = design.zone == 1
-    handling = (rules[0] + flow[np.ix_(inside, inside)].sum()) * rules[HANDLING]
+    handling = (rules[0] + flow[np.ix_(inside, inside)].sum()) * rules[ZONE_RULE_HANDLING]
     assert slow.load[1] - handling == pytest.approx(3 * (alike.load[1] - handling))
 
 
@@ -101,7 +106,7 @@ def test_a_slow_robot_gets_a_smaller_zone() -> None:
         found = []
         for seed in range(8):
             design, workspace = design_arrays(roads, 3), scratch(roads, 3)
-            workspace.pace[0] = pace
+            workspace.move_time_factor[0] = pace
             annealing.repair(
                 roads,
                 factory_rules(roads),

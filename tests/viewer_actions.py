@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import map_checks  # its checks are entered into the table
+import map_cases  # its checks are entered into the table
 import numpy as np
-from action_checks import CHECKS, check, press, said
-from viewing import Watched, compared, mini, viewing
+from action_cases import CHECKS, check, press, said
+from viewer_harness import Watched, compared, mini, viewing
 
 from automaton.world.state import NIL
 from tui.bindings import COMPARING
@@ -19,7 +19,7 @@ from tui.render.glyphs import GLYPH_BITS
 from tui.render.scene import SHADED
 from tui.screens.help import HelpScreen
 
-__all__ = ["map_checks"]
+__all__ = ["map_cases"]
 
 
 def moves(name: str, start: int, end: int) -> None:
@@ -45,24 +45,24 @@ moves("go_start", 150, 0)
 @check
 async def play_pause(user: Watched) -> None:
     await press(user, "play_pause")
-    await user.until(lambda: user.app.shot.playing == 1 and user.tick > 0)
+    await user.until(lambda: user.app.playback.playing == 1 and user.tick > 0)
     await press(user, "play_pause")
-    await user.until(lambda: user.app.shot.playing == 0)
+    await user.until(lambda: user.app.playback.playing == 0)
 
 
 @check
 async def reverse(user: Watched) -> None:
     await user.at(150)
     await press(user, "reverse")
-    await user.until(lambda: user.app.shot.playing == -1 and user.tick < 150)
+    await user.until(lambda: user.app.playback.playing == -1 and user.tick < 150)
 
 
 def speeds(name: str, before: float, after: float) -> None:
     async def action(user: Watched) -> None:
         user.app._set_speed(before)
-        await user.until(lambda: user.app.shot.asked == 10 * before)
+        await user.until(lambda: user.app.playback.asked == 10 * before)
         await press(user, name)
-        await user.until(lambda: user.app.shot.asked == 10 * after)
+        await user.until(lambda: user.app.playback.asked == 10 * after)
 
     CHECKS[name] = action
 
@@ -91,7 +91,7 @@ async def go_to(user: Watched) -> None:
 
 async def with_events(user: Watched) -> list[int]:
     await user.at(300)
-    return sorted(set(user.app.runs[0].chronicle.events[:, 0].tolist()))
+    return sorted(set(user.app.runs[0].event_history.events[:, 0].tolist()))
 
 
 @check
@@ -119,7 +119,7 @@ async def follow(user: Watched) -> None:
     camera = user.app.pictures.camera
     camera.resize(4, 12)
     await user.at(500)
-    cell = int(user.app.shot.snapshots[0].robots.cell[1])
+    cell = int(user.app.playback.snapshots[0].robots.cell[1])
     assert camera.place_of(cell) is not None
 
 
@@ -198,7 +198,7 @@ async def breakpoints(user: Watched) -> None:
     await user.press(*"delivered", "enter", "escape")
     await user.until(lambda: user.app.stops)
     user.app.player.play()
-    await user.until(lambda: "delivered" in user.app.shot.stopped)
+    await user.until(lambda: "delivered" in user.app.playback.stopped)
 
 
 @check
@@ -229,7 +229,7 @@ lays("layer_waiting", "", "waiting")
 lays("layer_congestion", "", "congestion")
 lays("layer_flow", "", "flow")
 lays("next_layer", "visits", "waiting")
-lays("layer_zones", "", "zones")
+lays("layer_zones", "", "traffic-zones")
 
 
 @check
@@ -237,8 +237,8 @@ async def layer_explored(user: Watched) -> None:
     await press(user, "layer_explored")
     assert "select a robot, and the search for its way is shown" in user.toasts()
     await user.at(120)
-    user.app.choose(int(np.argmax(user.app.shot.snapshots[0].robots.route_length)))
-    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
+    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
 
 
 @check
@@ -247,11 +247,11 @@ async def layer_predicted(user: Watched) -> None:
     for least in (2, 3, 4, 5, 1):
         await press(user, "layer_predicted")
         assert user.app.choice.laid == f"predicted {least}+"
-    await user.until(lambda: np.any(user.app.shot.snapshots[0].heat))
-    assert user.app.pictures.scene(user.app.shot, user.app.choice, 0).values is not None
+    await user.until(lambda: np.any(user.app.playback.snapshots[0].heat))
+    assert user.app.pictures.scene(user.app.playback, user.app.choice, 0).values is not None
     for layer in (*SHADED, ""):  # the snapshot still brings what the layer before counts
         chosen = replace(user.app.choice, layer=layer)
-        scene = user.app.pictures.scene(user.app.shot, chosen, 0)
+        scene = user.app.pictures.scene(user.app.playback, chosen, 0)
         assert (scene.values is not None) == (layer == "predicted")
         user.app.pictures.picture(scene, chosen, 20, 60)
 
@@ -259,10 +259,10 @@ async def layer_predicted(user: Watched) -> None:
 @check
 async def layer_route(user: Watched) -> None:
     await user.at(120)
-    user.app.choose(int(np.argmax(user.app.shot.snapshots[0].robots.route_length)))
-    await user.until(lambda: len(user.app.shot.snapshots[0].route))
+    user.app.choose(int(np.argmax(user.app.playback.snapshots[0].robots.route_length)))
+    await user.until(lambda: len(user.app.playback.snapshots[0].route))
     await press(user, "layer_route")
-    assert not len(user.app.pictures.scene(user.app.shot, user.app.choice, 0).route)
+    assert not len(user.app.pictures.scene(user.app.playback, user.app.choice, 0).route)
 
 
 @check
@@ -286,8 +286,9 @@ async def next_difference(user: Watched) -> None:
     await user.until(lambda: user.app.divergence is not None)
     assert user.app.divergence.tick > 1
     await user.until(lambda: "the runs differ first" in said(user.app.info))
-    inks = user.app.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
-    assert set(inks.tolist()) == {styles.TEXT}  # blue, as found robots are, is not legible
+    foregrounds = user.app.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
+    # blue, as found robots are, is not legible
+    assert set(foregrounds.tolist()) == {styles.COLOUR_TEXT}
     await press(user, "next_difference")
     await user.until(lambda: user.tick == user.app.divergence.tick)
 

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from automaton.jit_struct import Struct
 from automaton.strategy.layer import Strategy
-from automaton.struct import Struct
 from automaton.world.state import CLOCK_TICK, KEEP
 
 ANSWERS: Counter[str] = Counter()  # given in this process, by layer

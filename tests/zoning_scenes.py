@@ -16,7 +16,7 @@ from automaton.world.floor_plan import FloorPlan
 from automaton.world.service_zones import Design, Roads
 from automaton.zoning.designs import read_design
 from automaton.zoning.roads import typical_distance
-from automaton.zoning.space import ZoneSpace, space_for, zone_rules
+from automaton.zoning.workspace import ZoneSpace, space_for, zone_rules
 from layouts.factory import Factory
 
 # The authors' table of distances between WS1 to WS18, in units of 2.5 ft.

@@ -16,11 +16,16 @@ from zoning_scenes import (
 from automaton.world.service_zones import Design
 from automaton.zoning import annealing, genetic, negotiation
 from automaton.zoning.designs import design_arrays
-from automaton.zoning.herd import population_for
-from automaton.zoning.negotiation import Parts, lead, parts_for
+from automaton.zoning.negotiation import NegotiatedParts, lead, parts_for
+from automaton.zoning.population import population_for
 from automaton.zoning.transfer import connected, find_transfers
 
-ANNEALED = (annealing.HOT, annealing.COLD, annealing.STEPS, annealing.MOST)
+ANNEALED = (
+    annealing.DEFAULT_INITIAL_TEMPERATURE,
+    annealing.DEFAULT_FINAL_TEMPERATURE,
+    annealing.ANNEALING_STEPS,
+    annealing.ANNEALING_MAX_MOVES,
+)
 
 
 def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
@@ -28,7 +33,7 @@ def repaired(flow: Any, zones: int, seed: int) -> tuple[int, Design]:
     design, workspace = design_arrays(roads, zones), scratch(roads, zones)
     rules, reach = factory_rules(roads), everyone(zones)
     done = annealing.repair(
-        roads, rules, flow, *ANNEALED, annealing.REPAIRS, design, workspace, reach, seed, 0
+        roads, rules, flow, *ANNEALED, annealing.MAX_REPAIRS, design, workspace, reach, seed, 0
     )
     return done, design
 
@@ -41,13 +46,13 @@ def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) 
         population_for(roads, individuals),
     )
     rules, reach = factory_rules(roads), everyone(3)
-    limits = (generations, genetic.SELECTED, genetic.MUTATION)
+    limits = (generations, genetic.DEFAULT_PARENTS, genetic.DEFAULT_MUTATION_RATE)
     assert genetic.evolve(roads, rules, flow, *limits, herd, design, workspace, reach, seed, 0)
     assert connected(design, workspace)
     return design
 
 
-def waiting(legs: list[tuple[int, int]]) -> Parts:
+def waiting(legs: list[tuple[int, int]]) -> NegotiatedParts:
     """Parts at stations on their way to others, as users count them; nobody has queued them."""
     parts = parts_for(len(legs) + 3)
     parts.count[0] = len(legs)
@@ -72,7 +77,19 @@ def south() -> dict[str, Any]:
 
 
 def turn(scene: dict[str, Any], leader: int, mean: float, seed: int) -> float:
-    limits = (negotiation.HOT, negotiation.COLD, negotiation.STEPS, negotiation.SCALE)
+    limits = (
+        negotiation.NEGOTIATION_INITIAL_TEMPERATURE,
+        negotiation.NEGOTIATION_FINAL_TEMPERATURE,
+        negotiation.NEGOTIATION_STEPS,
+        negotiation.DEFAULT_ACCEPTANCE_SCALE,
+    )
     known = (scene["design"], scene["workspace"], leader, scene["reach"], mean, seed, 0)
-    before = (scene["roads"], scene["rules"], scene["parts"], *limits, 0, negotiation.ITERATIONS)
+    before = (
+        scene["roads"],
+        scene["rules"],
+        scene["parts"],
+        *limits,
+        0,
+        negotiation.DEFAULT_ITERATIONS,
+    )
     return float(lead(*before, *known))

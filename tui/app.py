@@ -26,11 +26,11 @@ from tui.actions.layers import LayerActions
 from tui.actions.map import MapActions
 from tui.ascii_only import AsciiOnly, WholeCells
 from tui.bindings import ACTIONS, COMPARING, bindings, key_text
-from tui.opening import Opening
+from tui.frame_pacing import quiet_collector
 from tui.options import Options
-from tui.pace import quiet_collector
 from tui.render.glyphs import ASCII
 from tui.render.styles import Look
+from tui.run_source import Opening
 from tui.screens.help import HelpScreen
 from tui.themes import themes
 from tui.widgets.keys import Keys
@@ -123,7 +123,7 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
 
             importlib.import_module(PANELS_MODULE)
             player = self._playing_runs(Player(self.opening.begin()))
-            player.published = self.frames.heard
+            player.published = self.frames.on_published
         except InputError as wrong:
             error = str(wrong)
         except Exception as wrong:
@@ -234,7 +234,7 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
             rows = min(view.size.height for view in self.maps)
             columns = min(view.size.width for view in self.maps)
             self.pictures.resize(rows, columns)
-        self.say_titles()
+        self.show_titles()
         self.changed()
 
     def _split(self) -> None:
@@ -282,10 +282,10 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
             self.hovered = NIL if cell is None else cell
             self.hovered_side = self.maps.index(event.view)
             self.pointing = True
-            self.say_soon()
+            self.refresh_lines_soon()
 
     def on_timeline_scrubbed(self, event: Timeline.Scrubbed) -> None:
-        self.go_to_tick(event.tick, heeding=True)
+        self.go_to_tick(event.tick, stop_at_breakpoints=True)
 
     def on_timeline_moved(self, event: Timeline.Moved) -> None:
         if self.ready() and self.player is not None:
@@ -341,9 +341,9 @@ class Viewer(MapActions, ChooseActions, LayerActions, CaptureActions):
         self.theme = f"automaton-{self.look.theme}"
         lines = (self.title_line, self.info, self.status, self.timeline)
         for view in (*self.maps, *self.heads, *lines):
-            view.dress(self.look, self.glyphs)
+            view.set_appearance(self.look, self.glyphs)
         if self.column is not None:
-            self.column.dress(self.look, self.glyphs)
+            self.column.set_appearance(self.look, self.glyphs)
         self.changed()
 
     def action_link_figures(self) -> None:

@@ -13,7 +13,7 @@ from textual.color import Color
 from textual.filter import LineFilter
 from textual.scrollbar import ScrollBarRender
 
-from tui.render.spelling import spelled
+from tui.render.ascii_fallback import to_ascii
 
 
 class AsciiOnly(LineFilter):
@@ -21,7 +21,7 @@ class AsciiOnly(LineFilter):
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         return [
-            segment if segment.control else segment._replace(text=spelled(segment.text))
+            segment if segment.control else segment._replace(text=to_ascii(segment.text))
             for segment in segments
         ]
 

@@ -6,9 +6,9 @@ import os
 import sys
 from collections.abc import MutableMapping
 
-from tui.opening import Opening
 from tui.options import Options
 from tui.recordings import comparing_command
+from tui.run_source import Opening
 
 BAD_INPUT = 2  # a strategy that fails counts as such
 
@@ -16,9 +16,9 @@ BAD_INPUT = 2  # a strategy that fails counts as such
 def show(opening: Opening, options: Options) -> int:
     """Show it until the user leaves; returns the exit code."""
     if options.plain or os.environ.get("TERM") == "dumb" or not (_in_browser() or _has_terminal()):
-        from tui.plain import tell
+        from tui.text_mode import run_in_text_mode
 
-        return tell(opening)
+        return run_in_text_mode(opening)
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)
@@ -33,8 +33,8 @@ def show(opening: Opening, options: Options) -> int:
     finally:
         viewer.close_runs()
     failed, error = viewer.error or viewer.broken, ""
-    if viewer.shot is not None:
-        failed, error = failed or viewer.shot.failed, viewer.shot.error
+    if viewer.playback is not None:
+        failed, error = failed or viewer.playback.failed, viewer.playback.error
     if failed or error:
         _say(failed or error)
     kept = [path for path in viewer.recordings if path.exists()]

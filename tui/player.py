@@ -1,7 +1,7 @@
 """The thread that carries one or two runs along: one clock, so that both are at the same tick.
 
-Everything about the runs is done here; the screen asks for the latest Shot and gives orders, neither
-of which ever waits for the simulation.
+Everything about the runs is done here; the screen asks for the latest PlaybackState and sends requests,
+neither of which ever waits for the simulation.
 """
 
 from __future__ import annotations
@@ -18,38 +18,39 @@ from typing import Final
 from automaton.errors import InputError
 from automaton.history.breakpoints import Breakpoint
 from automaton.history.overlays import Overlays
-from automaton.history.run import SLICE_S, Run
+from automaton.history.run import COMPUTE_SLICE_S, Run
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.world.state import NIL
-from tui.shot import Figures, Shot, figures_of
-from tui.stops import Hit, begun, held_by, reason
+from tui.breakpoint_hits import Hit, begun, held_by, reason
+from tui.playback_state import Figures, PlaybackState, figures_of
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
-SHOT_S: Final = 0.012  # between two shots while ticks fly by: less than between two pictures,
+# between two states while ticks fly by: less than between two pictures,
+STATE_INTERVAL_S: Final = 0.012
 UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
 FIGURES_S: Final = 0.3  # between two readings of the metrics
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
 RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
-PATIENCE_S: Final = 3.0  # with a strategy that is to be left,
+PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # with a strategy that is to be left,
 TICK_S: Final = 0.5  # and with the tick that is being computed
-LONG_S: Final = 2.0  # from then on it is said which tick is being computed
+LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed
 
 
 class Player:
-    """Owns the runs from now on; use `latest` and the orders only, from any thread."""
+    """Owns the runs from now on; use only `latest` and the requests, from any thread."""
 
     def __init__(self, runs: Sequence[Run], start: bool = True) -> None:
         self.runs = list(runs)
-        self._orders: deque[Callable[[], None]] = deque()
+        self._requests: deque[Callable[[], None]] = deque()
         self._wake = threading.Condition()
         self._alive = True
         self._direction, self._speed = 0, 1.0
         self._tick = 0
         self._busy_since = math.inf  # when it began to compute
         self._goal: int | None = None  # a tick to be shown, however long it takes,
-        self._heeding = False  # and whether breakpoints stop on the way
+        self._stop_at_breakpoints = False  # and whether breakpoints stop on the way
         self._anchor = (0.0, 0)  # time and tick at which the clock was set
         self._rate = (0.0, 0, 0.0)  # time and tick of the last measurement; ticks per second
         self._selected, self._layer = NIL, ""
@@ -61,23 +62,25 @@ class Player:
         self._figures_at = -math.inf
         self._stale = True
         for run in self.runs:
-            run.give_up = self._given_up
-        self.published: Callable[[], None] = lambda: None  # called in the thread for each new shot
-        self._shot = self._take_shot(0)
-        self._thread = threading.Thread(target=self._carry_along, name="player", daemon=True)
+            run.give_up = self._is_closing
+        self.published: Callable[[], None] = lambda: None  # called in the thread for each new state
+        self._playback = self._take_state(0)
+        self._thread = threading.Thread(target=self._run_thread, name="player", daemon=True)
         if start:
             self._thread.start()
 
-    def latest(self) -> Shot:
-        """The newest shot; never waits."""
+    def latest(self) -> PlaybackState:
+        """Return the newest state without waiting."""
         self._seen = True
-        return self._shot
+        return self._playback
 
     def computing(self) -> tuple[int, int] | None:
         """The tick that takes long, and for how many seconds it has; None: none does."""
         seconds = time.monotonic() - self._busy_since
         return (
-            None if seconds < LONG_S else (max(run.front.tick for run in self.runs), int(seconds))
+            None
+            if seconds < LONG_TICK_S
+            else (max(run.leading_simulation.tick for run in self.runs), int(seconds))
         )
 
     @property
@@ -87,7 +90,7 @@ class Player:
 
     def play(self, direction: int = 1) -> None:
         """Go on; with -1 backwards."""
-        self._order(lambda: self._set_clock(direction, self._speed))
+        self._enqueue_request(lambda: self._set_clock(direction, self._speed))
 
     def toggle(self, direction: int = 1) -> None:
         """Play in this direction; if it does already, or forwards if it plays at all, pause."""
@@ -95,46 +98,48 @@ class Player:
         def turn() -> None:
             playing = self._direction == direction or (direction > 0 and self._direction != 0)
             if playing:
-                self._stand()
+                self._halt()
             else:
                 self._set_clock(direction, self._speed)
 
-        self._order(turn)
+        self._enqueue_request(turn)
 
     def pause(self) -> None:
         """Stop at the tick that is shown."""
-        self._order(self._stand)
+        self._enqueue_request(self._halt)
 
     def set_speed(self, factor: float) -> None:
         """Times TICKS_PER_S; math.inf for as fast as it goes."""
-        self._order(lambda: self._set_clock(self._direction, factor))
+        self._enqueue_request(lambda: self._set_clock(self._direction, factor))
 
     def step(self, ticks: int) -> None:
         """Pause, and show so many ticks later, unless a breakpoint comes before, or earlier."""
-        self._order(lambda: self._aim(self._aimed + ticks, heeding=True))
+        self._enqueue_request(
+            lambda: self._set_target(self._target + ticks, stop_at_breakpoints=True)
+        )
 
-    def seek(self, tick: int, heeding: bool = False) -> None:
-        """Pause, and show a tick; `heeding` breakpoints on the way forward stops at the first."""
-        self._order(lambda: self._aim(tick, heeding))
+    def seek(self, tick: int, stop_at_breakpoints: bool = False) -> None:
+        """Pause, and show a tick; `stop_at_breakpoints`: on the way forward, stop at the first."""
+        self._enqueue_request(lambda: self._set_target(tick, stop_at_breakpoints))
 
     def select(self, robot: int) -> None:
         """The robot whose route the snapshots give, or NIL."""
-        self._order(lambda: self._choose(robot, self._layer))
+        self._enqueue_request(lambda: self._choose(robot, self._layer))
 
     def show_layer(self, name: str) -> None:
         """The layer of which the snapshots hold the field, or ""."""
-        self._order(lambda: self._choose(self._selected, name))
+        self._enqueue_request(lambda: self._choose(self._selected, name))
 
     def set_breakpoints(self, breakpoints: Sequence[Breakpoint]) -> None:
         """Stop where one of them begins to hold."""
-        self._order(lambda: setattr(self, "_breakpoints", list(breakpoints)))
+        self._enqueue_request(lambda: setattr(self, "_breakpoints", list(breakpoints)))
 
     def exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
         """Replace the first run by what `work` makes of it; `done` gets "" or what was wrong.
 
         Both are called in the player's thread.
         """
-        self._order(lambda: self._exchange(work, done))
+        self._enqueue_request(lambda: self._exchange(work, done))
 
     def close(self) -> None:
         """End the thread and close the runs: what was recorded is whole after it."""
@@ -145,30 +150,30 @@ class Player:
             self._thread.join(TICK_S)
         if self._thread.is_alive():
             for run in self.runs:
-                run.front.interrupt()
-            self._thread.join(PATIENCE_S)
+                run.leading_simulation.interrupt()
+            self._thread.join(PLAYER_JOIN_TIMEOUT_S)
         if self._thread.is_alive():
             return  # a strategy does not answer; what was recorded so far lies on the disk
         for run in self.runs:
             run.close()
 
-    def _order(self, work: Callable[[], None]) -> None:
+    def _enqueue_request(self, work: Callable[[], None]) -> None:
         with self._wake:
-            self._orders.append(work)
+            self._requests.append(work)
             self._wake.notify()
 
     # From here on in the player's thread.
 
-    def _carry_along(self) -> None:
+    def _run_thread(self) -> None:
         while self._alive:
             try:
-                self._obey()
+                self._handle_requests()
                 busy = self._goal is not None or self._direction != 0
                 if busy:
                     self._advance()
                 else:
                     busy = self._look_ahead()
-                if busy and self._until_next_tick() > SLICE_S:
+                if busy and self._until_next_tick() > COMPUTE_SLICE_S:
                     self._look_ahead()
                 self._publish()
             except KeyboardInterrupt:
@@ -176,54 +181,58 @@ class Player:
             except Exception as error:
                 self._fail(error)
                 busy = False
-            self._rest(busy)
+            self._wait_for_request(busy)
 
-    def _given_up(self) -> bool:
+    def _is_closing(self) -> bool:
         return not self._alive
 
-    def _obey(self) -> None:
-        while self._orders:
+    def _handle_requests(self) -> None:
+        while self._requests:
             self._stale = True
-            self._orders.popleft()()
+            self._requests.popleft()()
 
     def _fail(self, error: Exception) -> None:
-        """Stand still and say why; the screen goes on."""
+        """Halt and show why; the screen goes on."""
         self._error = sentence(error)
-        self._stand()
+        self._halt()
         self._tick = min(run.tick for run in self.runs)
         with suppress(Exception):  # the same again: one sentence is enough
             self._tick = self._show(self._tick)
         try:
-            self._shot = self._take_shot(self._shot.seq + 1)
+            self._playback = self._take_state(self._playback.seq + 1)
         except Exception:  # then the last one has to do
-            self._shot = replace(
-                self._shot, seq=self._shot.seq + 1, error=self._error, playing=0, achieved=0.0
+            self._playback = replace(
+                self._playback,
+                seq=self._playback.seq + 1,
+                error=self._error,
+                playing=0,
+                achieved=0.0,
             )
         self.published()
 
-    def _rest(self, busy: bool) -> None:
-        """Wait for an order, or until the clock asks for the next tick."""
+    def _wait_for_request(self, busy: bool) -> None:
+        """Wait for a request, or until the clock asks for the next tick."""
         pause = self._until_next_tick() if busy else IDLE_S
-        if pause <= 0 and (busy or self._orders):
+        if pause <= 0 and (busy or self._requests):
             return
         with self._wake:
-            if not self._orders and self._alive:
+            if not self._requests and self._alive:
                 self._wake.wait(pause)
 
     def _until_next_tick(self) -> float:
-        if self._goal is not None or self._direction == 0 or math.isinf(self._pace):
+        if self._goal is not None or self._direction == 0 or math.isinf(self._clock_speed):
             return 0.0
         began, tick = self._anchor
-        due = began + (abs(self._tick - tick) + 1) / self._asked
+        due = began + (abs(self._tick - tick) + 1) / self._ticks_per_second
         return min(due - time.monotonic(), IDLE_S)
 
-    def _stand(self) -> None:
+    def _halt(self) -> None:
         self._goal = None
         self._set_clock(0, self._speed)
 
     def _set_clock(self, direction: int, speed: float) -> None:
         if direction and not self._direction:
-            self._forget()
+            self._clear_stop()
         if (direction, speed) != (self._direction, self._speed):  # what was measured is of another
             self._rate = (time.monotonic(), self._tick, 0.0)
         self._direction, self._speed = direction, speed
@@ -232,19 +241,19 @@ class Player:
         self._anchor = (time.monotonic(), self._tick)
 
     @property
-    def _aimed(self) -> int:
+    def _target(self) -> int:
         """The tick that will be shown."""
         return self._tick if self._goal is None else self._goal
 
-    def _aim(self, tick: int, heeding: bool = False) -> None:
+    def _set_target(self, tick: int, stop_at_breakpoints: bool = False) -> None:
         self._set_clock(0, self._speed)
-        self._forget()
+        self._clear_stop()
         ends = [run.end for run in self.runs]
         last = math.inf if None in ends else max(end for end in ends if end is not None)
-        self._goal, self._heeding = int(max(0, min(tick, last))), heeding
+        self._goal, self._stop_at_breakpoints = int(max(0, min(tick, last))), stop_at_breakpoints
 
-    def _forget(self) -> None:
-        """Why it stood still is no matter any more."""
+    def _clear_stop(self) -> None:
+        """Clear what stopped the clock."""
         self._hit, self._stopped, self._error = None, "", ""
 
     def _choose(self, robot: int, layer: str) -> None:
@@ -257,22 +266,24 @@ class Player:
             done(sentence(error))
             return
         before, self.runs[0] = self.runs[0], fresh
-        fresh.give_up = self._given_up
+        fresh.give_up = self._is_closing
         before.close()
         self._error = ""
-        self._aim(fresh.tick)
+        self._set_target(fresh.tick)
         self._figures_at = -math.inf
         done("")
 
     def _advance(self) -> None:
-        """Bring all runs nearer to the tick that the clock or an order asks for."""
+        """Bring all runs nearer to the tick that the clock or a request asks for."""
         goal = self._goal if self._goal is not None else self._due()
-        heeding = self._heeding if self._goal is not None else self._direction > 0
+        stop_at_breakpoints = (
+            self._stop_at_breakpoints if self._goal is not None else self._direction > 0
+        )
         before = self._tick
         self._busy_since = time.monotonic()
         try:
-            if heeding and self._breakpoints and goal > before:
-                self._creep(goal)
+            if stop_at_breakpoints and self._breakpoints and goal > before:
+                self._step_until_breakpoint(goal)
             else:
                 self._tick = self._show(goal)
         finally:
@@ -280,15 +291,15 @@ class Player:
         if self._tick != before:
             self._stale = True
         if self._tick == self._goal or (self._goal is not None and self._tick == before):
-            self._tell_lost_past()
+            self._report_lost_past()
             self._goal = None
         elif self._goal is None and self._at_an_end():
             self._set_clock(0, self._speed)
             self._stale = True
-        elif math.isinf(self._pace) or self._tick != goal:
+        elif math.isinf(self._clock_speed) or self._tick != goal:
             self._anchor = (time.monotonic(), self._tick)
 
-    def _tell_lost_past(self) -> None:
+    def _report_lost_past(self) -> None:
         """A tick was asked for that a long run without a recording does not keep."""
         if self._goal is not None and self._goal < self._first <= self._tick:
             self._error = f"what happened before tick {self._first:,} is not kept any more"
@@ -300,21 +311,21 @@ class Player:
         return max(run.first for run in self.runs)
 
     @property
-    def _asked(self) -> float:
+    def _ticks_per_second(self) -> float:
         """Ticks a second."""
-        return TICKS_PER_S * self._pace
+        return TICKS_PER_S * self._clock_speed
 
     @property
-    def _pace(self) -> float:
+    def _clock_speed(self) -> float:
         """The speed in this direction."""
         return self._speed if self._direction > 0 else min(self._speed, REWIND)
 
     def _due(self) -> int:
         """The tick that the clock asks for now."""
         began, tick = self._anchor
-        if math.isinf(self._pace):
+        if math.isinf(self._clock_speed):
             return self._tick + 2**30
-        passed = int((time.monotonic() - began) * self._asked)
+        passed = int((time.monotonic() - began) * self._ticks_per_second)
         return max(0, tick + self._direction * passed)
 
     def _show(self, tick: int) -> int:
@@ -329,9 +340,9 @@ class Player:
                 run.show(common)
         return common
 
-    def _creep(self, tick: int) -> None:
+    def _step_until_breakpoint(self, tick: int) -> None:
         """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold in a run."""
-        until = time.monotonic() + SHOT_S
+        until = time.monotonic() + STATE_INTERVAL_S
         held = held_by(self._breakpoints, self.runs)
         while self._tick < tick and time.monotonic() < until and not self._at_an_end():
             self._tick = self._show(self._tick + 1)
@@ -343,7 +354,7 @@ class Player:
             held = now
 
     def _stop_at(self, hits: Sequence[Hit]) -> None:
-        self._stand()
+        self._halt()
         self._stops += 1
         self._hit, self._stopped = hits[0], reason(hits, len(self.runs))
 
@@ -354,35 +365,35 @@ class Player:
 
     def _look_ahead(self) -> bool:
         """Go through a recording while nothing else is to be done, so that its events are known."""
-        before = [run.chronicle.known for run in self.runs]
+        before = [run.event_history.known for run in self.runs]
         for run in self.runs:
             if not run.live:
                 run.extend()
-        grown = before != [run.chronicle.known for run in self.runs]
+        grown = before != [run.event_history.known for run in self.runs]
         self._stale = self._stale or grown
         return grown
 
     def _publish(self) -> None:
         now = time.monotonic()
         measured, tick, rate = self._rate
-        if self._direction and now - measured >= max(RATE_S, RATE_TICKS / self._asked):
+        if self._direction and now - measured >= max(RATE_S, RATE_TICKS / self._ticks_per_second):
             rate = abs(self._tick - tick) / (now - measured)
             self._rate = (now, self._tick, rate)
             self._stale = True
-        pause = SHOT_S if self._seen else UNSEEN_S
+        pause = STATE_INTERVAL_S if self._seen else UNSEEN_S
         if self._stale and (now - self._published >= pause or not self._direction):
-            self._shot = self._take_shot(self._shot.seq + 1)
+            self._playback = self._take_state(self._playback.seq + 1)
             self.published()
 
-    def _take_shot(self, seq: int) -> Shot:
+    def _take_state(self, seq: int) -> PlaybackState:
         self._stale = self._seen = False
         self._published = now = time.monotonic()
         if now - self._figures_at >= FIGURES_S or (not self._direction and self._goal is None):
             self._figures_at = now
             self._figures = tuple(figures_of(run) for run in self.runs)
         failed = next((run.failed for run in self.runs if run.failed), "")
-        trouble = next((run.trouble for run in self.runs if run.trouble), "")
-        return Shot(
+        trouble = next((run.warning for run in self.runs if run.warning), "")
+        return PlaybackState(
             seq=seq,
             tick=self._tick,
             runs=tuple(self.runs),
@@ -392,12 +403,12 @@ class Player:
             asked=TICKS_PER_S * self._speed,
             achieved=self._rate[2] if self._direction else 0.0,
             head=max(run.head for run in self.runs),
-            known=min(run.chronicle.known for run in self.runs),
+            known=min(run.event_history.known for run in self.runs),
             ends=tuple(run.end for run in self.runs),
             live=self.runs[0].live,
             stops=self._stops,
             stopped=self._stopped,
-            culprits=() if self._hit is None else self._hit.robots,
+            breakpoint_robots=() if self._hit is None else self._hit.robots,
             side=0 if self._hit is None else self._hit.side,
             error=self._error or trouble,
             failed=failed,

@@ -19,7 +19,7 @@ from textual.filter import ANSIToTruecolor, Monochrome
 from textual.geometry import Region
 from textual.strip import Strip
 
-from tui.colourless import Colourless
+from tui.monochrome import Colourless
 from tui.render.depth import Depth
 from tui.render.encode import encode
 
@@ -31,7 +31,7 @@ Renderer = Literal["auto", "direct", "textual"]
 
 # The cursor is put back: Textual keeps it, hidden, at the caret of an input, where input methods look.
 SAVE_CURSOR, RESTORE_CURSOR = "\x1b7", "\x1b8"
-SYNCHRONIZED, SHOWN = "\x1b[?2026h", "\x1b[?2026l"
+BEGIN_SYNCHRONIZED, END_SYNCHRONIZED = "\x1b[?2026h", "\x1b[?2026l"
 WHERE_IS_THE_CURSOR = "\x1b[6n"
 
 
@@ -187,7 +187,7 @@ class Presenter:
             return
         text = f"{SAVE_CURSOR}{body}{RESTORE_CURSOR}" if body else ""
         if body and app._sync_available:
-            text = f"{SYNCHRONIZED}{text}{SHOWN}"
+            text = f"{BEGIN_SYNCHRONIZED}{text}{END_SYNCHRONIZED}"
         frame.asked = frame.acknowledged and not app.is_headless
         if frame.asked:
             text += WHERE_IS_THE_CURSOR

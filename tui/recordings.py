@@ -13,7 +13,7 @@ from pathlib import Path
 from automaton.errors import InputError
 from automaton.recording.frames import MAGIC
 
-KEPT = 20  # recordings in the state folder
+MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
 ABANDONED_S = 24 * 3600.0  # without a byte, after which nobody writes to a FILE.part any more
 
 
@@ -98,5 +98,5 @@ def _tidy(folder: Path) -> None:
     files = [path for path in folder.iterdir() if path.name.endswith((".rec", ".rec.part"))]
     files = [p for p in files if p.suffix == ".rec" or now - p.stat().st_mtime > ABANDONED_S]
     files.sort(key=lambda path: path.stat().st_mtime)
-    for path in files[: max(0, len(files) - KEPT + 1)]:
+    for path in files[: max(0, len(files) - MAX_RECORDINGS_KEPT + 1)]:
         path.unlink(missing_ok=True)

@@ -13,8 +13,8 @@ from automaton.units import count
 from automaton.world.cells import KIND_BY_NAME, WALL
 from automaton.world.state import NIL
 from tui.view import View
-from tui.widgets.partition_facts import checked_station
-from tui.widgets.zone_facts import checked_zone
+from tui.widgets.service_zone_facts import checked_station
+from tui.widgets.traffic_zone_facts import checked_zone
 
 
 class Found(NamedTuple):

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Final
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-PATIENCE_S: Final = 3.0
+CLOSE_TIMEOUT_S: Final = 3.0
 
 
 @contextmanager
@@ -24,7 +24,7 @@ def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator
 
     def on_signal(number: int, _: FrameType | None) -> None:
         code = 128 + number
-        guard = threading.Timer(PATIENCE_S, _leave_by_force, (code, close))
+        guard = threading.Timer(CLOSE_TIMEOUT_S, _leave_by_force, (code, close))
         guard.daemon = True
         guard.start()
         leave(code)
@@ -40,5 +40,5 @@ def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator
 def _leave_by_force(code: int, close: Callable[[], None]) -> None:
     closing = threading.Thread(target=close, daemon=True)
     closing.start()
-    closing.join(PATIENCE_S)  # a strategy that hangs is not waited for
+    closing.join(CLOSE_TIMEOUT_S)  # a strategy that hangs is not waited for
     os._exit(code)

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from automaton.recording.frames import Content, Recording, StoredFrames
 from automaton.scenario.resolve import Resolved
 
-LONGEST: Final = 24  # characters of a value; pictures of floors are values too
+MAX_TITLE_LENGTH: Final = 24  # characters of a value; pictures of floors are values too
 
 
 class Head(NamedTuple):
@@ -96,4 +96,4 @@ def _flat(key: str, value: Any) -> dict[str, str]:
             flat |= _flat(f"{prefix}{name}", inner)
         return flat
     text = " ".join(str(value).split())
-    return {key: text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."}
+    return {key: text if len(text) <= MAX_TITLE_LENGTH else f"{text[: MAX_TITLE_LENGTH - 3]}..."}

@@ -11,14 +11,16 @@ from automaton.history.run import Run
 from automaton.history.snapshot import Snapshot
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL
-from tui.shot import Shot
+from tui.playback_state import PlaybackState
 
 
 @dataclass(frozen=True)
 class View:
-    """A shot with what the user has chosen. Of a run only plan, header and chronicle may be read."""
+    """A playback state with what the user has chosen. Of a run only plan, header and event_history
+    may be read.
+    """
 
-    shot: Shot
+    playback: PlaybackState
     runs: Sequence[Run]
     robot: int = NIL  # the selected robot, or NIL
     cell: int = NIL  # the selected cell, or NIL
@@ -29,7 +31,7 @@ class View:
     @property
     def snapshot(self) -> Snapshot:
         """The state to tell of."""
-        return self.shot.snapshots[self.side]
+        return self.playback.snapshots[self.side]
 
     @property
     def run(self) -> Run:

@@ -6,8 +6,8 @@ Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x 
 import numpy as np
 
 from automaton.auctions.bids import award, bid
-from automaton.auctions.market import BIDS, INF, MESSAGES
-from automaton.compiled import kernel
+from automaton.auctions.market import COUNT_BIDS, COUNT_MESSAGES, INF_COST
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
 NO_EDGE = 1 << 50  # what a pair that may not be costs
@@ -17,7 +17,7 @@ NO_EDGE = 1 << 50  # what a pair that may not be costs
 def linear_sum_assignment(cost, rows, columns, workspace):
     """space.row_of[:columns] = the row of each column, or NIL; rows <= columns.
 
-    cost: (>= rows, >= columns) int64, pairs that may not be cost INF; a row that only such pairs
+    cost: (>= rows, >= columns) int64, pairs that may not be cost INF_COST; a row that only such pairs
     are left for stays without a column.
     """
     for j in range(columns + 1):
@@ -30,11 +30,11 @@ def linear_sum_assignment(cost, rows, columns, workspace):
         workspace.row_of[columns] = i
         j = augmenting_end(cost, columns, workspace)
         while j != columns:
-            before = np.int64(workspace.came[j])
+            before = np.int64(workspace.parent_column[j])
             workspace.row_of[j] = workspace.row_of[before]
             j = before
     for j in range(columns):
-        if workspace.row_of[j] != NIL and cost[workspace.row_of[j], j] >= INF:
+        if workspace.row_of[j] != NIL and cost[workspace.row_of[j], j] >= INF_COST:
             workspace.row_of[j] = NIL
 
 
@@ -42,13 +42,13 @@ def linear_sum_assignment(cost, rows, columns, workspace):
 def augmenting_end(cost, columns, workspace):
     """The free column at which the shortest augmenting path ends; prices are brought up to date."""
     for j in range(columns + 1):
-        workspace.slack[j] = INF
+        workspace.slack[j] = INF_COST
         workspace.seen[j] = 0
     here = np.int64(columns)
     while workspace.row_of[here] != NIL:
         workspace.seen[here] = 1
         row = np.int64(workspace.row_of[here])
-        step, then = np.int64(INF), np.int64(NIL)
+        step, then = np.int64(INF_COST), np.int64(NIL)
         for j in range(columns):
             if workspace.seen[j] == 1:
                 continue
@@ -56,7 +56,7 @@ def augmenting_end(cost, columns, workspace):
             reduced = edge - workspace.row_price[row] - workspace.column_price[j]
             if reduced < workspace.slack[j]:
                 workspace.slack[j] = reduced
-                workspace.came[j] = here
+                workspace.parent_column[j] = here
             if workspace.slack[j] < step:
                 step, then = workspace.slack[j], np.int64(j)
         for j in range(columns + 1):
@@ -70,7 +70,7 @@ def augmenting_end(cost, columns, workspace):
 
 
 @kernel
-def assign_once(work, battery, fleet, scratch, workspace, items, count, rule, epsilon):
+def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, epsilon):
     """Give each robot at most one of the items, with the least sum of bids; returns how many.
 
     space: for at least max(robots, count) rows and columns.
@@ -81,8 +81,8 @@ def assign_once(work, battery, fleet, scratch, workspace, items, count, rule, ep
     for k in range(count):
         scratch.sold[k] = NIL
         for r in range(robots):
-            offer = bid(work, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
-            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
+            offer = bid(costs, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
+            scratch.count[COUNT_MESSAGES] += fleet.may_bid[r, items[k]]
             if turned:
                 workspace.cost[k, r] = offer
             else:
@@ -94,8 +94,8 @@ def assign_once(work, battery, fleet, scratch, workspace, items, count, rule, ep
         if i == NIL:
             continue
         k, r = (i, np.int64(j)) if turned else (np.int64(j), i)
-        award(work, battery, fleet, scratch, r, np.int64(items[k]))
+        award(costs, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
-    scratch.count[MESSAGES] += scratch.count[BIDS] + given
+    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + given
     return given

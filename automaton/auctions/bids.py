@@ -6,48 +6,48 @@ mixed        epsilon x MiniSum + (1 - epsilon) x MiniMax
 MiniAve      the sum of arrival times with the task less that without (Lagoudakis et al. 2005), or,
              as De Ryck et al. word it, the mean arrival time with it
 
-A robot that has no feasible plan bids nothing (INF), before anything is mixed.
+A robot that has no feasible plan bids nothing (INF_COST), before anything is mixed.
 """
 
 import numpy as np
 
 from automaton.auctions.insertion import copy_inserted, insert
-from automaton.auctions.market import BIDS, INF, MIXED
+from automaton.auctions.market import BID_SCALE, COUNT_BIDS, INF_COST
 from automaton.auctions.quotes import insertion_quote, quote_list, settle
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
-MIX = 0  # rules of bidding
-AVERAGE_ADDED = 1
-AVERAGE = 2
+BID_MIXED = 0  # rules of bidding
+BID_AVERAGE_ADDED = 1
+BID_AVERAGE = 2
 
 
 @kernel
-def bid(work, battery, fleet, scratch, r, task, rule, epsilon):
-    """The bid of robot r; INF where it cannot or may not do the task."""
-    if fleet.heard[r, task] == 0:
-        return np.int64(INF)
-    scratch.count[BIDS] += 1
-    position, cost = insertion_quote(work, battery, fleet, scratch, r, task)
-    if cost >= INF or fleet.cost[r] >= INF:
-        return np.int64(INF)
-    if rule == MIX:
-        return MIXED * cost - epsilon * fleet.cost[r]
+def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
+    """The bid of robot r; INF_COST where it cannot or may not do the task."""
+    if fleet.may_bid[r, task] == 0:
+        return np.int64(INF_COST)
+    scratch.count[COUNT_BIDS] += 1
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST or fleet.cost[r] >= INF_COST:
+        return np.int64(INF_COST)
+    if rule == BID_MIXED:
+        return BID_SCALE * cost - epsilon * fleet.cost[r]
     length = np.int64(fleet.length[r])
     without = np.int64(0)
-    if rule == AVERAGE_ADDED:
-        without = sum_of_arrivals(work, battery, fleet, scratch, r, fleet.order[r], length)
+    if rule == BID_AVERAGE_ADDED:
+        without = sum_of_arrivals(costs, battery, fleet, scratch, r, fleet.order[r], length)
     copy_inserted(fleet.order[r], length, task, position, scratch.order)
-    with_it = sum_of_arrivals(work, battery, fleet, scratch, r, scratch.order, length + 1)
-    if rule == AVERAGE_ADDED:
-        return MIXED * (with_it - without)
-    return MIXED * with_it // (length + 1)
+    with_it = sum_of_arrivals(costs, battery, fleet, scratch, r, scratch.order, length + 1)
+    if rule == BID_AVERAGE_ADDED:
+        return BID_SCALE * (with_it - without)
+    return BID_SCALE * with_it // (length + 1)
 
 
 @kernel
-def sum_of_arrivals(work, battery, fleet, scratch, r, order, length):
+def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
     """Ticks until each task of a feasible list is done, added up."""
-    quote_list(work, battery, fleet, scratch, r, order, length)
+    quote_list(costs, battery, fleet, scratch, r, order, length)
     plan = scratch.plan
     now, total = np.int64(fleet.ready[r]), np.int64(0)
     here = np.int64(fleet.place[r])
@@ -56,25 +56,25 @@ def sum_of_arrivals(work, battery, fleet, scratch, r, order, length):
         task = np.int64(order[i])
         while k < plan.stops[0] and plan.position[k] == i:
             at = np.int64(battery.charger[plan.charger[k]])
-            now += work.ticks[work.robot_type[0], here, at] + plan.duration[k] + plan.waited[k]
+            now += costs.ticks[costs.robot_type[0], here, at] + plan.duration[k] + plan.waited[k]
             here = at
             k += 1
         now += (
-            work.ticks[work.robot_type[0], here, work.begin[task]]
-            + work.inside[work.robot_type[0], task]
+            costs.ticks[costs.robot_type[0], here, costs.begin[task]]
+            + costs.inside[costs.robot_type[0], task]
         )
         total += now
-        here = np.int64(work.end[task])
+        here = np.int64(costs.end[task])
     return total
 
 
 @kernel
-def award(work, battery, fleet, scratch, r, task):
+def award(costs, battery, fleet, scratch, r, task):
     """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
-    position, cost = insertion_quote(work, battery, fleet, scratch, r, task)
-    if cost >= INF:
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST:
         return np.int64(NIL)
     insert(fleet.order[r], fleet.length[r], task, position)
     fleet.length[r] += 1
-    settle(work, battery, fleet, scratch, r)
+    settle(costs, battery, fleet, scratch, r)
     return position

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 
 Array = NDArray[Any]
 
-MOST_TASKS: Final = 12  # 2^12 bundles for each robot, 3^12 ways to split them between two
-MOST_ROBOTS: Final = 16
-MOST_GENERATIONS: Final = 1000
+MAX_BUNDLE_TASKS: Final = 12  # 2^12 bundles for each robot, 3^12 ways to split them between two
+MAX_BUNDLE_ROBOTS: Final = 16
+MAX_GENERATIONS: Final = 1000
 
 
 class Bundles(Struct):
@@ -44,10 +44,10 @@ class Population(Struct):
 
 def bundles_for(robots: int, tasks: int) -> Bundles:
     """Raises InputError for sizes that cannot be done."""
-    if tasks > MOST_TASKS or robots > MOST_ROBOTS:
+    if tasks > MAX_BUNDLE_TASKS or robots > MAX_BUNDLE_ROBOTS:
         raise InputError(
             f"bundles of {tasks} tasks for {robots} robots are too many: "
-            f"at most {MOST_TASKS} tasks and {MOST_ROBOTS} robots can be done exactly"
+            f"at most {MAX_BUNDLE_TASKS} tasks and {MAX_BUNDLE_ROBOTS} robots can be done exactly"
         )
     subsets = 1 << tasks
     return Bundles(
@@ -79,7 +79,7 @@ def population_for(robots: int, tasks: int, longest: int) -> Population:
 def generations(robots: int, tasks: int) -> int:
     """Ten times the number of allotments, at most 1,000 (De Ryck et al.)."""
     allotments: int = robots**tasks
-    return min(MOST_GENERATIONS, 10 * allotments)
+    return min(MAX_GENERATIONS, 10 * allotments)
 
 
 class Assignment(Struct):
@@ -89,7 +89,7 @@ class Assignment(Struct):
     row_price: Array  # (q,) int64
     column_price: Array  # (q + 1,) int64
     row_of: Array  # (q + 1,) int32: the row of a column, or NIL
-    came: Array  # (q + 1,) int32: the column before it on the path
+    parent_column: Array  # (q + 1,) int32: the column before it on the path
     slack: Array  # (q + 1,) int64
     seen: Array  # (q + 1,) uint8
 
@@ -101,7 +101,7 @@ def assignment_for(most: int) -> Assignment:
         row_price=np.zeros(most, np.int64),
         column_price=np.zeros(most + 1, np.int64),
         row_of=np.zeros(most + 1, np.int32),
-        came=np.zeros(most + 1, np.int32),
+        parent_column=np.zeros(most + 1, np.int32),
         slack=np.zeros(most + 1, np.int64),
         seen=np.zeros(most + 1, np.uint8),
     )

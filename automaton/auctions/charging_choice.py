@@ -6,10 +6,10 @@ cannot be done, its end is left out until the rest can.
 
 import numpy as np
 
-from automaton.auctions.market import INF, NO_CHARGING
-from automaton.auctions.quotes import look_at, quote
-from automaton.auctions.site import count_queues, enter_task, survey
-from automaton.compiled import kernel
+from automaton.auctions.floor_market import count_queues, enter_task, measure_distances
+from automaton.auctions.market import INF_COST, POLICY_NO_CHARGING
+from automaton.auctions.quotes import quote, select_robot_type
+from automaton.jit import kernel
 from automaton.strategy.kernels import charging_ticks, first_cell
 from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import (
@@ -21,62 +21,62 @@ from automaton.world.state import (
     REASON_PERIODIC,
 )
 
-PATIENCE = (
+IDLE_ENERGY_MARGIN = (
     BATTERY_FULL // 20
 )  # what an idle robot keeps beyond the way to a charger, where waiting costs
 
 
 @kernel
-def choose_charging(view, batch, out, site, workspace, idle_below):
+def choose_charging(view, batch, out, market, workspace, idle_below):
     """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
     robots = view.robots
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
             continue
-        tasks = enter_list(view, workspace, site, i)
+        tasks = enter_list(view, workspace, market, i)
         if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
             continue
-        home = site.work.begin[0]
+        home = market.costs.begin[0]
         if tasks == 0:
-            robot_type = site.work.robot_type[0]
-            site.cell[robot_type, home] = robots.home[i]
-            site.cell[robot_type, home + 1] = robots.home[i]
-        survey(view, workspace, site, robots.type[i], 1, max(tasks, 1))
-        count_queues(view, site, i)
-        count_earlier(view, batch, out, site, k)
-        compare_queues(site.battery.wait)
+            robot_type = market.costs.robot_type[0]
+            market.cell[robot_type, home] = robots.home[i]
+            market.cell[robot_type, home + 1] = robots.home[i]
+        measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
+        count_queues(view, market, i)
+        count_earlier(view, batch, out, market, k)
+        compare_queues(market.battery.wait)
         if tasks:
-            charge_for_list(view, out, site, k, tasks)
+            charge_for_list(view, out, market, k, tasks)
         elif batch.reason[k] != REASON_IDLE or idle_below > 0:
-            charge_when_idle(view, out, site, k, np.int64(home), idle_below)
+            charge_when_idle(view, out, market, k, np.int64(home), idle_below)
 
 
 @kernel
-def count_earlier(view, batch, out, site, k):
+def count_earlier(view, batch, out, market, k):
     """Whom earlier decisions of the batch send to a charger comes before robot k of it, too."""
-    if site.queues == 0:
+    if market.queues == 0:
         return
     for earlier in range(k):
         if out.goal_cell[earlier] >= 0:
             j = np.int64(batch.robot[earlier])
             charge_target = np.int64(out.charge_target[earlier])
-            site.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
+            market.battery.wait[view.chargers.charger_at[out.goal_cell[earlier]]] += charging_ticks(
                 view.rules.curve, np.int64(view.robots.charge[j]), charge_target
             )
 
 
 @kernel
-def best_charger(site, charge):
+def best_charger(market, charge):
     """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
-    best, least = np.int64(NIL), np.int64(INF)
+    best, least = np.int64(NIL), np.int64(INF_COST)
     ticks, energy = (
-        site.work.ticks[site.work.robot_type[0]],
-        site.work.energy[site.work.robot_type[0]],
+        market.costs.ticks[market.costs.robot_type[0]],
+        market.costs.energy[market.costs.robot_type[0]],
     )
-    for c in range(site.battery.charger.shape[0]):
-        place = site.battery.charger[c]
-        soonest = np.int64(ticks[0, place]) + site.battery.wait[c]
+    for c in range(market.battery.charger.shape[0]):
+        place = market.battery.charger[c]
+        soonest = np.int64(ticks[0, place]) + market.battery.wait[c]
         if energy[0, place] <= charge and soonest < least:
             best, least = np.int64(c), soonest
     return best
@@ -99,41 +99,41 @@ def compare_queues(wait):
 
 
 @kernel
-def enter_list(view, workspace, site, i):
+def enter_list(view, workspace, market, i):
     """Make the market one of robot i and its list; returns how many tasks that has."""
     robots, orders = view.robots, view.orders
-    site.robot[0] = i
-    look_at(site.work, site.battery, robots.type[i])
-    site.cell[robots.type[i], 0] = first_cell(robots, i)
-    site.fleet.charge[0] = robots.charge[i]
+    market.robot[0] = i
+    select_robot_type(market.costs, market.battery, robots.type[i])
+    market.cell[robots.type[i], 0] = first_cell(robots, i)
+    market.fleet.charge[0] = robots.charge[i]
     tasks = np.int64(0)
     if robots.order[i] != NIL:
-        enter_task(view, workspace, site, robots.type[i], tasks, np.int64(robots.order[i]))
+        enter_task(view, workspace, market, robots.type[i], tasks, np.int64(robots.order[i]))
         tasks += 1
     for p in range(robots.order_queue_length[i]):
         order = np.int64(robots.order_queue[i, p])
         waits = orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
-        if waits and tasks < site.order.shape[0]:
-            enter_task(view, workspace, site, robots.type[i], tasks, order)
+        if waits and tasks < market.order.shape[0]:
+            enter_task(view, workspace, market, robots.type[i], tasks, order)
             tasks += 1
     for task in range(tasks):
-        site.fleet.order[0, task] = task
+        market.fleet.order[0, task] = task
     return tasks
 
 
 @kernel
-def charge_for_list(view, out, site, k, tasks):
+def charge_for_list(view, out, market, k, tasks):
     """Decision k: to a charger if the quote of the list begins with a stop."""
-    charge = np.int64(site.fleet.charge[0])
-    order = site.fleet.order[0]
-    plan = site.scratch.plan
+    charge = np.int64(market.fleet.charge[0])
+    order = market.fleet.order[0]
+    plan = market.scratch.plan
     length = np.int64(tasks)
-    cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
-    while cost >= INF and length > 1:
+    cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    while cost >= INF_COST and length > 1:
         length -= 1
-        cost = quote(site.work, site.battery, site.scratch, 0, 0, charge, order, length)
-    if cost >= INF:
-        nearest = best_charger(site, charge)
+        cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    if cost >= INF_COST:
+        nearest = best_charger(market, charge)
         if nearest != NIL and charge < BATTERY_FULL:
             send(view, out, k, nearest, BATTERY_FULL, 0)
     elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
@@ -141,22 +141,22 @@ def charge_for_list(view, out, site, k, tasks):
 
 
 @kernel
-def charge_when_idle(view, out, site, k, home, idle_below):
+def charge_when_idle(view, out, market, k, home, idle_below):
     """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
 
     It is about to drive home, or is there: from there it must still get to a charger.
     """
-    battery, robot_type = site.battery, site.work.robot_type[0]
+    battery, robot_type = market.battery, market.costs.robot_type[0]
     ticks, energy, reach = (
-        site.work.ticks[robot_type],
-        site.work.energy[robot_type],
+        market.costs.ticks[robot_type],
+        market.costs.energy[robot_type],
         battery.reach[robot_type],
     )
-    charge = np.int64(site.fleet.charge[0])
-    nearest = best_charger(site, charge)
-    if nearest == NIL or battery.policy == NO_CHARGING:
+    charge = np.int64(market.fleet.charge[0])
+    nearest = best_charger(market, charge)
+    if nearest == NIL or battery.policy == POLICY_NO_CHARGING:
         return
-    low = battery.reserve + (PATIENCE if view.rules.drain[ACTION_WAIT, 0] > 0 else 0)
+    low = battery.reserve + (IDLE_ENERGY_MARGIN if view.rules.drain[ACTION_WAIT, 0] > 0 else 0)
     later = charge - energy[0, home] - reach[home]
     now = charge - reach[0]
     filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
@@ -166,16 +166,16 @@ def charge_when_idle(view, out, site, k, home, idle_below):
     if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, out, k, nearest, BATTERY_FULL, 1)
     elif charge < idle_below:
-        free = free_charger(view, out, site, k)
+        free = free_charger(view, out, market, k)
         if free != NIL:
             send(view, out, k, free, BATTERY_FULL, 1)
 
 
 @kernel
-def free_charger(view, out, site, k):
+def free_charger(view, out, market, k):
     """The nearest charger to which no robot was sent, NIL if there is none."""
-    robots, chargers, robot_type = view.robots, view.chargers, site.work.robot_type[0]
-    best, least = np.int64(NIL), np.int64(INF)
+    robots, chargers, robot_type = view.robots, view.chargers, market.costs.robot_type[0]
+    best, least = np.int64(NIL), np.int64(INF_COST)
     for c in range(chargers.cell.shape[0]):
         taken = False
         for j in range(robots.cell.shape[0]):
@@ -184,9 +184,9 @@ def free_charger(view, out, site, k):
             )
         for earlier in range(k):
             taken = taken or out.goal_cell[earlier] == chargers.cell[c]
-        place = site.battery.charger[c]
-        ticks = np.int64(site.work.ticks[robot_type, 0, place])
-        enough = site.work.energy[robot_type, 0, place] <= view.robots.charge[site.robot[0]]
+        place = market.battery.charger[c]
+        ticks = np.int64(market.costs.ticks[robot_type, 0, place])
+        enough = market.costs.energy[robot_type, 0, place] <= view.robots.charge[market.robot[0]]
         if not taken and enough and ticks < least:
             best, least = np.int64(c), ticks
     return best

@@ -9,30 +9,31 @@ the auction with the generation, and the child.
 import numpy as np
 
 from automaton.auctions.insertion import cheapest_insertion, insert
-from automaton.auctions.market import INF, POSITIONS
+from automaton.auctions.market import COUNT_POSITIONS, INF_COST
 from automaton.auctions.quotes import settle
 from automaton.auctions.sequential import objective
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import random_between
 
 STREAM_GENES = 15  # of random draws; each stream has a number of its own
 
-DRAWS = 8  # addresses of a child besides those of its genes
-TURNS = 1 << 20  # addresses of an auction: one for each generation, of which there are fewer
+CHILD_ADDRESSES = 8  # addresses of a child besides those of its genes
+# addresses of an auction: one for each generation, of which there are fewer
+AUCTION_ADDRESSES = 1 << 20
 
 
 @kernel
 def genetic(
-    work, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed,
+    costs, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed,
     auction,
 ):  # fmt: skip
-    """Leave the best individual's lists in the fleet; returns its objective, or INF.
+    """Leave the best individual's lists in the fleet; returns its objective, or INF_COST.
 
     population: for this fleet and `count` items; each_gene: 1 = a coin for each gene; auction: the
     number by which the draws of this seed are told from those of its other auctions.
     """
     scratch.count[:] = 0
-    turn = np.int64(auction) * TURNS
+    turn = np.int64(auction) * AUCTION_ADDRESSES
     robots = fleet.place.shape[0]
     size = population.fitness.shape[0]
     keep_lists(fleet, population)
@@ -42,11 +43,11 @@ def genetic(
                 0, robots - 1, seed, STREAM_GENES, turn, i * count + k
             )
     for generation in range(1, generations + 1):
-        judge(work, battery, fleet, scratch, population, items, count, epsilon)
+        judge(costs, battery, fleet, scratch, population, items, count, epsilon)
         breed(population, robots, count, each_gene, seed, turn + generation)
-    judge(work, battery, fleet, scratch, population, items, count, epsilon)
+    judge(costs, battery, fleet, scratch, population, items, count, epsilon)
     best = np.int64(population.rank[0])
-    decode(work, battery, fleet, scratch, population, items, count, best)
+    decode(costs, battery, fleet, scratch, population, items, count, best)
     for k in range(count):
         scratch.sold[k] = population.genes[best, k]
     return population.fitness[best]
@@ -62,8 +63,8 @@ def keep_lists(fleet, population):
 
 
 @kernel
-def decode(work, battery, fleet, scratch, population, items, count, individual):
-    """Make the lists of an individual; one that a list cannot take leaves its robot's cost at INF."""
+def decode(costs, battery, fleet, scratch, population, items, count, individual):
+    """Make the lists of an individual; where a list cannot take an item, the cost is INF_COST."""
     for r in range(fleet.place.shape[0]):
         fleet.length[r] = population.length[r]
         for i in range(population.length[r]):
@@ -73,28 +74,28 @@ def decode(work, battery, fleet, scratch, population, items, count, individual):
         r = np.int64(population.genes[individual, k])
         task = np.int64(items[k])
         length = np.int64(fleet.length[r])
-        if length >= fleet.room[r] or fleet.heard[r, task] == 0:
+        if length >= fleet.capacity[r] or fleet.may_bid[r, task] == 0:
             refused = r
             continue
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
-        work.robot_type[0] = fleet.robot_type[r]
-        position, _ = cheapest_insertion(work, place, fleet.order[r], length, task, first)
-        scratch.count[POSITIONS] += length + 1 - first
+        costs.robot_type[0] = fleet.robot_type[r]
+        position, _ = cheapest_insertion(costs, place, fleet.order[r], length, task, first)
+        scratch.count[COUNT_POSITIONS] += length + 1 - first
         insert(fleet.order[r], length, task, position)
         fleet.length[r] += 1
     for r in range(fleet.place.shape[0]):
-        settle(work, battery, fleet, scratch, r)
+        settle(costs, battery, fleet, scratch, r)
     if refused >= 0:
-        fleet.cost[refused] = INF
+        fleet.cost[refused] = INF_COST
 
 
 @kernel
-def judge(work, battery, fleet, scratch, population, items, count, epsilon):
+def judge(costs, battery, fleet, scratch, population, items, count, epsilon):
     """fitness of all individuals, and their rank; ties: the lower number."""
     size = population.fitness.shape[0]
     for i in range(size):
-        decode(work, battery, fleet, scratch, population, items, count, i)
+        decode(costs, battery, fleet, scratch, population, items, count, i)
         population.fitness[i] = objective(fleet, epsilon)
         at = i
         while at > 0 and population.fitness[population.rank[at - 1]] > population.fitness[i]:
@@ -107,7 +108,7 @@ def judge(work, battery, fleet, scratch, population, items, count, epsilon):
 def breed(population, robots, count, each_gene, seed, turn):
     """The next generation: the elite, and children of two parents each."""
     size = population.fitness.shape[0]
-    stride = count + DRAWS
+    stride = count + CHILD_ADDRESSES
     for i in range(size):
         child = population.children[i]
         if i < robots:

@@ -9,20 +9,20 @@ from numpy.typing import ArrayLike
 
 from automaton.auctions.market import (
     BATTERY_FULL,
-    COUNTS,
-    FIGURES,
-    INF,
-    NO_CHARGING,
+    COUNT_COLUMNS,
+    INF_COST,
+    POLICY_NO_CHARGING,
+    TOTAL_COLUMNS,
     Array,
     Battery,
+    ChargingPlan,
     Fleet,
-    Plan,
     Scratch,
-    Work,
+    TaskCosts,
 )
 
 
-def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> Work:
+def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> TaskCosts:
     """Tasks that are done by being at these places."""
     at = np.asarray(places, np.int32)
     nothing = np.zeros(len(at), np.int32)
@@ -36,14 +36,14 @@ def deliveries(
     end: ArrayLike,
     inside: ArrayLike,
     use: ArrayLike,
-) -> Work:
+) -> TaskCosts:
     """Tasks that begin and end at different places; ticks, energy: (P, P), or (K, P, P) by type."""
 
     def numbers(values: ArrayLike, by_type: int = 0) -> Array:
         found = np.array(values, np.int32)
         return found if found.ndim >= by_type else found[None]
 
-    return Work(
+    return TaskCosts(
         robot_type=np.zeros(1, np.int64),
         ticks=numbers(ticks, 3),
         energy=numbers(energy, 3),
@@ -60,7 +60,7 @@ def battery_of(
     curve: tuple[tuple[int, int], ...] = ((0, 1),),
     reserve: int = 0,
     end_reach: bool = False,
-    policy: int = NO_CHARGING,
+    policy: int = POLICY_NO_CHARGING,
     threshold: int = 0,
     target: int = BATTERY_FULL,
 ) -> Battery:
@@ -75,7 +75,7 @@ def battery_of(
         charger=at,
         wait=np.zeros(at.size, np.int32),
         nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
-        reach=np.full(shape, INF, np.int64) if none else to.min(2),
+        reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
         curve=np.array(curve, np.int32),
         reserve=reserve,
         end_reach=int(end_reach),
@@ -102,8 +102,8 @@ def fleet_of(
         ready=numbers(),
         charge=numbers(charge),
         first=numbers(),
-        room=numbers(most),
-        heard=np.ones((robots, tasks), np.uint8),
+        capacity=numbers(most),
+        may_bid=np.ones((robots, tasks), np.uint8),
         order=np.zeros((robots, most), np.int32),
         length=numbers(),
         travel=numbers(kind=np.int64),
@@ -126,7 +126,7 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
         begun_ticks=numbers(longest + 2),
         begun_energy=numbers(longest + 2),
         weight=np.zeros((longest + 1, chargers), np.int64),
-        back=np.zeros((longest + 1, chargers), np.int32),
+        parent=np.zeros((longest + 1, chargers), np.int32),
         node=numbers(stops, np.int32),
         path=numbers(8),
         bid=np.zeros((robots, tasks), np.int64),
@@ -136,11 +136,11 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
         second=numbers(tasks),
         high=numbers(tasks),
         bidders=numbers(tasks, np.int32),
-        keenest=numbers(tasks, np.int32),
-        stale=numbers(tasks, np.uint8),
+        lowest_bidder=numbers(tasks, np.int32),
+        needs_update=numbers(tasks, np.uint8),
         sold=numbers(tasks, np.int32),
-        count=numbers(COUNTS),
-        plan=Plan(
+        count=numbers(COUNT_COLUMNS),
+        plan=ChargingPlan(
             stops=numbers(1),
             position=numbers(stops, np.int32),
             charger=numbers(stops, np.int32),
@@ -148,6 +148,6 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch
             level=numbers(stops),
             duration=numbers(stops),
             waited=numbers(stops),
-            figures=numbers(FIGURES),
+            totals=numbers(TOTAL_COLUMNS),
         ),
     )

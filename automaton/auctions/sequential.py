@@ -10,9 +10,9 @@ of an item, each bid once, and an award for each item sold.
 import numpy as np
 
 from automaton.auctions.bids import award, bid
-from automaton.auctions.market import BIDS, INF, MESSAGES
-from automaton.auctions.winners import LOWEST, lowest, most_urgent, note_best, note_bid
-from automaton.compiled import kernel
+from automaton.auctions.market import COUNT_BIDS, COUNT_MESSAGES, INF_COST
+from automaton.auctions.winners import WINNER_LOWEST_BID, lowest, most_urgent, note_best, note_bid
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
 
@@ -23,24 +23,24 @@ def begin(fleet, scratch, items, count):
     for k in range(count):
         scratch.left[k] = k
         scratch.sold[k] = NIL
-        scratch.stale[k] = 1
+        scratch.needs_update[k] = 1
         for r in range(fleet.place.shape[0]):
-            scratch.count[MESSAGES] += fleet.heard[r, items[k]]
+            scratch.count[COUNT_MESSAGES] += fleet.may_bid[r, items[k]]
 
 
 @kernel
-def bid_for_all(work, battery, fleet, scratch, items, open_items, r, rule, epsilon):
+def bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon):
     """Robot r bids for every open item."""
     for i in range(open_items):
         k = scratch.left[i]
         task = np.int64(items[k])
-        offer = bid(work, battery, fleet, scratch, r, task, rule, epsilon)
+        offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
         note_bid(scratch, r, np.int64(k), offer)
     note_best(scratch, r, open_items)
 
 
 @kernel
-def sell(scratch, open_items, item, robot):
+def award_item(scratch, open_items, item, robot):
     """Take the item off the open ones; returns how many are left."""
     scratch.sold[item] = robot
     at = 0
@@ -52,7 +52,7 @@ def sell(scratch, open_items, item, robot):
 
 
 @kernel
-def sequential(work, battery, fleet, scratch, items, count, rule, epsilon, winner, everybody):
+def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winner, everybody):
     """Sell item by item by the rule `winner`; returns how many were sold.
 
     After a sale only the winner's list has changed, so only it bids again. With everybody = 1 all
@@ -61,49 +61,49 @@ def sequential(work, battery, fleet, scratch, items, count, rule, epsilon, winne
     robots = fleet.place.shape[0]
     begin(fleet, scratch, items, count)
     for r in range(robots):
-        bid_for_all(work, battery, fleet, scratch, items, count, r, rule, epsilon)
+        bid_for_all(costs, battery, fleet, scratch, items, count, r, rule, epsilon)
     open_items = np.int64(count)
     while open_items > 0:
-        if winner == LOWEST:
+        if winner == WINNER_LOWEST_BID:
             item, robot = lowest(scratch, robots)
         else:
             item, robot = most_urgent(scratch, robots, open_items, winner)
         if item == NIL:
             break
-        award(work, battery, fleet, scratch, robot, np.int64(items[item]))
-        open_items = sell(scratch, open_items, item, robot)
+        award(costs, battery, fleet, scratch, robot, np.int64(items[item]))
+        open_items = award_item(scratch, open_items, item, robot)
         for r in range(robots):
             if r == robot or everybody == 1:
-                bid_for_all(work, battery, fleet, scratch, items, open_items, r, rule, epsilon)
+                bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon)
             elif scratch.best[r] == item:
                 note_best(scratch, r, open_items)
     sold = np.int64(count) - open_items
-    scratch.count[MESSAGES] += scratch.count[BIDS] + sold
+    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
     return sold
 
 
 @kernel
-def by_arrival(work, battery, fleet, scratch, items, count, rule, epsilon):
+def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
     """Each item on its own, as it comes, to the lowest bid (Algorithm 2 of De Ryck et al.)."""
     begin(fleet, scratch, items, count)
     sold = np.int64(0)
     for k in range(count):
         task = np.int64(items[k])
-        robot, least = np.int64(NIL), np.int64(INF)
+        robot, least = np.int64(NIL), np.int64(INF_COST)
         for r in range(fleet.place.shape[0]):
-            offer = bid(work, battery, fleet, scratch, r, task, rule, epsilon)
+            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
             if offer < least:
                 robot, least = np.int64(r), offer
         if robot != NIL:
-            award(work, battery, fleet, scratch, robot, task)
+            award(costs, battery, fleet, scratch, robot, task)
             scratch.sold[k] = robot
             sold += 1
-    scratch.count[MESSAGES] += scratch.count[BIDS] + sold
+    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
     return sold
 
 
 @kernel
-def parallel(work, battery, fleet, scratch, items, count, rule, epsilon):
+def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
     """All items at once, by the lists as they are: each to its lowest bid, then inserted in turn.
 
     A robot whose list has no room left for what it won refuses it.
@@ -111,9 +111,9 @@ def parallel(work, battery, fleet, scratch, items, count, rule, epsilon):
     begin(fleet, scratch, items, count)
     for k in range(count):
         task = np.int64(items[k])
-        least = np.int64(INF)
+        least = np.int64(INF_COST)
         for r in range(fleet.place.shape[0]):
-            offer = bid(work, battery, fleet, scratch, r, task, rule, epsilon)
+            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
             if offer < least:
                 scratch.sold[k] = r
                 least = offer
@@ -122,21 +122,21 @@ def parallel(work, battery, fleet, scratch, items, count, rule, epsilon):
         r = np.int64(scratch.sold[k])
         if r == NIL:
             continue
-        if award(work, battery, fleet, scratch, r, np.int64(items[k])) == NIL:
+        if award(costs, battery, fleet, scratch, r, np.int64(items[k])) == NIL:
             scratch.sold[k] = NIL
         else:
             sold += 1
-    scratch.count[MESSAGES] += scratch.count[BIDS] + sold
+    scratch.count[COUNT_MESSAGES] += scratch.count[COUNT_BIDS] + sold
     return sold
 
 
 @kernel
 def objective(fleet, epsilon):
-    """epsilon x the sum of all robots' costs + (1 - epsilon) x the largest, in thousandths; or INF."""
+    """epsilon x the sum of the costs + (1 - epsilon) x the largest, in thousandths; or INF_COST."""
     total, most = np.int64(0), np.int64(0)
     for r in range(fleet.cost.shape[0]):
-        if fleet.cost[r] >= INF:
-            return np.int64(INF)
+        if fleet.cost[r] >= INF_COST:
+            return np.int64(INF_COST)
         total += fleet.cost[r]
         most = max(most, fleet.cost[r])
     return epsilon * total + (1000 - epsilon) * most

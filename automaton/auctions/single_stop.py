@@ -10,7 +10,7 @@ Ties: fewer ticks from the task before to the charger, then the later position.
 
 import numpy as np
 
-from automaton.auctions.charge_path import tail_of, waiting_at
+from automaton.auctions.charge_path import energy_to_charger, waiting_at
 from automaton.auctions.charge_plan import (
     add_detours,
     clear,
@@ -19,57 +19,65 @@ from automaton.auctions.charge_plan import (
     stop_at,
 )
 from automaton.auctions.insertion import place_before
-from automaton.auctions.market import BATTERY_FULL, COST, END, INF, LOWEST, PLANS, STATES
-from automaton.compiled import kernel
+from automaton.auctions.market import (
+    BATTERY_FULL,
+    COUNT_PLANS,
+    COUNT_STATES,
+    INF_COST,
+    TOTAL_COST,
+    TOTAL_END_CHARGE,
+    TOTAL_LOWEST_CHARGE,
+)
+from automaton.jit import kernel
 from automaton.strategy.kernels import CURVE_RATE, charging_ticks, level_after
 from automaton.world.state import NIL
 
 
 @kernel
-def plan_single_stop(work, battery, scratch, place, charge, order, length, fill):
+def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill):
     """Leave the best plan with at most one stop in scratch.plan; several stops where one cannot do.
 
-    fill: 1 = fill up to battery.target. Returns the ticks of the list, or INF.
+    fill: 1 = fill up to battery.target. Returns the ticks of the list, or INF_COST.
     """
     clear(scratch, charge, length)
     if length == 0 or fits(
-        battery, charge, scratch.done_energy[length], np.int64(work.end[order[length - 1]])
+        battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
     ):
-        return scratch.plan.figures[COST]
-    position, charger = find_stop(work, battery, scratch, place, charge, order, length, fill)
+        return scratch.plan.totals[TOTAL_COST]
+    position, charger = find_stop(costs, battery, scratch, place, charge, order, length, fill)
     if position == NIL:
-        return plan_charging(work, battery, scratch, place, charge, order, length)
-    scratch.count[PLANS] += 1
+        return plan_charging(costs, battery, scratch, place, charge, order, length)
+    scratch.count[COUNT_PLANS] += 1
     plan = scratch.plan
     plan.stops[0] = 1
     plan.position[0] = position
     plan.charger[0] = charger
     at = np.int64(battery.charger[charger])
-    before = place_before(work, place, order, position)
-    after = np.int64(work.begin[order[position]])
-    arrival = charge - scratch.done_energy[position] - work.energy[work.robot_type[0], before, at]
+    before = place_before(costs, place, order, position)
+    after = np.int64(costs.begin[order[position]])
+    arrival = charge - scratch.done_energy[position] - costs.energy[costs.robot_type[0], before, at]
     rest = (
-        work.energy[work.robot_type[0], at, after]
+        costs.energy[costs.robot_type[0], at, after]
         + scratch.done_energy[length]
         - scratch.begun_energy[position]
     )
-    tail = tail_of(battery, work.end[order[length - 1]])
-    plan.figures[COST] += (
-        work.ticks[work.robot_type[0], before, at] + work.ticks[work.robot_type[0], at, after]
+    tail = energy_to_charger(battery, costs.end[order[length - 1]])
+    plan.totals[TOTAL_COST] += (
+        costs.ticks[costs.robot_type[0], before, at] + costs.ticks[costs.robot_type[0], at, after]
     )
-    plan.figures[COST] -= work.ticks[work.robot_type[0], before, after]
+    plan.totals[TOTAL_COST] -= costs.ticks[costs.robot_type[0], before, after]
     wait = waiting_at(
         battery,
         scratch,
         charger,
-        scratch.done_ticks[position] + work.ticks[work.robot_type[0], before, at],
+        scratch.done_ticks[position] + costs.ticks[costs.robot_type[0], before, at],
     )
     goal = goal_of(battery, arrival, rest + tail, fill)
     level = stop_at(battery, plan, 0, arrival, goal, wait)
-    plan.figures[END] = level - rest
-    plan.figures[LOWEST] = min(arrival, level - rest)
-    add_detours(work, battery, scratch, place, order)
-    return plan.figures[COST]
+    plan.totals[TOTAL_END_CHARGE] = level - rest
+    plan.totals[TOTAL_LOWEST_CHARGE] = min(arrival, level - rest)
+    add_detours(costs, battery, scratch, place, order)
+    return plan.totals[TOTAL_COST]
 
 
 @kernel
@@ -80,24 +88,26 @@ def goal_of(battery, arrival, rest, fill):
 
 
 @kernel
-def find_stop(work, battery, scratch, place, charge, order, length, fill):
+def find_stop(costs, battery, scratch, place, charge, order, length, fill):
     """(position, charger) of the best single stop, or (NIL, NIL)."""
-    tail = tail_of(battery, work.end[order[length - 1]])
+    tail = energy_to_charger(battery, costs.end[order[length - 1]])
     rate = np.int64(battery.curve[0, CURVE_RATE])
-    best, nearest = np.int64(INF), np.int64(INF)
+    best, nearest = np.int64(INF_COST), np.int64(INF_COST)
     position, charger = np.int64(NIL), np.int64(NIL)
-    if tail >= INF:
+    if tail >= INF_COST:
         return position, charger
     for i in range(length):
-        before = place_before(work, place, order, i)
-        after = np.int64(work.begin[order[i]])
-        scratch.count[STATES] += battery.charger.shape[0]
+        before = place_before(costs, place, order, i)
+        after = np.int64(costs.begin[order[i]])
+        scratch.count[COUNT_STATES] += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
-            into = np.int64(work.ticks[work.robot_type[0], before, at])
-            arrival = charge - scratch.done_energy[i] - work.energy[work.robot_type[0], before, at]
+            into = np.int64(costs.ticks[costs.robot_type[0], before, at])
+            arrival = (
+                charge - scratch.done_energy[i] - costs.energy[costs.robot_type[0], before, at]
+            )
             rest = (
-                work.energy[work.robot_type[0], at, after]
+                costs.energy[costs.robot_type[0], at, after]
                 + scratch.done_energy[length]
                 - scratch.begun_energy[i]
             )
@@ -105,8 +115,8 @@ def find_stop(work, battery, scratch, place, charge, order, length, fill):
                 continue
             goal = goal_of(battery, arrival, rest + tail, fill)
             duration = charging_ticks(battery.curve, arrival, goal)
-            ticks = scratch.done_ticks[length] + into + work.ticks[work.robot_type[0], at, after]
-            ticks += duration - work.ticks[work.robot_type[0], before, after]
+            ticks = scratch.done_ticks[length] + into + costs.ticks[costs.robot_type[0], at, after]
+            ticks += duration - costs.ticks[costs.robot_type[0], before, after]
             ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
             score = rate * ticks
             if fill == 1:

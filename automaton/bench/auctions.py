@@ -13,23 +13,23 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.auctions import exact, genetic, local_search, quotes, sequential
-from automaton.auctions.bids import MIX
+from automaton.auctions.bids import BID_MIXED
 from automaton.auctions.bundle_space import bundles_for, generations, population_for
 from automaton.auctions.market import (
     BATTERY_FULL,
-    FILL_UP,
-    HIERARCHICAL,
-    JOINT,
-    NO_CHARGING,
-    SAFE,
+    POLICY_FILL_UP,
+    POLICY_HIERARCHICAL,
+    POLICY_JOINT,
+    POLICY_NO_CHARGING,
+    POLICY_THRESHOLD_REACHABLE,
     Array,
     Battery,
     Fleet,
     Scratch,
-    Work,
+    TaskCosts,
 )
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
-from automaton.auctions.winners import DIFFERENCE, LOWEST
+from automaton.auctions.winners import WINNER_DIFFERENCE, WINNER_LOWEST_BID
 from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
 
 SIDE: Final = 100  # ticks
@@ -43,7 +43,7 @@ LARGE: Final = (100, 1000)
 class Market(NamedTuple):
     """A market with empty lists, and its items."""
 
-    work: Work
+    task_costs: TaskCosts
     battery: Battery
     fleet: Fleet
     scratch: Scratch
@@ -53,30 +53,34 @@ class Market(NamedTuple):
 Auction = Callable[[Market], object]
 
 
-def market(robots: int, tasks: int, policy: int = NO_CHARGING, seed: int = 1) -> Market:
+def market(robots: int, tasks: int, policy: int = POLICY_NO_CHARGING, seed: int = 1) -> Market:
     """Robots, tasks and chargers at random places."""
     rng = np.random.default_rng(seed)
     at = rng.integers(0, SIDE, (robots + tasks + CHARGERS, 2))
     ticks = np.abs(at[:, None] - at[None]).sum(2)
     chargers = np.arange(robots + tasks, len(at))
-    rules = {"policy": policy, "end_reach": policy != NO_CHARGING, "threshold": BATTERY_FULL // 5}
+    rules = {
+        "policy": policy,
+        "end_reach": policy != POLICY_NO_CHARGING,
+        "threshold": BATTERY_FULL // 5,
+    }
     battery = battery_of(ticks * DRAIN, chargers, ((0, RATE),), **rules)  # type: ignore[arg-type]
     fleet = fleet_of(np.arange(robots), tasks, BATTERY_FULL // 2)
     scratch = scratch_for(robots, tasks, tasks, CHARGERS)
-    work = visits(ticks, ticks * DRAIN, np.arange(robots, robots + tasks))
-    return Market(work, battery, fleet, scratch, np.arange(tasks, dtype=np.int32))
+    task_costs = visits(ticks, ticks * DRAIN, np.arange(robots, robots + tasks))
+    return Market(task_costs, battery, fleet, scratch, np.arange(tasks, dtype=np.int32))
 
 
-def sell(one: Market, winner: int = LOWEST, everybody: int = 0) -> None:
+def sell(one: Market, winner: int = WINNER_LOWEST_BID, everybody: int = 0) -> None:
     """A sequential auction of all items."""
     *rest, items = one
-    sequential.sequential(*rest, items, len(items), MIX, 0, winner, everybody)
+    sequential.sequential(*rest, items, len(items), BID_MIXED, 0, winner, everybody)
 
 
 def sell_by_arrival(one: Market) -> None:
     """Item by item as they come."""
     *rest, items = one
-    sequential.by_arrival(*rest, items, len(items), MIX, 0)
+    sequential.by_arrival(*rest, items, len(items), BID_MIXED, 0)
 
 
 def seconds_of(one: Market, auction: Auction, repeat: int) -> float:
@@ -103,11 +107,18 @@ def measurements() -> list[Measurement]:
         f"auction, {robots} robots, {tasks:,} tasks" for robots, tasks in (SMALL, LARGE)
     )
     for name, size, repeat in ((small, SMALL, 20), (large, LARGE, 1)):
-        for label, policy in (("", NO_CHARGING), (", charging in the bids", HIERARCHICAL)):
+        for label, policy in (
+            ("", POLICY_NO_CHARGING),
+            (", charging in the bids", POLICY_HIERARCHICAL),
+        ):
             found.append(Measurement(name + label, MS, partial(timed, size, policy, sell, repeat)))
-    for label, policy in (("joint charging", JOINT), ("fill-up", FILL_UP), ("threshold", SAFE)):
+    for label, policy in (
+        ("joint charging", POLICY_JOINT),
+        ("fill-up", POLICY_FILL_UP),
+        ("threshold", POLICY_THRESHOLD_REACHABLE),
+    ):
         found.append(Measurement(f"{small}, {label}", MS, partial(timed, SMALL, policy, sell, 20)))
-    prepare = partial(timed, LARGE, NO_CHARGING, partial(sell, winner=DIFFERENCE), 1)
+    prepare = partial(timed, LARGE, POLICY_NO_CHARGING, partial(sell, winner=WINNER_DIFFERENCE), 1)
     found.append(Measurement(f"{large}, biggest difference", MS, prepare))
     found.append(Measurement(f"{small}, then local search", MS, prepare_search))
     return found + growth() + others() + plans()
@@ -118,9 +129,9 @@ def prepare_search() -> Sample:
 
     def work(one: Market) -> None:
         sell(one)
-        local_search.improve(one.work, one.battery, one.fleet, one.scratch, 0)
+        local_search.improve(one.task_costs, one.battery, one.fleet, one.scratch, 0)
 
-    return timed(SMALL, NO_CHARGING, work, 1)
+    return timed(SMALL, POLICY_NO_CHARGING, work, 1)
 
 
 def growth() -> list[Measurement]:
@@ -157,7 +168,7 @@ def others() -> list[Measurement]:
         Measurement(
             "auction, 2 robots, 10 tasks",
             MS,
-            partial(timed, (2, 10), NO_CHARGING, sell, 200),
+            partial(timed, (2, 10), POLICY_NO_CHARGING, sell, 200),
         ),
     ]
 
@@ -170,7 +181,7 @@ def prepare_optimum(robots: int) -> Sample:
         *rest, items = one
         exact.exact(*rest, workspace, items, len(items), 0)
 
-    return timed((robots, 10), NO_CHARGING, work, 5)
+    return timed((robots, 10), POLICY_NO_CHARGING, work, 5)
 
 
 def prepare_genetic() -> Sample:
@@ -182,12 +193,16 @@ def prepare_genetic() -> Sample:
         arguments = (items, 10, 0, generations(2, 10), 0, np.uint64(1), 0)
         genetic.genetic(*rest, population, *arguments)
 
-    return timed((2, 10), NO_CHARGING, work, 1)
+    return timed((2, 10), POLICY_NO_CHARGING, work, 1)
 
 
 def plans() -> list[Measurement]:
     """Microseconds of a quote for one list of ten tasks, a call from Python included."""
-    kinds = (("as much as needed", HIERARCHICAL), ("fill-up", FILL_UP), ("threshold", SAFE))
+    kinds = (
+        ("as much as needed", POLICY_HIERARCHICAL),
+        ("fill-up", POLICY_FILL_UP),
+        ("threshold", POLICY_THRESHOLD_REACHABLE),
+    )
     return [
         Measurement(f"charging of a list of 10, {name}", US, partial(prepare_plan, policy))
         for name, policy in kinds
@@ -201,6 +216,6 @@ def prepare_plan(policy: int, calls: int = 200) -> Sample:
 
     def quote_often() -> None:
         for _ in range(calls):
-            quotes.quote(one.work, one.battery, one.scratch, 0, 0, BATTERY_FULL, order, 10)
+            quotes.quote(one.task_costs, one.battery, one.scratch, 0, 0, BATTERY_FULL, order, 10)
 
     return lambda: 1e6 * cpu_seconds(quote_often) / calls

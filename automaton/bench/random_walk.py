@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import LIVE, U, move_all
 from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import World

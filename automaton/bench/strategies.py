@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.layer import Strategy
 from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from automaton.bench.measurement import Measurement, Sample, cpu_seconds, wall_seconds
-from automaton.experiments.plan import Plan, plan_of
-from automaton.experiments.pools import LocalPool, Promise
+from automaton.experiments.pools import FutureLike, LocalPool
 from automaton.experiments.runs import run_one
-from automaton.experiments.session import sweep_into
 from automaton.experiments.store import arrow
 from automaton.experiments.study import Study
+from automaton.experiments.sweep_plan import SweepPlan, make_sweep_plan
+from automaton.experiments.sweep_session import sweep_into
 from automaton.experiments.sweeping import chunk_of
 
 RUNS = 80
@@ -49,9 +49,9 @@ class LastingPool(LocalPool):
     def close(self, now: bool) -> None:
         """Stay."""
 
-    def ready(self, plan: Plan) -> None:
+    def ready(self, plan: SweepPlan) -> None:
         """Have every worker start and load what it needs."""
-        crew: list[Promise] = []
+        crew: list[FutureLike] = []
         for number, run in zip(range(2 * self.workers), plan.manifest.runs(), strict=False):
             crew.append(self.submit(chunk_of(plan, plan.manifest.version, number, (run,))))
         for promise in crew:
@@ -67,39 +67,39 @@ def study(runs: int = RUNS, ticks: int = TICKS) -> Study:
     return Study(name="bench", scenario="warehouse-100", listed=(levels,), replications=runs)
 
 
-def prepare(figure: Callable[[Plan, dict[int, LastingPool]], float]) -> Sample:
+def prepare(figure: Callable[[SweepPlan, dict[int, LastingPool]], float]) -> Sample:
     """A sampler of a figure, with pools of one and two workers."""
-    plan = plan_of(study())
+    plan = make_sweep_plan(study())
     pools = {workers: LastingPool(workers) for workers in (1, 2)}
     for pool in pools.values():
         pool.ready(plan)
     return lambda: figure(plan, pools)
 
 
-def overhead(plan: Plan, pools: dict[int, LastingPool]) -> float:
+def overhead(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
     """Seconds of a sweep beyond those of the same runs, in per cent."""
     bare = wall_seconds(lambda: run_bare(plan))
     return 100 * (swept(plan, pools[1])[0] / bare - 1)
 
 
-def coordination(plan: Plan, pools: dict[int, LastingPool]) -> float:
+def coordination(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
     """CPU seconds of the coordinating process, in per cent of those of the runs."""
     found: list[tuple[float, float]] = []
     seconds = cpu_seconds(lambda: found.append(swept(plan, pools[1])))
     return 100 * seconds / found[0][1]
 
 
-def speed_up(plan: Plan, pools: dict[int, LastingPool]) -> float:
+def speed_up(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
     """Seconds with one worker over seconds with two."""
     return swept(plan, pools[1])[0] / swept(plan, pools[2])[0]
 
 
-def dearer(plan: Plan, pools: dict[int, LastingPool]) -> float:
+def dearer(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
     """CPU seconds of the runs side by side over those one after the other."""
     return swept(plan, pools[2])[1] / swept(plan, pools[1])[1]
 
 
-def swept(plan: Plan, pool: LastingPool) -> tuple[float, float]:
+def swept(plan: SweepPlan, pool: LastingPool) -> tuple[float, float]:
     """(seconds on the wall, CPU seconds of the runs) of a whole sweep into a new folder."""
     with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
         begun = time.perf_counter()
@@ -108,7 +108,7 @@ def swept(plan: Plan, pool: LastingPool) -> tuple[float, float]:
         return seconds, sum(store.rows().column("cpu_s").to_pylist())
 
 
-def run_bare(plan: Plan) -> None:
+def run_bare(plan: SweepPlan) -> None:
     """The same runs in this process, without anything that a sweep adds."""
     for run in plan.manifest.runs():
         run_one(plan.scenarios[run.point], run)

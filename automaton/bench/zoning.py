@@ -33,11 +33,24 @@ from automaton.simulation import Simulation
 from automaton.units import unit
 from automaton.world.build_service_zones import roads_of
 from automaton.world.service_zones import Design, Roads, empty_design
-from automaton.zoning.annealing import COLD, HOT, MOST, REPAIRS, STEPS, repair
-from automaton.zoning.genetic import GENERATIONS, INDIVIDUALS, MUTATION, SELECTED, evolve
-from automaton.zoning.herd import population_for
+from automaton.zoning.annealing import (
+    ANNEALING_MAX_MOVES,
+    ANNEALING_STEPS,
+    DEFAULT_FINAL_TEMPERATURE,
+    DEFAULT_INITIAL_TEMPERATURE,
+    MAX_REPAIRS,
+    repair,
+)
+from automaton.zoning.genetic import (
+    DEFAULT_GENERATIONS,
+    DEFAULT_INDIVIDUALS,
+    DEFAULT_MUTATION_RATE,
+    DEFAULT_PARENTS,
+    evolve,
+)
+from automaton.zoning.population import population_for
 from automaton.zoning.roads import typical_distance
-from automaton.zoning.space import ZoneSpace, space_for, zone_rules
+from automaton.zoning.workspace import ZoneSpace, space_for, zone_rules
 
 Array = NDArray[Any]
 
@@ -71,7 +84,7 @@ def measurements() -> list[Measurement]:
         for name, how in RUNS.items()
     ]
     found.append(Measurement("zone repair by annealing, factory", MS, prepare_repair))
-    what = f"{GENERATIONS} generations of {INDIVIDUALS}, factory"
+    what = f"{DEFAULT_GENERATIONS} generations of {DEFAULT_INDIVIDUALS}, factory"
     found.append(Measurement(f"zones by breeding, {what}", SECONDS, prepare_breeding, at_most=3))
     for stations, zones in SIZES:
         name = f"zone repair by annealing, {stations} stations, {zones} zones"
@@ -158,7 +171,13 @@ def factory() -> Task:
 def anneal(one: Task, seed: int) -> int:
     """One zone repair; 0 if it found no zones."""
     roads, rules, flow, design, workspace, reach = one
-    how = HOT, COLD, STEPS, MOST, REPAIRS
+    how = (
+        DEFAULT_INITIAL_TEMPERATURE,
+        DEFAULT_FINAL_TEMPERATURE,
+        ANNEALING_STEPS,
+        ANNEALING_MAX_MOVES,
+        MAX_REPAIRS,
+    )
     return int(repair(roads, rules, flow, *how, design, workspace, reach, np.uint64(seed), 1))
 
 
@@ -178,11 +197,13 @@ def prepare_repair() -> Sample:
     return repairing(factory())
 
 
-def prepare_breeding(generations: int = GENERATIONS, individuals: int = INDIVIDUALS) -> Sample:
+def prepare_breeding(
+    generations: int = DEFAULT_GENERATIONS, individuals: int = DEFAULT_INDIVIDUALS
+) -> Sample:
     """A sampler: seconds of the genetic algorithm in the factory."""
     roads, rules, flow, design, workspace, reach = factory()
     population = population_for(roads, individuals)
-    how = generations, SELECTED, MUTATION, population
+    how = generations, DEFAULT_PARENTS, DEFAULT_MUTATION_RATE, population
 
     def sample() -> float:
         seed = np.uint64(1)

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from automaton.errors import InputError, WorkerDied, nearest
-from automaton.interruption import Terminated, signals_heeded
+from automaton.errors import InputError, WorkerDiedError, nearest
+from automaton.interruption import TerminatedError, signals_raise
 from automaton.printable import PrintedText, one_line
 from automaton.unfit_numba import UnfitNumbaError
 
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = map(PrintedText, before)
     try:
-        with signals_heeded():
+        with signals_raise():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
         sys.stdout.flush()
         return code
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of a pipe went away; what Python still holds back goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
-    except Terminated:
+    except TerminatedError:
         print("automaton: terminated", file=sys.stderr)
         return TERMINATED
     except KeyboardInterrupt:
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _show_traceback(debug)
         print(f"automaton: {error}", file=sys.stderr)
         return BAD_INPUT
-    except WorkerDied as error:
+    except WorkerDiedError as error:
         print(f"automaton: {error}", file=sys.stderr)
         return FAILED
     except Exception as error:

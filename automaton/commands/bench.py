@@ -71,7 +71,7 @@ def chosen(only: Sequence[str], compile_too: bool, startup_too: bool) -> list[st
 
 def measurements(parts: Sequence[str]) -> list[Measurement]:
     """What the parts measure. Raises InputError when there is nothing compiled to measure."""
-    from automaton.compiled import jit_is_on
+    from automaton.jit import jit_is_on
 
     if not jit_is_on():
         raise InputError("bench measures compiled code; unset NUMBA_DISABLE_JIT")

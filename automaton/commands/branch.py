@@ -96,11 +96,11 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
     branch = branch_of(shown_at(RecordedRun(recording), args.at), tuple(args.settings), out)
     try:
         advance(branch, args.until)
-        found = future("branch", branch.front, is_finished(branch.front))
-        branch.journal.end()
+        found = future("branch", branch.leading_simulation, is_finished(branch.leading_simulation))
+        branch.recorder.end()
     finally:
         branch.close()
-    return found, branch.trouble
+    return found, branch.warning
 
 
 def original_until(recording: Recording, until: int | None) -> Future:
@@ -131,7 +131,7 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
 
 def print_futures(original: Future, branch: Future, units: Mapping[str, str | None]) -> None:
     """The metrics of both beside each other, in the units of the scenario."""
-    from automaton.metrics import GLOSSARY
+    from automaton.metrics import METRIC_CATALOGUE
     from automaton.run_report import console, in_units, plain_table, print_table
 
     tick_unit, cell = unit(units["tick"] or ""), units["cell"]
@@ -143,7 +143,7 @@ def print_futures(original: Future, branch: Future, units: Mapping[str, str | No
     table.columns[0].justify = table.columns[4].justify = "left"
     names = [name for name in branch.metrics if name in original.metrics]
     for name in names:
-        kind = GLOSSARY.get(name, ("times", ""))[0]
+        kind = METRIC_CATALOGUE.get(name, ("times", ""))[0]
         before, now = original.metrics[name], branch.metrics[name]
         cell_unit = unit(cell) if cell is not None and kind == "cells" else None
         (left, said), (right, _), (change, _) = (

@@ -34,7 +34,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ROBOT",
         help="select it, and its route",
     )
-    add("--layer", default="", metavar="NAME", help="zones, visits, flow, explored, ...")
+    add(
+        "--layer",
+        default="",
+        metavar="NAME",
+        help="service-zones, traffic-zones, visits, flow, explored, ...",
+    )
     add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
     add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
     add("--ascii", action="store_true", help="no characters beyond ASCII")

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.commands.arguments import add_settings_argument, print_warnings
 from automaton.errors import InputError
-from automaton.experiments.plan import check_study
 from automaton.experiments.study import shipped_studies
+from automaton.experiments.sweep_plan import check_study
 from automaton.scenario.document import Document
 from automaton.scenario.matrices import write_matrix
 from automaton.scenario.reading import is_study, read, shipped
 from automaton.scenario.resolve import Resolved, document_of, resolve
 from automaton.strategy.entry import files_of
 from automaton.units import count
-from automaton.whole_file import refusal, written
 from automaton.world.cells import DESTINATION, DOCK, RACK, SHELF
 
 if TYPE_CHECKING:
@@ -118,8 +118,8 @@ def export_matrix(resolved: Resolved, path: Path) -> None:
     """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
     text = write_matrix(resolved.floor_plan)
     if os.path.exists(path) and not os.path.isfile(path):
-        raise refusal("this is not a regular file", path)
-    with written(path) as file:
+        raise cannot_write_error("this is not a regular file", path)
+    with atomic_writer(path) as file:
         file.write(text.encode())
 
 

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read, compose, write."""
     from automaton.experiments.store import Store
-    from automaton.reporting.compose import compose
+    from automaton.reporting.build_report import compose
     from automaton.reporting.cutting import measured_rows
     from automaton.reporting.export import (
         CSV_BEGINS,
@@ -80,9 +80,9 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         print(text, end="")
     else:
-        from automaton.whole_file import written
+        from automaton.atomic_write import atomic_writer
 
-        with written(args.out) as file:
+        with atomic_writer(args.out) as file:
             file.write(text.encode())
         wrote.append(args.out)
     for path in wrote:
@@ -106,6 +106,6 @@ def rendered(document: Document, form: str) -> str:
         from automaton.reporting.html import as_html
 
         return as_html(document)
-    from automaton.reporting.writing import as_markdown, as_text
+    from automaton.reporting.text_output import as_markdown, as_text
 
     return as_markdown(document) if form == "markdown" else as_text(document)

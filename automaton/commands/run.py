@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from automaton.headless import Outcome
     from automaton.simulation import Simulation
 
-PATIENCE_S = 1.0  # before a run on a terminal begins to say how far it is
+PROGRESS_DELAY_S = 1.0  # before a run on a terminal begins to say how far it is
 REFRESH_S = 0.2
-LONG_S = 2.0  # from then on it says which tick is being computed
+PROGRESS_INTERVAL_S = 2.0  # from then on it says which tick is being computed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
             resolved, on_record, on_window, args.until, on_end, args.strategy_timeout
         )
     if args.json:
-        told = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
-        print(json.dumps(told, indent=2, ensure_ascii=False))
+        out = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
+        print(json.dumps(out, indent=2, ensure_ascii=False))
     else:
         from automaton.run_report import print_report
 
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     limit = resolved.scenario.stop.max_duration
     name = resolved.scenario.name
     print(
-        f"automaton: {name} did not finish within {limit:,} ticks: {outcome.trouble}",
+        f"automaton: {name} did not finish within {limit:,} ticks: {outcome.diagnosis}",
         file=sys.stderr,
     )
     return 1
@@ -139,7 +139,7 @@ def progress(resolved: Resolved) -> Iterator[Any]:
     over = threading.Event()
 
     def tell() -> None:
-        pause, told, tick, since = PATIENCE_S, False, 0, time.monotonic()
+        pause, told, tick, since = PROGRESS_DELAY_S, False, 0, time.monotonic()
         while not over.wait(pause):
             pause = REFRESH_S
             for simulation in watched:
@@ -154,7 +154,7 @@ def progress(resolved: Resolved) -> Iterator[Any]:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
     def words(simulation: Simulation, seconds: float) -> str:
-        if seconds >= LONG_S:
+        if seconds >= PROGRESS_INTERVAL_S:
             return f"computing tick {simulation.tick:,}, {seconds:.0f} s"
         orders = simulation.world.orders
         done = int((orders.delivered >= 0).sum())
@@ -176,10 +176,10 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
     scenario."""
-    from automaton.translation import translated, units_of
+    from automaton.metric_units import to_scenario_units, units_of
 
     tick, cell = units_of(resolved)
-    told = translated(outcome.metrics, tick, cell)
+    told = to_scenario_units(outcome.metrics, tick, cell)
     if cell is not None:
         feet = [cell.of(robot["moves"]) for robot in outcome.robots]
         told["distance_by_robot"] = {"value": feet, "unit": cell.name}

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import add_scenario_arguments, print_warnings, whole
-from automaton.errors import WorkerDied
+from automaton.errors import WorkerDiedError
 
 if TYPE_CHECKING:
-    from automaton.sizing.candidates import Place
+    from automaton.sizing.candidates import FleetConfig
     from automaton.sizing.question import Question
     from automaton.sizing.runner import Fleets
-    from automaton.sizing.session import Session
+    from automaton.sizing.sizing_session import SizingSession
 
 
 def positive(text: str) -> float:
@@ -96,10 +96,10 @@ def run(args: argparse.Namespace) -> int:
         from automaton.reporting.plots import figure_class
 
         figure_class()  # says what is missing before anything is computed
-    from automaton.parallel import Rounds
-    from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
+    from automaton.process_pool import PersistentPool
+    from automaton.sizing.runner import Checked, Fleets, run_and_measure_use, session_of
 
-    with Rounds(args.workers, conducted_with_use) as rounds:
+    with PersistentPool(args.workers, run_and_measure_use) as rounds:
         fleets = Fleets(args.scenario, args.settings, args.seed, rounds)
         asked = asked_of(args, fleets)
         print_warnings(fleets.base)
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         cut: BaseException | None = None
         try:
             session.go()
-        except (KeyboardInterrupt, WorkerDied) as error:
+        except (KeyboardInterrupt, WorkerDiedError) as error:
             cut = error
         finally:
             if sys.stderr.isatty():
@@ -122,12 +122,12 @@ def run(args: argparse.Namespace) -> int:
 
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     """The question that the arguments put. Raises InputError."""
-    from automaton.sizing.question import question, read_robots, read_target
+    from automaton.sizing.question import make_question, read_robots, read_target
     from automaton.sizing.strategies import strategies_of
 
     target, robots = read_target(args.target, fleets.tick), read_robots(args.robots)
     strategies = strategies_of(args.strategies)
-    return question(
+    return make_question(
         target,
         robots,
         strategies,
@@ -140,7 +140,7 @@ def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     )
 
 
-def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
+def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> None:
     """Print the answer."""
     scenario = fleets.base.scenario
     if args.json:
@@ -150,7 +150,7 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
         print(json.dumps(found, indent=2, ensure_ascii=False))
         return
     from automaton.run_report import console
-    from automaton.sizing.report import print_answer
+    from automaton.sizing.sizing_report import print_answer
 
     limit = scenario.stop.max_duration
     ends = f"A run that does not finish within {limit:,} ticks fails."
@@ -161,7 +161,7 @@ def show(args: argparse.Namespace, session: Session, fleets: Fleets) -> None:
     print_answer(console(), session, scenario.name, ends, args.price)
 
 
-def draw(folder: Path, session: Session) -> None:
+def draw(folder: Path, session: SizingSession) -> None:
     """Write the plots, and say where they are."""
     from automaton.reporting.plots import write_plots
     from automaton.sizing.charts import curves
@@ -171,7 +171,7 @@ def draw(folder: Path, session: Session) -> None:
         print(f"automaton: wrote {path}", file=sys.stderr)
 
 
-def tell_progress(place: Place, runs: int, asked: Question) -> None:
+def tell_progress(place: FleetConfig, runs: int, asked: Question) -> None:
     """Say on a terminal how far the search is."""
     if sys.stderr.isatty():
         text = f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}"

@@ -1,6 +1,6 @@
 """Do the runs of a study and keep their rows in a folder; the same command again goes on.
 
-Exit code 0: all runs are done; 1: some gave no metrics, now or before; 2: bad input;
+Exit code 0: all runs are done; 1: some failed, now or before; 2: bad input;
 130: stopped by Ctrl-C; 143: by SIGTERM.
 """
 
@@ -21,8 +21,8 @@ from automaton.units import count
 
 if TYPE_CHECKING:
     from automaton.experiments.forecast import Forecast
-    from automaton.experiments.pools import Crew
-    from automaton.experiments.session import Begun, Swept
+    from automaton.experiments.pools import Backend
+    from automaton.experiments.sweep_session import SweepResult, SweepStart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "lacks, and count no others",
     )
     parser.add_argument(
-        "--retry-failed", action="store_true", help="try again also the runs that gave no metrics"
+        "--retry-failed", action="store_true", help="also retry the runs that failed"
     )
     add_timeout_argument(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
@@ -65,10 +65,10 @@ def run(args: argparse.Namespace) -> int:
     if args.dry_run and args.scheduler is not None:
         raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
     from automaton.experiments.copies import copies_of
-    from automaton.experiments.plan import plan_of
-    from automaton.experiments.session import sweep_into
+    from automaton.experiments.sweep_plan import make_sweep_plan
+    from automaton.experiments.sweep_session import sweep_into
 
-    plan = plan_of(args.study)
+    plan = make_sweep_plan(args.study)
     if args.dry_run:
         return dry_run(args, plan)
     begun_at = time.monotonic()
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if swept.failed else 0
 
 
-def crew_of(args: argparse.Namespace) -> Crew:
+def crew_of(args: argparse.Namespace) -> Backend:
     """Who carries the runs out."""
     if args.scheduler is not None:
         from automaton.experiments.cluster import DaskCluster
@@ -102,7 +102,7 @@ def crew_of(args: argparse.Namespace) -> Crew:
 def dry_run(args: argparse.Namespace, plan: Any) -> int:
     """Say what the sweep would take."""
     from automaton.experiments.forecast import forecast
-    from automaton.parallel import cores
+    from automaton.process_pool import cores
 
     found = forecast(plan, args.out, args.workers or cores(), args.retry_failed, args.recompute)
     if args.json:
@@ -153,7 +153,7 @@ class Listener:
         self.out = out
         self.total = self.done = 0
 
-    def begin(self, begun: Begun) -> None:
+    def begin(self, begun: SweepStart) -> None:
         """Tell on stderr what was found in the folder."""
         self.total, self.done = begun.runs, begun.done
         for path in begun.aside:
@@ -185,7 +185,7 @@ class Bar(Listener):
         self.since = time.monotonic()
         self.before = 0
 
-    def begin(self, begun: Begun) -> None:
+    def begin(self, begun: SweepStart) -> None:
         super().begin(begun)
         self.since, self.before = time.monotonic(), begun.done
         self.bar.reset(self.task, total=begun.runs, completed=begun.done)
@@ -210,7 +210,7 @@ def progress(out: Path) -> Iterator[Listener]:
         raise
 
 
-def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
+def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
     """Say what was done."""
     begun, tally = swept.begun, swept.tally
     if args.json:
@@ -233,7 +233,7 @@ def tell(args: argparse.Namespace, swept: Swept, seconds: float) -> None:
             print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
     if swept.failed:
         sys.stdout.flush()
-        what = f"{count(swept.failed, 'run')} failed; the column `failed` says why"
+        what = f"{count(swept.failed, 'run')} failed; the column `error` says why"
         note(f"{what}, --retry-failed tries again")
 
 

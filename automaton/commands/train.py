@@ -36,7 +36,7 @@ REFUSED = {
     "depths": ("loss", "weighting", "keep"),
     "classifiers": ("loss", "weighting", "keep", "batch", "epochs", "patience", "rate", "out"),
 }
-Told = Callable[[str], None]  # what is done now
+ProgressCallback = Callable[[str], None]  # what is done now
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(outcome, indent=2, ensure_ascii=False))
     else:
-        importlib.import_module("automaton.learning.report").print_outcome(mode, outcome)
+        importlib.import_module("automaton.learning.learning_report").print_outcome(mode, outcome)
     return 0
 
 
@@ -168,7 +168,7 @@ def part(library: str) -> None:
 
 
 @contextlib.contextmanager
-def progress() -> Iterator[Told | None]:
+def progress() -> Iterator[ProgressCallback | None]:
     """A line on a terminal's stderr that says what is trained and how far; nothing in a pipe."""
     if not sys.stderr.isatty():
         yield None

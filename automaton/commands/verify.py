@@ -17,7 +17,7 @@ from automaton.recording.recording_reader import read_recording
 if TYPE_CHECKING:
     from automaton.recording.verification import Verification
 
-SHOWN = 10  # violations in the text
+MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,9 +59,9 @@ def as_text(file: str, found: Verification) -> list[str]:
         lines.append("rules: all kept")
     else:
         lines.append(f"rules: {len(report.violations)} broken")
-        lines += [f"  {violation}" for violation in report.violations[:SHOWN]]
-        if len(report.violations) > SHOWN:
-            lines.append(f"  and {len(report.violations) - SHOWN} more")
+        lines += [f"  {violation}" for violation in report.violations[:MAX_PRINTED_VIOLATIONS]]
+        if len(report.violations) > MAX_PRINTED_VIOLATIONS:
+            lines.append(f"  and {len(report.violations) - MAX_PRINTED_VIOLATIONS} more")
     equal = "run again: every tick is equal"
     lines.append(equal if found.difference is None else f"run again: {found.difference}")
     lines += [

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from automaton.headless import Outcome
     from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
-    from automaton.sizing.record import Sized
+    from automaton.sizing.record import SizingResult
 
 __all__ = ["Analysis", "Point", "Study", "read_study", "simulate", "size", "sweep"]
 
@@ -71,31 +71,31 @@ def sweep(
     something is raised is kept in `out`.
     """
     from automaton.experiments.copies import copies_of
-    from automaton.experiments.plan import plan_of
-    from automaton.experiments.pools import MAX_WORKERS, Crew, GivenExecutor, LocalPool
-    from automaton.experiments.session import sweep_into
+    from automaton.experiments.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
+    from automaton.experiments.sweep_plan import make_sweep_plan
+    from automaton.experiments.sweep_session import sweep_into
 
     if sum(given is not None for given in (executor, workers, scheduler)) > 1:
         raise InputError("sweep() takes one of executor, workers and scheduler")
     if workers is not None and not 1 <= workers <= MAX_WORKERS:
         raise InputError(f"workers must be from 1 to {MAX_WORKERS:,}, found {workers}")
 
-    def crew() -> Crew:
+    def backend() -> Backend:
         if scheduler is not None:
             from automaton.experiments.cluster import DaskCluster
 
             return DaskCluster(str(scheduler))
-        return LocalPool(workers) if executor is None else GivenExecutor(executor)
+        return LocalPool(workers) if executor is None else ExternalExecutor(executor)
 
-    plan = plan_of(study)
+    plan = make_sweep_plan(study)
     if out is not None:
         copies = copies_of(study, plan)
         swept = sweep_into(
-            Path(out), plan, crew, recompute, retry_failed=retry_failed, copies=copies
+            Path(out), plan, backend, recompute, retry_failed=retry_failed, copies=copies
         )
         return swept.store.rows()
     with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
-        return sweep_into(Path(folder), plan, crew).store.rows()
+        return sweep_into(Path(folder), plan, backend).store.rows()
 
 
 def size(
@@ -112,7 +112,7 @@ def size(
     seed: int | None = None,
     workers: int | None = None,
     **overrides: Any,
-) -> Sized:
+) -> SizingResult:
     """The smallest fleet that meets a target such as "makespan<=2400", as `automaton size` finds
     it.
 
@@ -121,17 +121,17 @@ def size(
     `workers`: spawned processes, default one for each core; 1: none. Overrides as of `simulate`.
     Raises InputError, and WorkerDied where a process dies.
     """
-    from automaton.parallel import Rounds
-    from automaton.sizing.question import question, read_target, robots_of
+    from automaton.process_pool import PersistentPool
+    from automaton.sizing.question import make_question, read_target, robots_of
     from automaton.sizing.record import sized
-    from automaton.sizing.runner import Checked, Fleets, conducted_with_use, session_of
+    from automaton.sizing.runner import Checked, Fleets, run_and_measure_use, session_of
     from automaton.sizing.strategies import strategies_of
 
     fleet, compared = robots_of(robots), strategies_of(strategies)
-    with Rounds(workers, conducted_with_use) as rounds:
+    with PersistentPool(workers, run_and_measure_use) as rounds:
         fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
         wanted = read_target(target, fleets.tick)
-        asked = question(
+        asked = make_question(
             wanted,
             fleet,
             compared,

@@ -19,11 +19,11 @@ from typing import Any, Final
 from automaton.errors import InputError
 from automaton.experiments.runs import Chunk, Row, run_chunk
 
-BEGUN: Final = "automaton: chunk begun"  # a topic of the scheduler's
-PATIENCE_S: Final = 10  # for a scheduler to answer
-GLANCES: Final = 10  # at a file of a scheduler until it is whole,
-GLANCE_S: Final = 0.1  # and what is between them
-LOOK_S: Final = 1.0  # between two looks at how many workers there are
+CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
+SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer
+ADDRESS_FILE_TRIES: Final = 10  # at a file of a scheduler until it is whole,
+ADDRESS_FILE_RETRY_S: Final = 0.1  # and what is between them
+WORKER_POLL_S: Final = 1.0  # between two looks at how many workers there are
 
 
 class DaskCluster:
@@ -42,13 +42,13 @@ class DaskCluster:
             ) from None
         where = address if "://" in address else address_in(address)
         try:
-            self._client: Any = Client(where, timeout=PATIENCE_S, set_as_default=False)
+            self._client: Any = Client(where, timeout=SCHEDULER_TIMEOUT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             why = str(error) or type(error).__name__
             raise InputError(f"no Dask scheduler answers at {address}: {why}") from None
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
         self._killed = KilledWorker
-        self._topic = f"{BEGUN} {uuid.uuid4().hex}"
+        self._topic = f"{CHUNK_BEGUN_TOPIC} {uuid.uuid4().hex}"
         self._lock = threading.Lock()
         self._under_way: dict[int, tuple[int, int]] = {}  # chunk -> its runs, times begun
         self._looked = 0.0
@@ -57,12 +57,12 @@ class DaskCluster:
         self._client.subscribe_topic(self._topic, self._begun)
 
     @property
-    def slots(self) -> int:
+    def max_in_flight(self) -> int:
         threads = self._threads_now()
         return threads + 1 + threads // 4
 
     def _threads_now(self) -> int:
-        if time.monotonic() - self._looked > LOOK_S:
+        if time.monotonic() - self._looked > WORKER_POLL_S:
             self._looked = time.monotonic()
             workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
             self._threads = max(1, sum(worker["nthreads"] for worker in workers))
@@ -78,13 +78,13 @@ class DaskCluster:
 
     submit_alone = submit
 
-    def died(self, error: BaseException) -> bool:
+    def is_worker_lost(self, error: BaseException) -> bool:
         return isinstance(error, self._killed)
 
-    def starts(self) -> bool:
+    def can_start(self) -> bool:
         return True
 
-    def renew(self) -> None:
+    def restart(self) -> None:
         """The scheduler has gone on already."""
 
     def close(self, now: bool) -> None:
@@ -110,13 +110,13 @@ def address_in(file: str) -> str:
         raise InputError(
             "is not an address, such as tcp://host:8786, and no file of a scheduler", file
         )
-    for _ in range(GLANCES):
+    for _ in range(ADDRESS_FILE_TRIES):
         try:
             found = json.loads(Path(file).read_bytes())["address"]
         except OSError as error:
             raise InputError(f"cannot be read: {error.strerror or error}", file) from None
         except (ValueError, KeyError, TypeError):
-            time.sleep(GLANCE_S)
+            time.sleep(ADDRESS_FILE_RETRY_S)
         else:
             return str(found)
     raise InputError("is not a file of a Dask scheduler: it names no address", file)

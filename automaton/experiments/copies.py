@@ -13,19 +13,19 @@ from typing import Final
 
 from automaton.errors import InputError
 from automaton.experiments.keys import DRAWN_ELSEWHERE, MANIFEST
-from automaton.experiments.plan import Plan, scenario_file
-from automaton.experiments.store import ROWS, STUDY_FILE
+from automaton.experiments.store import ROWS_FOLDER, STUDY_FILE
 from automaton.experiments.study import Study, study_document
+from automaton.experiments.sweep_plan import SweepPlan, scenario_file
 from automaton.scenario.document import Document
 from automaton.scenario.reading import SHIPPED_FOLDER
 from automaton.scenario.resolve import Resolved
 from automaton.strategy.entry import files_of
 
 Copies = Mapping[str, bytes]  # place in a folder of results -> content
-TAKEN: Final = (MANIFEST, STUDY_FILE, ROWS)
+RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER)
 
 
-def copies_of(study: str | Path | Study, plan: Plan) -> Copies:
+def copies_of(study: str | Path | Study, plan: SweepPlan) -> Copies:
     """The files that a plan was made of, apart from the study itself. Raises InputError."""
     document = Document(data={}) if isinstance(study, Study) else study_document(study)
     found: dict[str, Path] = {}
@@ -59,5 +59,5 @@ def placed(file: Path, home: Path) -> dict[str, Path]:
     for top in (Path(os.path.abspath(home)), home.resolve()):
         if path.is_relative_to(top):
             place = path.relative_to(top)
-            return {} if place.parts[0] in TAKEN else {place.as_posix(): path}
+            return {} if place.parts[0] in RESERVED_FILE_NAMES else {place.as_posix(): path}
     return {}

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from automaton.experiments.keys import read_manifest
-from automaton.experiments.plan import Plan
 from automaton.experiments.runs import Row, figures_of
-from automaton.experiments.session import difference, warm
 from automaton.experiments.store import Store
-from automaton.headless import WINDOW, strategies_blamed
+from automaton.experiments.sweep_plan import SweepPlan
+from automaton.experiments.sweep_session import difference, warm
+from automaton.headless import WINDOW_TICKS, attribute_strategy_errors
 from automaton.measured_run import Marks
 from automaton.metrics import counted
 from automaton.simulation import Simulation
@@ -42,7 +42,7 @@ class Forecast(NamedTuple):
 
 
 def forecast(
-    plan: Plan,
+    plan: SweepPlan,
     folder: Path | None,
     workers: int,
     retry_failed: bool = False,
@@ -77,7 +77,7 @@ def forecast(
     )
 
 
-def done_in(folder: Path, plan: Plan, retry_failed: bool, recompute: bool = False) -> int:
+def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool = False) -> int:
     """Runs of a plan that a folder holds, without those that are tried again."""
     before = read_manifest(folder)
     if before is None or (not recompute and difference(before, plan.manifest)):
@@ -85,15 +85,15 @@ def done_in(folder: Path, plan: Plan, retry_failed: bool, recompute: bool = Fals
     return len(Store(folder, plan.manifest).keys(with_failed=not retry_failed))
 
 
-def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
+def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]:
     """Seconds of a run, whether it was cut off and reckoned from its beginning, bytes of its row."""
     resolved = plan.scenarios[point]
     limit = resolved.scenario.stop.max_duration
     begun = time.perf_counter()
-    with strategies_blamed(resolved):
+    with attribute_strategy_errors(resolved):
         simulation = Simulation(resolved)
         while not simulation.finished and simulation.tick < limit:
-            simulation.run(min(simulation.tick + WINDOW, limit))
+            simulation.run(min(simulation.tick + WINDOW_TICKS, limit))
             if time.perf_counter() - begun > budget:
                 break
     seconds = time.perf_counter() - begun
@@ -108,7 +108,7 @@ def pilot(plan: Plan, point: int, budget: float) -> tuple[float, bool, int]:
     return seconds, cut, row_bytes(plan, row)
 
 
-def row_bytes(plan: Plan, row: Row) -> int:
+def row_bytes(plan: SweepPlan, row: Row) -> int:
     """Bytes of a row that is not compressed at all."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
     numbers += sum(map(len, row.get("sums", {}).values()))

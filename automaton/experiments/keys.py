@@ -23,9 +23,9 @@ from automaton.scenario.measures import warm_up_of
 from automaton.scenario.resolve import Resolved
 from automaton.strategy import lookup
 
-DATA: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
+DATA_SUFFIXES: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"
-FORMAT: Final = 5
+MANIFEST_FORMAT: Final = 5
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -46,7 +46,7 @@ class Windows(NamedTuple):
     stretch: int = 0  # and of a stretch of several, of which they keep all sums
 
 
-WHOLE: Final = Windows()
+WHOLE_RUNS: Final = Windows()
 
 
 class PlannedPoint(msgspec.Struct, frozen=True):
@@ -90,7 +90,7 @@ class Manifest(msgspec.Struct, frozen=True):
     versions: dict[str, str]  # of libraries; for the record
     counted: tuple[str, ...]  # metrics that the strategies count themselves
     earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
-    format: int = FORMAT
+    format: int = MANIFEST_FORMAT
     checksum: str = ""  # of all else, in a file; "" in memory
 
     @property
@@ -133,7 +133,7 @@ def hashed(value: Any) -> str:
     return digest(json.dumps(value, sort_keys=True, ensure_ascii=False, default=str))[:16]
 
 
-def fingerprint(resolved: Resolved, windows: Windows = WHOLE) -> str:
+def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
     """Of a resolved scenario but for its seed and summary: 32 hex digits.
 
     Files count by their contents and not by their places, so that it is the same in another folder
@@ -191,7 +191,7 @@ def package_sources() -> Sources:
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
-        deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA)
+        deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA_SUFFIXES)
         found |= _contents(deciding, root.parent, "")
     return found
 
@@ -256,8 +256,10 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         content = path.read_bytes()
         form = msgspec.json.decode(content, type=Form).format
-        if form != FORMAT:
-            raise InputError(f"is of format {form}, not {FORMAT}: use another folder", str(path))
+        if form != MANIFEST_FORMAT:
+            raise InputError(
+                f"is of format {form}, not {MANIFEST_FORMAT}: use another folder", str(path)
+            )
         manifest = msgspec.json.decode(content, type=Manifest)
     except (FileNotFoundError, NotADirectoryError):
         return None

@@ -6,12 +6,12 @@ import json
 from typing import Any, Final
 
 from automaton.errors import nearest
-from automaton.glossary import GLOSSARY
+from automaton.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario.schema import Scenario
 from automaton.sums import SUMS
 
 # The columns of every row, before the factors and the metrics, with their types.
-COLUMNS: Final = {
+RESULT_COLUMNS: Final = {
     "key": "text",  # of the run: scenario, seed and code
     "study": "text",
     "scenario": "text",  # as the study names it
@@ -19,7 +19,7 @@ COLUMNS: Final = {
     "replication": "int",  # from 0
     "seed": "int",
     "finished": "bool",
-    "failed": "text",  # why there are no metrics; null: there are
+    "error": "text",  # why the run failed; null: it did not
     "ticks": "int",
     "orders": "int",
     "delivered": "int",
@@ -28,8 +28,10 @@ COLUMNS: Final = {
     "cpu_s": "float",
 }
 SERIES: Final = "series"  # deliveries in each window, where a study asks for them
-STRETCHES: Final = "sums"  # what automaton.sums adds up, in each stretch of some windows; likewise
-COUNTS: Final = ("ticks", "orders")  # columns that an analysis may name beside the metrics
+# what automaton.sums adds up, in each stretch of some windows; likewise
+SUMS_COLUMN: Final = "sums"
+# columns that an analysis may name beside the metrics
+COUNT_COLUMN_NAMES: Final = ("ticks", "orders")
 FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
 
 
@@ -45,7 +47,7 @@ def check_factor(key: str) -> str | None:
     names = Scenario.__struct_fields__
     if first not in names:
         return f"unknown key '{first}'{nearest(first, names)}; allowed: {', '.join(names)}"
-    if key in COLUMNS:
+    if key in RESULT_COLUMNS:
         return f"{key} as a whole is not a factor; vary a part of it, such as {key}.count"
     return None
 
@@ -74,7 +76,7 @@ def metric_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
 
     `delivered` stands among the first columns.
     """
-    known = tuple(name for name in GLOSSARY if name not in COLUMNS)
+    known = tuple(name for name in METRIC_CATALOGUE if name not in RESULT_COLUMNS)
     return (*known, *(name for name in counted if name not in known))
 
 

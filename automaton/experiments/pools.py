@@ -1,8 +1,8 @@
-"""Who carries out the runs on this machine: spawned processes, or an executor that is given.
+"""Backends that carry out the runs of a sweep: spawned processes, or an executor of the caller.
 
-A crew takes chunks and gives futures. When a worker dies, the futures that were under way break; the
-crew is renewed, and each of their runs is tried once more, in a process of its own while no other
-one works.
+A backend takes chunks and returns futures. When a worker dies, the futures that are under way break;
+the backend is restarted, and each of their runs is tried once more, in a process of its own while no
+other process works.
 """
 
 from __future__ import annotations
@@ -14,38 +14,38 @@ from typing import Any, Protocol
 
 from automaton.errors import InputError
 from automaton.experiments.runs import Chunk, Row, run_chunk
-from automaton.parallel import attend, children_ignore_interrupts, cores
+from automaton.process_pool import children_ignore_interrupts, cores, init_worker
 
 MAX_WORKERS = 1024
 
 
-class Promise(Protocol):
-    """What crews give for a chunk: a future of concurrent.futures, or of Dask."""
+class FutureLike(Protocol):
+    """What a backend returns for a chunk: a future of concurrent.futures, or of Dask."""
 
     def result(self) -> list[Row]: ...
     def add_done_callback(self, function: Callable[[Any], Any], /) -> Any: ...
 
 
-class Crew(Protocol):
+class Backend(Protocol):
     """Workers, wherever they are."""
 
     @property
-    def slots(self) -> int:
-        """How many chunks should be under way: a few more than there are workers."""
+    def max_in_flight(self) -> int:
+        """Return how many chunks should be under way: a few more than there are workers."""
 
     @property
     def repeated(self) -> int:
-        """Runs that the crew itself began again."""
+        """Return the number of runs that the backend itself repeated."""
 
-    def submit(self, chunk: Chunk) -> Promise: ...
-    def submit_alone(self, chunk: Chunk) -> Promise: ...
-    def died(self, error: BaseException) -> bool:
-        """Whether an error of a future says that its worker is gone."""
+    def submit(self, chunk: Chunk) -> FutureLike: ...
+    def submit_alone(self, chunk: Chunk) -> FutureLike: ...
+    def is_worker_lost(self, error: BaseException) -> bool:
+        """Return whether an error of a future says that its worker is lost."""
 
-    def starts(self) -> bool:
-        """Whether a worker starts that has nothing to do."""
+    def can_start(self) -> bool:
+        """Return whether an idle worker can start."""
 
-    def renew(self) -> None:
+    def restart(self) -> None:
         """Go on after a worker died."""
 
     def close(self, now: bool) -> None:
@@ -60,38 +60,41 @@ class LocalPool:
         self.repeated = 0
         self._all: list[ProcessPoolExecutor] = []
         self._pool = self._started(self.workers)
-        self._lane = self._started(1)  # for runs tried alone; its process starts with the first
+        # for runs that are tried alone; its process starts with the first of them
+        self._isolation_pool = self._started(1)
 
     @property
-    def slots(self) -> int:
+    def max_in_flight(self) -> int:
         return self.workers + 1 + self.workers // 4
 
-    def submit(self, chunk: Chunk) -> Promise:
+    def submit(self, chunk: Chunk) -> FutureLike:
         with children_ignore_interrupts():
             return self._pool.submit(run_chunk, chunk)
 
-    def submit_alone(self, chunk: Chunk) -> Promise:
+    def submit_alone(self, chunk: Chunk) -> FutureLike:
         with children_ignore_interrupts():
             try:
-                return self._lane.submit(run_chunk, chunk)
+                return self._isolation_pool.submit(run_chunk, chunk)
             except BrokenExecutor:  # by the run before, or since its process had nothing to do
-                self._lane = self._instead_of(self._lane, 1)
-                return self._lane.submit(run_chunk, chunk)
+                self._isolation_pool = self._replace_pool(self._isolation_pool, 1)
+                return self._isolation_pool.submit(run_chunk, chunk)
 
-    def died(self, error: BaseException) -> bool:
+    def is_worker_lost(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
 
-    def starts(self) -> bool:
-        self._lane = self._instead_of(self._lane, 1)
+    def can_start(self) -> bool:
+        self._isolation_pool = self._replace_pool(self._isolation_pool, 1)
         with children_ignore_interrupts():
-            future = self._lane.submit(int)
+            future = self._isolation_pool.submit(int)
         return future.exception() is None
 
-    def renew(self) -> None:
-        self._pool = self._instead_of(self._pool, self.workers)
+    def restart(self) -> None:
+        self._pool = self._replace_pool(self._pool, self.workers)
 
-    def _instead_of(self, broken: ProcessPoolExecutor, workers: int) -> ProcessPoolExecutor:
-        """A new pool, when all processes of one that broke have ended, and their memory is free."""
+    def _replace_pool(self, broken: ProcessPoolExecutor, workers: int) -> ProcessPoolExecutor:
+        """Return a new pool for a broken one, once all its processes have ended and their memory is
+        free.
+        """
         self._all.remove(broken)
         processes = list((broken._processes or {}).values())
         broken.shutdown(wait=False)
@@ -111,21 +114,21 @@ class LocalPool:
 
     def _started(self, workers: int) -> ProcessPoolExecutor:
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=attend)
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=init_worker)
         self._all.append(pool)
         return pool
 
 
-class GivenExecutor:
-    """An executor of concurrent.futures that somebody else made, and ends."""
+class ExternalExecutor:
+    """An executor of concurrent.futures that the caller creates and shuts down."""
 
     def __init__(self, executor: Executor) -> None:
         self.executor = executor
         self.under_way: set[Future[list[Row]]] = set()
         self.repeated = 0
-        self.slots = 2 + int(getattr(executor, "_max_workers", None) or cores())
+        self.max_in_flight = 2 + int(getattr(executor, "_max_workers", None) or cores())
 
-    def submit(self, chunk: Chunk) -> Promise:
+    def submit(self, chunk: Chunk) -> FutureLike:
         future = self.executor.submit(run_chunk, chunk)
         self.under_way.add(future)
         future.add_done_callback(self.under_way.discard)
@@ -133,13 +136,13 @@ class GivenExecutor:
 
     submit_alone = submit
 
-    def died(self, error: BaseException) -> bool:
+    def is_worker_lost(self, error: BaseException) -> bool:
         return isinstance(error, BrokenExecutor)
 
-    def starts(self) -> bool:
+    def can_start(self) -> bool:
         return True
 
-    def renew(self) -> None:
+    def restart(self) -> None:
         raise InputError(
             "a worker of the executor died, and only its creator can restart it; "
             "what is done is kept"

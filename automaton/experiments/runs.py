@@ -17,7 +17,7 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.experiments.keys import (
-    WHOLE,
+    WHOLE_RUNS,
     Run,
     Sources,
     Windows,
@@ -25,8 +25,8 @@ from automaton.experiments.keys import (
     package_sources,
     plugin_sources,
 )
-from automaton.experiments.names import SERIES, STRETCHES
-from automaton.headless import is_finished, strategies_blamed
+from automaton.experiments.names import SERIES, SUMS_COLUMN
+from automaton.headless import attribute_strategy_errors, is_finished
 from automaton.measured_run import Marks, run_marked, sums_by_stretch
 from automaton.metrics import metrics_of
 from automaton.printable import one_line
@@ -35,7 +35,7 @@ from automaton.simulation import Simulation
 from automaton.world.state import ORDER_DELIVERED
 
 Row = dict[str, Any]  # columns of a run; its metrics under "metrics"
-LONGEST_REASON = 500  # characters
+MAX_REASON_LENGTH = 500  # characters
 
 
 class Chunk(NamedTuple):
@@ -51,15 +51,15 @@ class Chunk(NamedTuple):
     patience: float | None = None  # seconds of a decision of a Python strategy
 
 
-class OtherCode(Exception):
+class CodeMismatchError(Exception):
     """A worker has other code than its coordinator."""
 
 
 def run_chunk(chunk: Chunk) -> list[Row]:
-    """The rows of a chunk. Raises OtherCode; a run that fails is a row."""
+    """The rows of a chunk. Raises CodeMismatchError; a run that fails is a row."""
     here = _version(chunk.plugins)
     if here != chunk.version:
-        raise OtherCode(f"{os.uname().nodename} has version {here}, not {chunk.version}")
+        raise CodeMismatchError(f"{os.uname().nodename} has version {here}, not {chunk.version}")
     resolved = _scenario(chunk.fingerprint, chunk.scenario, chunk.patience)
     return [run_one(resolved, run, chunk.windows, chunk.patience) for run in chunk.runs]
 
@@ -83,7 +83,7 @@ def _plugin(module: str) -> Sources:
 
 
 _SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
-KEPT_SCENARIOS = 16
+MAX_SCENARIOS_KEPT = 16
 
 
 def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -> Resolved:
@@ -94,12 +94,12 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
     resolved = _SCENARIOS.get(fingerprint)
     if resolved is None:
         first = not _SCENARIOS
-        for oldest in list(_SCENARIOS)[: 1 - KEPT_SCENARIOS]:
+        for oldest in list(_SCENARIOS)[: 1 - MAX_SCENARIOS_KEPT]:
             _SCENARIOS.pop(oldest, None)
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
         if first:  # loads the compiled loop, so that no run's time counts it
             try:
-                with strategies_blamed(resolved):
+                with attribute_strategy_errors(resolved):
                     Simulation(resolved, patience=patience)
             except BaseException as error:
                 if is_ctrl_c(error):
@@ -108,22 +108,22 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
 
 
 def run_one(
-    resolved: Resolved, run: Run, windows: Windows = WHOLE, patience: float | None = None
+    resolved: Resolved, run: Run, windows: Windows = WHOLE_RUNS, patience: float | None = None
 ) -> Row:
     """Run a scenario with the seed of a run, to its end or its limit."""
     wall, cpu = time.perf_counter(), time.process_time()
     row = blank(run)
     try:
-        with strategies_blamed(resolved):
+        with attribute_strategy_errors(resolved):
             simulation = Simulation(resolved, run.seed, patience=patience)
             marks = run_marked(simulation, windows.stretch)
             row |= figures_of(simulation, windows.window, marks)
     except InputError as error:
-        row["failed"] = reason(str(error))
+        row["error"] = reason(str(error))
     except BaseException as error:  # whatever goes wrong is told beside the other runs
         if is_ctrl_c(error):
             raise
-        row["failed"] = reason(f"{type(error).__name__}: {error}")
+        row["error"] = reason(f"{type(error).__name__}: {error}")
     row["wall_s"] = time.perf_counter() - wall
     row["cpu_s"] = time.process_time() - cpu
     return row
@@ -137,13 +137,13 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 
 def reason(text: str) -> str:
-    """Why a run has no metrics, as a row keeps it: not too long, and text that files can hold."""
-    return one_line(text.encode(errors="replace").decode(), LONGEST_REASON)
+    """Why a run failed, as a row keeps it: not too long, and text that files can hold."""
+    return one_line(text.encode(errors="replace").decode(), MAX_REASON_LENGTH)
 
 
 def blank(run: Run, failed: str | None = None) -> Row:
-    """The row of a run that gave no figures."""
-    return {**run._asdict(), "finished": False, "failed": failed, "metrics": {}}
+    """The row of a run that failed."""
+    return {**run._asdict(), "finished": False, "error": failed, "metrics": {}}
 
 
 def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
@@ -164,5 +164,5 @@ def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
         done = np.maximum(delivered, 1)  # ticks count from 1
         whole = done[done <= windows * window]
         row[SERIES] = np.bincount((whole - 1) // window, minlength=windows).tolist()
-        row[STRETCHES] = sums_by_stretch(simulation, marks.stretches)
+        row[SUMS_COLUMN] = sums_by_stretch(simulation, marks.stretches)
     return row

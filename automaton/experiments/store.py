@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any, Final
 from automaton.errors import InputError
 from automaton.experiments.keys import Manifest, read_manifest
 from automaton.experiments.names import (
-    COLUMNS,
+    RESULT_COLUMNS,
     SERIES,
-    STRETCHES,
+    SUMS_COLUMN,
     column_value,
     metric_names,
     sum_names,
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 STUDY_FILE: Final = "study.yaml"
-ROWS: Final = "rows"
-KEY_COLUMNS: Final = ["key", "failed"]  # which run a row is of, and why it has no metrics
+ROWS_FOLDER: Final = "rows"
+KEY_COLUMNS: Final = ["key", "error"]  # which run a row is of, and why it failed
 ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
 
 
-class Damaged(Exception):
+class DamagedFileError(Exception):
     """A file of rows is not what was written."""
 
 
@@ -88,7 +88,7 @@ class Store:
         tables = [fitted(table, schema) for _, table in self._tables(None)]
         table = pa.concat_tables(tables) if tables else schema.empty_table()
         expected = {run.key: run.point for run in self.manifest.runs()}
-        failed = table.column("failed").to_pylist()
+        failed = table.column("error").to_pylist()
         taken: dict[str, int] = {}
         for index, key in enumerate(table.column("key").to_pylist()):
             better = key not in taken or (failed[taken[key]] and not failed[index])
@@ -123,7 +123,7 @@ class Store:
 
     def files(self) -> list[Path]:
         """The files of rows, damaged ones included."""
-        return sorted((self.folder / ROWS).glob("*.parquet"))
+        return sorted((self.folder / ROWS_FOLDER).glob("*.parquet"))
 
     def _tables(self, columns: list[str] | None) -> Iterator[tuple[Path, pa.Table]]:
         """Each file's table. A file that is merged into another one while we read is read there."""
@@ -136,7 +136,7 @@ class Store:
                     table = read_rows(path, columns)
                 except FileNotFoundError:
                     continue
-                except Damaged:
+                except DamagedFileError:
                     self.damaged.append(path)
                 else:
                     yield path, table
@@ -160,13 +160,13 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     pa = arrow()
     types = {"text": pa.string(), "int": pa.int64(), "float": pa.float64(), "bool": pa.bool_()}
     factors = study.column_types()
-    kinds = {**dict(list(COLUMNS.items())[:6]), **factors, **COLUMNS}
+    kinds = {**dict(list(RESULT_COLUMNS.items())[:6]), **factors, **RESULT_COLUMNS}
     fields = [pa.field(name, types[kind]) for name, kind in kinds.items()]
     fields += [pa.field(name, pa.float64()) for name in metric_names(manifest.counted)]
     if study.design == "steady-state":
         fields.append(pa.field(SERIES, pa.list_(pa.int32())))
         sums = [pa.field(name, pa.list_(pa.int64())) for name in sum_names(manifest.counted)]
-        fields.append(pa.field(STRETCHES, pa.struct(sums)))
+        fields.append(pa.field(SUMS_COLUMN, pa.struct(sums)))
     return pa.schema(fields)
 
 
@@ -230,7 +230,7 @@ def content_of(path: Path) -> bytes:
 
 
 def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
-    """The rows of a file, verified. Raises Damaged, FileNotFoundError, or InputError.
+    """The rows of a file, verified. Raises DamagedFileError, FileNotFoundError, or InputError.
 
     This thread alone reads: a thread of Arrow lets go of a Python object now and then after the rows
     are here, and the process aborts if Python ends in that moment.
@@ -238,13 +238,13 @@ def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
     pa = arrow()
     content = content_of(path)
     if content_name(content, path.name.rpartition("-")[0]) != path.name:
-        raise Damaged(path)
+        raise DamagedFileError(path)
     try:
         file = pa.parquet.ParquetFile(pa.BufferReader(content), page_checksum_verification=True)
         chosen = file.schema_arrow.names if columns is None else list(columns)
         table = file.read(chosen, use_threads=False)
     except (OSError, ValueError) as error:
-        raise Damaged(path) from error
+        raise DamagedFileError(path) from error
     if table.column_names != chosen:
-        raise Damaged(path)
+        raise DamagedFileError(path)
     return table

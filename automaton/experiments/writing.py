@@ -21,13 +21,13 @@ from typing import Any, Final
 from automaton.errors import InputError
 from automaton.experiments.copies import Copies
 from automaton.experiments.keys import MANIFEST, Manifest, Run, manifest_json
-from automaton.experiments.names import COLUMNS, SERIES, STRETCHES
+from automaton.experiments.names import RESULT_COLUMNS, SERIES, SUMS_COLUMN
 from automaton.experiments.runs import Row, blank, reason
 from automaton.experiments.store import (
     KEY_COLUMNS,
-    ROWS,
+    ROWS_FOLDER,
     STUDY_FILE,
-    Damaged,
+    DamagedFileError,
     Store,
     arrow,
     content_name,
@@ -46,15 +46,15 @@ RESERVE: Final = ".reserve"
 RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
 LOCK: Final = ".lock"
 UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
-SMALL, MERGED = "part", "rows"
-NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
+PREFIX_PART, PREFIX_MERGED = "part", "rows"
+FILE_NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
     with _told(folder):
-        (folder / ROWS).mkdir(parents=True, exist_ok=True)
+        (folder / ROWS_FOLDER).mkdir(parents=True, exist_ok=True)
         file = (folder / LOCK).open("a+b", buffering=0)
     with file:
         with _told(folder):
@@ -72,7 +72,7 @@ def _claim(file: FileIO, folder: Path) -> None:
         raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
     file.truncate(0)
     file.write(f"process {os.getpid()} on {socket.gethostname()}".encode())
-    for left in (*(folder / ROWS).glob("*.writing"), *folder.glob("*.writing")):
+    for left in (*(folder / ROWS_FOLDER).glob("*.writing"), *folder.glob("*.writing")):
         left.unlink()
 
 
@@ -81,17 +81,17 @@ class Writer:
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self.folder = store.folder / ROWS
+        self.folder = store.folder / ROWS_FOLDER
         self.schema = store.schema
         self.held: list[Row] = []
         self.since = 0.0
-        numbers = (NAME.match(path.name) for path in self.folder.iterdir())
+        numbers = (FILE_NAME.match(path.name) for path in self.folder.iterdir())
         self.number = max((int(match[1]) for match in numbers if match), default=0)
-        self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
+        self.small = len(list(self.folder.glob(f"{PREFIX_PART}-*.parquet")))
         with _told(self.folder):
             reserve = self.folder / RESERVE
             if not reserve.exists():
-                write_whole(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
+                write_atomically(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
 
     def hold(self, rows: list[Row]) -> None:
         """Take rows; `tick` writes them when it is time, `flush` at once."""
@@ -123,8 +123,8 @@ class Writer:
         pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
         content = sink.getvalue().to_pybytes()
         self.number += 1
-        place = self.folder / content_name(content, f"{SMALL}-{self.number:06d}")
-        write_whole(place, content)
+        place = self.folder / content_name(content, f"{PREFIX_PART}-{self.number:06d}")
+        write_atomically(place, content)
         self.small += 1
         self.held.clear()
 
@@ -169,16 +169,18 @@ class Writer:
 
     def merge(self, only_small: bool = False) -> None:
         """Put files together, each run once. Files of other columns or that are damaged stay."""
-        pattern = f"{SMALL}-*.parquet" if only_small else "*.parquet"
+        pattern = f"{PREFIX_PART}-*.parquet" if only_small else "*.parquet"
         paths = sorted(self.folder.glob(pattern))
-        if len(paths) < 2 and not (paths and paths[0].name.startswith(SMALL)):
+        if len(paths) < 2 and not (paths and paths[0].name.startswith(PREFIX_PART)):
             return
         self.number += 1
-        part = self.folder / f"{MERGED}-{self.number:06d}.writing"
+        part = self.folder / f"{PREFIX_MERGED}-{self.number:06d}.writing"
         try:
             merged = self._merge_into(part, paths)
             if merged:
-                place = self.folder / content_name(file_digest(part), f"{MERGED}-{self.number:06d}")
+                place = self.folder / content_name(
+                    file_digest(part), f"{PREFIX_MERGED}-{self.number:06d}"
+                )
                 os.replace(part, place)
                 sync_folder(self.folder)
         except OSError:
@@ -189,7 +191,7 @@ class Writer:
         with _told(self.folder):
             for path in merged:
                 path.unlink()
-        self.small = len(list(self.folder.glob(f"{SMALL}-*.parquet")))
+        self.small = len(list(self.folder.glob(f"{PREFIX_PART}-*.parquet")))
 
     def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
         """Write the rows of files to one file; the files that it replaces."""
@@ -205,7 +207,7 @@ class Writer:
                 for path in paths:
                     try:
                         table = read_rows(path)
-                    except (Damaged, FileNotFoundError):
+                    except (DamagedFileError, FileNotFoundError):
                         continue
                     if not table.schema.equals(self.schema):
                         continue
@@ -231,7 +233,7 @@ def _with_figures(paths: list[Path]) -> set[str]:
     """The keys of rows with metrics in files; a run that failed and then did not has such a row."""
     found: set[str] = set()
     for path in paths:
-        with contextlib.suppress(Damaged, FileNotFoundError):
+        with contextlib.suppress(DamagedFileError, FileNotFoundError):
             found |= done_and_failed(read_rows(path, KEY_COLUMNS))[0]
     return found
 
@@ -247,15 +249,15 @@ def set_damaged_aside(store: Store) -> list[Path]:
     return aside
 
 
-def declare(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
+def write_manifest(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
     """Write what a folder's results follow from. Raises InputError."""
     with _told(folder):
         for place, content in (copies or {}).items():
             if not holds(folder / place, content):
                 (folder / place).parent.mkdir(parents=True, exist_ok=True)
-                write_whole(folder / place, content)
-        write_whole(folder / STUDY_FILE, manifest.text.encode())
-        write_whole(folder / MANIFEST, manifest_json(manifest))
+                write_atomically(folder / place, content)
+        write_atomically(folder / STUDY_FILE, manifest.text.encode())
+        write_atomically(folder / MANIFEST, manifest_json(manifest))
     return Store(folder)
 
 
@@ -282,7 +284,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     for field in schema:
         if field.name in known:
             values = known[field.name]
-        elif field.name in (*COLUMNS, SERIES, STRETCHES):
+        elif field.name in (*RESULT_COLUMNS, SERIES, SUMS_COLUMN):
             values = [row.get(field.name) for row in rows]
         else:
             values = [row["metrics"].get(field.name) for row in rows]
@@ -290,7 +292,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     return pa.table(arrays, schema=schema)
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes) -> None:
     """Write a file that takes its name when it is on the disk. Raises OSError."""
     part = path.with_name(f"{path.name}.writing")
     try:

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.errors import InputError, nearest
-from automaton.history.charging import charging, in_line
+from automaton.history.charging import charging, is_queueing
 from automaton.history.snapshot import Fleet, Snapshot
 from automaton.simulation import Simulation
 from automaton.world.floor_plan import FloorPlan
@@ -38,7 +38,7 @@ from automaton.world.robot_status import (
 )
 from automaton.world.state import ACTION_NAMES, CLOCK_TICK, NIL, Array, Robots
 
-WAITS: Final = [cause.name for cause in CAUSES[:CAUSE_REDUCED_SPEED]]
+WAIT_CAUSE_NAMES: Final = [cause.name for cause in CAUSES[:CAUSE_REDUCED_SPEED]]
 FIELDS: Final = {  # name: what it is, of one robot
     "robot": "its number",
     "x": "column of its cell",
@@ -48,7 +48,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "order": "the order it works on, or -1",
     "waiting": "ticks that it has waited; 0 if it does not",
     "slowdown_ticks": "ticks that its moves took longer so far, in slow zones and by chance",
-    "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAITS),
+    "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAIT_CAUSE_NAMES),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",
     "parked": "whether it is parked",
@@ -63,9 +63,9 @@ FIELDS: Final = {  # name: what it is, of one robot
     "towed": "whether it was towed and is not back",
     "ahead": "orders in the list that was announced to it",
 }
-NAMES: Final = (*FIELDS, "deadlock", "delivered", "stalled", "zones redesigned")
-LONGEST: Final = 200  # characters
-NAMED: Final = {"cause": WAITS, "action": list(ACTION_NAMES)}
+CONDITION_NAMES: Final = (*FIELDS, "deadlock", "delivered", "stalled", "zones redesigned")
+MAX_CONDITION_LENGTH: Final = 200  # characters
+NAMED_VALUES: Final = {"cause": WAIT_CAUSE_NAMES, "action": list(ACTION_NAMES)}
 COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
     ast.Lt: np.less,
     ast.LtE: np.less_equal,
@@ -86,7 +86,7 @@ class Breakpoint(NamedTuple):
 def breakpoint_of(text: str) -> Breakpoint:
     """Read a breakpoint. Raises InputError with what is allowed."""
     words = " ".join(text.split())
-    if len(words) > LONGEST:
+    if len(words) > MAX_CONDITION_LENGTH:
         raise InputError(_too_long(words))
     if words in ("deadlock", "wait cycle"):
         ticks = DEADLOCK_TICKS if words == "deadlock" else 1
@@ -148,11 +148,11 @@ def robots_where(text: str, snapshot: Snapshot, floor_plan: FloorPlan) -> Array:
 
 
 def _too_long(text: str) -> str:
-    return f"a condition has {LONGEST} characters at most, this one {len(text):,}"
+    return f"a condition has {MAX_CONDITION_LENGTH} characters at most, this one {len(text):,}"
 
 
 def _condition(text: str) -> Callable[[Fields], Any]:
-    if len(text) > LONGEST:
+    if len(text) > MAX_CONDITION_LENGTH:
         raise InputError(_too_long(text))
     try:
         tree = ast.parse(text, mode="eval").body
@@ -193,7 +193,8 @@ def _operand(node: ast.expr, comparison: ast.Compare | None) -> Callable[[Fields
     if isinstance(node, ast.Name):
         if node.id not in FIELDS:
             raise InputError(
-                f"a robot has no '{node.id}'{nearest(node.id, NAMES)}; there are {', '.join(FIELDS)}"
+                f"a robot has no '{node.id}'{nearest(node.id, CONDITION_NAMES)}; "
+                f"there are {', '.join(FIELDS)}"
             )
         name = node.id
         return lambda fields: fields[name]
@@ -213,8 +214,8 @@ def _code_of(word: str, comparison: ast.Compare | None) -> int:
     """The number of a quoted cause or action."""
     sides = [] if comparison is None else [comparison.left, *comparison.comparators]
     for side in sides:
-        if isinstance(side, ast.Name) and side.id in NAMED:
-            names = NAMED[side.id]
+        if isinstance(side, ast.Name) and side.id in NAMED_VALUES:
+            names = NAMED_VALUES[side.id]
             if word not in names:
                 raise InputError(
                     f"'{word}' is not a known {side.id}{nearest(word, names)}; there are "
@@ -265,7 +266,7 @@ def _fields(
         "steps": steps,
         "battery": robots.charge / BATTERY_PERCENT,
         "charging": charging(robots).astype(np.int64),
-        "queueing": in_line(robots).astype(np.int64),
+        "queueing": is_queueing(robots).astype(np.int64),
         "empty": (robots.status == STATUS_DEPLETED).astype(np.int64),
         "broken": (robots.status == STATUS_FAILED).astype(np.int64),
         "towed": (robots.status >= STATUS_TOWED).astype(np.int64),

@@ -38,7 +38,7 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
     return ticks
 
 
-def in_line(robots: Robots | Fleet) -> Array:
+def is_queueing(robots: Robots | Fleet) -> Array:
     """(n,) bool: who queues before a charger; who drives into it does not any more."""
     entering = (robots.claim == robots.goal_cell) | (robots.cell == robots.goal_cell)
     found: Array = (robots.ticket != 0) & ~entering
@@ -52,10 +52,10 @@ def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
     return found
 
 
-def line_before(snapshot: Snapshot, cell: int) -> list[int]:
+def charger_queue(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots that queue before the charger in a cell, in arrival order."""
     fleet = snapshot.robots
-    standing = np.flatnonzero(in_line(fleet) & (fleet.goal_cell == cell))
+    standing = np.flatnonzero(is_queueing(fleet) & (fleet.goal_cell == cell))
     found: list[int] = standing[np.argsort(fleet.ticket[standing])].tolist()
     return found
 
@@ -63,7 +63,7 @@ def line_before(snapshot: Snapshot, cell: int) -> list[int]:
 def sent_to(snapshot: Snapshot, cell: int) -> list[int]:
     """The robots on their way to the charger in a cell."""
     fleet = snapshot.robots
-    going = (fleet.goal_type == GOAL_CHARGE) & (fleet.goal_cell == cell) & ~in_line(fleet)
+    going = (fleet.goal_type == GOAL_CHARGE) & (fleet.goal_cell == cell) & ~is_queueing(fleet)
     found: list[int] = np.flatnonzero(going & (fleet.cell != cell)).tolist()
     return found
 
@@ -77,10 +77,10 @@ def up_to(snapshot: Snapshot, robot: int) -> str:
     return f"up to {percent(charge_target / BATTERY_FULL, 0)}, {left}"
 
 
-def in_line_words(snapshot: Snapshot, robot: int, place: str) -> str:
+def queueing_words(snapshot: Snapshot, robot: int, place: str) -> str:
     """Why a robot queues before the charger at `place`."""
     cell = int(snapshot.robots.goal_cell[robot])
-    standing = line_before(snapshot, cell)
+    standing = charger_queue(snapshot, cell)
     before = standing[: standing.index(robot)] if robot in standing else []
     there = charging_at(snapshot, cell)
     said = [f"robot {one} charges at {place} {up_to(snapshot, one)}" for one in there]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.history.charging import charging, in_line_words, up_to
+from automaton.history.charging import charging, queueing_words, up_to
 from automaton.history.snapshot import Snapshot
 from automaton.kernels.blocker_cycles import walk_to_cycle
 from automaton.units import count, percent
@@ -85,7 +85,7 @@ def _link(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         cell="its next cell" if cell is None else f"({cell[0]}, {cell[1]})",
     )
     if code == CAUSE_CHARGER_QUEUE and cell is not None:
-        because = in_line_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
+        because = queueing_words(snapshot, robot, f"({cell[0]}, {cell[1]})")
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
     ticks = snapshot.tick - int(fleet.since[robot])

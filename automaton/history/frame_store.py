@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import BinaryIO, Final, overload
 
 from automaton.errors import InputError
-from automaton.recording.frames import CONDITIONS, TICKS, Payload
+from automaton.recording.frames import FRAME_KIND_CONDITIONS, FRAME_KIND_TICKS, Payload
 
-BUDGET: Final = 128 * 1024 * 1024  # bytes of frames in memory: millions of ticks of a small fleet
+# bytes of frames in memory: millions of ticks of a small fleet
+FRAME_STORE_BYTES: Final = 128 * 1024 * 1024
 NOWHERE: Final = -1  # place of a frame that is in memory, or not kept
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredFrame:
     """One frame of a store; its bytes are fetched when they are asked for."""
 
     store: FrameStore
@@ -38,14 +39,14 @@ class Kept:
         return self.store.bytes_of(self.index)
 
 
-class FrameStore(Sequence[Kept]):
+class FrameStore(Sequence[StoredFrame]):
     """Frames in their order.
 
-    In memory only those are kept that playing needs, TICKS and CONDITIONS; when the former outgrow
-    the budget, the oldest go: the past begins later then.
+    In memory only those are kept that playing needs, FRAME_KIND_TICKS and FRAME_KIND_CONDITIONS;
+    when the former outgrow the budget, the oldest go: the past begins later then.
     """
 
-    def __init__(self, budget: int = BUDGET) -> None:
+    def __init__(self, budget: int = FRAME_STORE_BYTES) -> None:
         self.budget = budget
         self.kinds = array("b")
         self.ticks = array("q")
@@ -53,7 +54,7 @@ class FrameStore(Sequence[Kept]):
         self._place = array("q")  # of its bytes in the file, or NOWHERE
         self._size = array("q")
         self._memory: dict[int, bytes | memoryview] = {}
-        self._may_go: deque[int] = deque()  # TICKS frames in memory
+        self._may_go: deque[int] = deque()  # FRAME_KIND_TICKS frames in memory
         self._bytes = 0  # of them
         self._file: BinaryIO | None = None
 
@@ -61,15 +62,15 @@ class FrameStore(Sequence[Kept]):
         return len(self._size)  # appended to last
 
     @overload
-    def __getitem__(self, index: int) -> Kept: ...
+    def __getitem__(self, index: int) -> StoredFrame: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Kept]: ...
-    def __getitem__(self, index: int | slice) -> Kept | Sequence[Kept]:
+    def __getitem__(self, index: slice) -> Sequence[StoredFrame]: ...
+    def __getitem__(self, index: int | slice) -> StoredFrame | Sequence[StoredFrame]:
         if isinstance(index, slice):
-            return [Kept(self, at) for at in range(*index.indices(len(self)))]
+            return [StoredFrame(self, at) for at in range(*index.indices(len(self)))]
         if index >= len(self):
             raise IndexError(index)
-        return Kept(self, index)
+        return StoredFrame(self, index)
 
     def read_from(self, path: Path) -> None:
         """The file that `append` tells places of, even when it gets another name or none."""
@@ -82,9 +83,9 @@ class FrameStore(Sequence[Kept]):
         self.ticks.append(payload.tick)
         self._place.append(NOWHERE if place is None else place)
         self._size.append(len(payload.data))
-        if place is None and payload.kind in (TICKS, CONDITIONS):
+        if place is None and payload.kind in (FRAME_KIND_TICKS, FRAME_KIND_CONDITIONS):
             self._memory[index] = payload.data
-        if place is None and payload.kind == TICKS:
+        if place is None and payload.kind == FRAME_KIND_TICKS:
             self._may_go.append(index)
             self._bytes += len(payload.data)
             self._keep_to_budget()

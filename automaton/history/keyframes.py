@@ -16,7 +16,7 @@ from automaton.world.observation import Observation
 from automaton.world.state import CLOCK_TICK, Array, World
 from automaton.world.state_copy import copy_clock, state_arrays
 
-BUDGET: Final = 256 * 1024 * 1024  # bytes of all keyframes
+KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # bytes of all keyframes
 OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
 
 
@@ -47,7 +47,9 @@ class Keyframe(NamedTuple):
 class Keyframes:
     """The keyframes of one run, in the order of their ticks; the first is that of tick 0."""
 
-    def __init__(self, world: World, observation: Observation, budget: int = BUDGET) -> None:
+    def __init__(
+        self, world: World, observation: Observation, budget: int = KEYFRAME_BYTES
+    ) -> None:
         self.budget = budget
         self.ticks: list[int] = []  # those that can be gone back to at once, ascending
         self._base = {name: array.copy() for name, array in state_arrays(world, observation)}

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from automaton.errors import InputError
-from automaton.headless import strategies_blamed
-from automaton.history.journal import DIGEST_TICKS, Journal
+from automaton.headless import attribute_strategy_errors
 from automaton.history.keyframes import Keyframes
+from automaton.history.live_recorder import DIGEST_TICKS, LiveRecorder
 from automaton.history.playback import Playback
-from automaton.history.run import SLICE_S, Run
+from automaton.history.run import COMPUTE_SLICE_S, Run
 from automaton.recording.frames import Content, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.scenario.branch import branched
@@ -23,27 +23,29 @@ class LiveRun(Run):
 
     def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
         """Raises InputError if a strategy or the file does not do; no new file is there then."""
-        self.journal = Journal(resolved, seed, path)
-        super().__init__(self.journal.header, self.journal.frames, resolved)
+        self.recorder = LiveRecorder(resolved, seed, path)
+        super().__init__(self.recorder.header, self.recorder.frames, resolved)
         self._repeating = False
         self._failed = ""
         try:
-            with strategies_blamed(resolved):
+            with attribute_strategy_errors(resolved):
                 self._front = self._observed(resolved, seed)
             self._keyframes = Keyframes(self._front.world, self._front.observation)
-            self.journal(self._front)  # the rules of the first tick are there from the beginning
+            self.recorder(self._front)  # the rules of the first tick are there from the beginning
         except BaseException:
-            self.journal.discard()
+            self.recorder.discard()
             raise
 
     def _observed(self, resolved: Resolved, seed: int) -> Simulation:
-        simulation = Simulation(resolved, seed, on_record=self.journal, on_observe=self.chronicle)
+        simulation = Simulation(
+            resolved, seed, on_record=self.recorder, on_observe=self.event_history
+        )
         simulation.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
         return simulation
 
     @property
-    def trouble(self) -> str:
-        return self.journal.trouble
+    def warning(self) -> str:
+        return self.recorder.write_error
 
     @property
     def failed(self) -> str:
@@ -54,7 +56,7 @@ class LiveRun(Run):
         return not self._failed
 
     @property
-    def front(self) -> Simulation:
+    def leading_simulation(self) -> Simulation:
         return self._front
 
     @property
@@ -76,7 +78,7 @@ class LiveRun(Run):
         if self._failed:
             return
         try:
-            with strategies_blamed(self.resolved):
+            with attribute_strategy_errors(self.resolved):
                 self._front.run(until)
         except InputError as error:
             self._end_before(str(error))
@@ -84,7 +86,7 @@ class LiveRun(Run):
         except KeyboardInterrupt:
             self._failed = "given up"  # the state is that of an unfinished tick
             raise
-        self._forget(self.journal.first)
+        self._forget(self.recorder.first)
         self._end()
 
     def _forget(self, first: int) -> None:
@@ -95,23 +97,23 @@ class LiveRun(Run):
 
     def _end(self) -> None:
         if self.end is not None and not self._repeating and not self._failed:
-            self.journal.end()
+            self.recorder.end()
 
     def _end_before(self, failure: str) -> None:
         """A strategy failed in the middle of a tick: the run ends with the tick before."""
         broken = self._front
-        self.journal(broken)
-        self.journal.flush()
+        self.recorder(broken)
+        self.recorder.flush()
         last = self.frames.last_tick
         broken.world.clock[CLOCK_TICK] = last  # those of the failed tick are in none of the buffers
-        self.chronicle(broken)
+        self.event_history(broken)
         broken.world.clock[CLOCK_TICK] = last + 1
         self._failed = failure
         whole = Playback(self.header, self.frames, self._keyframes)
         whole.go_to(last)
         self._front = whole.simulation
 
-    def show(self, tick: int, budget_s: float = SLICE_S) -> int:
+    def show(self, tick: int, budget_s: float = COMPUTE_SLICE_S) -> int:
         if tick < self._front.tick:
             self._have(tick)
         return super().show(tick, budget_s)
@@ -123,8 +125,8 @@ class LiveRun(Run):
     def _have(self, tick: int) -> None:
         """Let frames hold the tick, which may cost the oldest ones their place."""
         if tick > self.frames.last_tick:
-            self.journal.flush()
-            self._forget(self.journal.first)
+            self.recorder.flush()
+            self._forget(self.recorder.first)
 
     def repeat(self, frames: StoredFrames, header: Content, tick: int) -> None:
         """Compute a recorded past again, its branches included, up to a tick."""
@@ -148,14 +150,14 @@ class LiveRun(Run):
     def change(self, resolved: Resolved, settings: tuple[str, ...]) -> None:
         """Go on under other rules from here."""
         self.resolved = resolved
-        with strategies_blamed(resolved):
-            self._front = self._front.continued(resolved)
+        with attribute_strategy_errors(resolved):
+            self._front = self._front.continue_with(resolved)
         self._front.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
-        self.journal.change(self._front, settings)
+        self.recorder.change(self._front, settings)
 
     def close(self) -> None:
         self._end()
-        self.journal.close()
+        self.recorder.close()
 
 
 def branch_of(run: Run, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
@@ -173,13 +175,13 @@ def branch_of(run: Run, settings: tuple[str, ...], path: Path | None = None) -> 
     branch.give_up = run.give_up
     try:
         branch.repeat(run.frames, run.header, tick)
-        if branch.front.digest != run.shown.digest:
+        if branch.leading_simulation.digest != run.shown.digest:
             raise InputError(
                 f"computed again with its strategies, the run is another one at tick {tick}: "
                 "it was recorded by another version"
             )
         branch.change(other, settings)
     except BaseException:
-        branch.journal.discard()
+        branch.recorder.discard()
         raise
     return branch

@@ -29,7 +29,7 @@ from automaton.world.route_space import route_space
 from automaton.world.state import NIL, Array, World
 
 PAUSE_S: Final = 0.25  # between two computations while ticks go by
-SHARE: Final = 4  # at most a fourth of the time goes into them
+OVERLAY_TIME_RATIO: Final = 4  # at most a fourth of the time goes into them
 
 
 class Overlays:
@@ -56,7 +56,7 @@ class Overlays:
         if self._of != now and not (playing and old):
             self._of, self._field = now, self._computed(simulation, snapshot.selected, layer)
             ended = time.monotonic()
-            self._next = ended + max(PAUSE_S, SHARE * (ended - began))
+            self._next = ended + max(PAUSE_S, OVERLAY_TIME_RATIO * (ended - began))
         return replace(snapshot, heat=self._field)
 
     def _computed(self, simulation: Simulation, selected: int, layer: str) -> Array:

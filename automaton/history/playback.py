@@ -24,7 +24,7 @@ from automaton.world.state import LAYER_NAMES, Array, Memory, World
 FIRST_WORDS = 4096
 
 
-class Repeated(Strategy):
+class ReplayStrategy(Strategy):
     """Decides as recorded; the playback loads the stream into its memory."""
 
     compiled = repeat
@@ -98,7 +98,7 @@ class Playback:
                 self.simulation = self._simulation(self.frames.rules_at(nearest), None)
                 world, observation = self.simulation.world, self.simulation.observation
             self.keyframes.restore(nearest, world, observation)
-            self.simulation.look_for_end()
+            self.simulation.update_finished()
         while self.tick < tick:
             self._advance(tick)
 
@@ -165,7 +165,7 @@ class Playback:
             strategies=[
                 None
                 if rules["strategies"][layer]["name"] == NO_STRATEGY
-                else Repeated(layer, rules, self._words)
+                else ReplayStrategy(layer, rules, self._words)
                 for layer in LAYER_NAMES
             ],
             after=before,

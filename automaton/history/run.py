@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from automaton.history.chronicle import Chronicle
+from automaton.history.event_history import EventHistory
 from automaton.history.keyframes import Keyframes
 from automaton.history.playback import Playback
 from automaton.metrics import metrics_of
@@ -15,7 +15,7 @@ from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
 from automaton.world.floor_plan import FloorPlan
 
-SLICE_S = 0.005  # of computing between two looks at the clock
+COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
 KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost
 
 
@@ -23,18 +23,18 @@ class Run:
     """What is known of a run, and the tick at which it is shown.
 
     The *front* is where new ticks are computed: the simulation itself, or the first pass over a
-    recording. Another playback shows the past. All of it belongs to one thread; only `chronicle`
-    may be read by others.
+    recording. Another playback shows the past. All of it belongs to one thread; only
+    `event_history` may be read by others.
     """
 
     def __init__(self, header: Content, frames: StoredFrames, resolved: Resolved) -> None:
         self.header = header
         self.frames = frames
         self.resolved = resolved
-        self.chronicle = Chronicle()
+        self.event_history = EventHistory()
         self.give_up: Callable[[], bool] = lambda: False  # looked at while a past is computed
         self._past: Playback | None = None
-        self._slice = 16  # ticks that take about SLICE_S
+        self._slice = 16  # ticks that take about COMPUTE_SLICE_S
         self._since_keyframe = 0.0
         self._at = 0
 
@@ -51,12 +51,12 @@ class Run:
     @property
     def shown(self) -> Simulation:
         """The simulation in the state of the tick that is shown; not to be run."""
-        if self._past is None or self._at == self.front.tick:
-            return self.front
+        if self._past is None or self._at == self.leading_simulation.tick:
+            return self.leading_simulation
         return self._past.simulation
 
     @property
-    def trouble(self) -> str:
+    def warning(self) -> str:
         """What goes wrong without ending the run, or ""."""
         return ""
 
@@ -71,7 +71,7 @@ class Run:
         return False
 
     @property
-    def front(self) -> Simulation:
+    def leading_simulation(self) -> Simulation:
         """The simulation that is farthest."""
         raise NotImplementedError
 
@@ -95,16 +95,18 @@ class Run:
         """The states that can be gone back to."""
         raise NotImplementedError
 
-    def show(self, tick: int, budget_s: float = SLICE_S) -> int:
+    def show(self, tick: int, budget_s: float = COMPUTE_SLICE_S) -> int:
         """Show a tick, or get nearer to it within the budget; returns the tick that is shown."""
         until = time.perf_counter() + budget_s
         tick = max(self.first, tick if self.end is None else min(tick, self.end))
         while True:
-            if tick >= self.front.tick:
+            if tick >= self.leading_simulation.tick:
                 try:
-                    computed = tick > self.front.tick and self._advance(tick - self.front.tick)
+                    computed = tick > self.leading_simulation.tick and self._advance(
+                        tick - self.leading_simulation.tick
+                    )
                 finally:
-                    self._at = self.front.tick
+                    self._at = self.leading_simulation.tick
                 if not computed:
                     return self._at
             else:
@@ -115,25 +117,25 @@ class Run:
     def extend(self) -> bool:
         """Compute ticks ahead, some milliseconds of them; False when there are none."""
         more = self._advance()
-        if self._at != self.front.tick:  # it was the front that showed it
+        if self._at != self.leading_simulation.tick:  # it was the front that showed it
             self._look_back(max(self._at, self.first))
         return more
 
     def _advance(self, most: int | None = None) -> bool:
         """Compute the next ticks, and keep a state from time to time."""
-        before = self.front.tick
+        before = self.leading_simulation.tick
         begun = time.perf_counter()
         self._compute(before + (self._slice if most is None else min(most, self._slice)))
         took = time.perf_counter() - begun
-        if took < SLICE_S / 2 and self.front.tick - before == self._slice:
+        if took < COMPUTE_SLICE_S / 2 and self.leading_simulation.tick - before == self._slice:
             self._slice *= 2
-        elif took > 2 * SLICE_S and self._slice > 1:
+        elif took > 2 * COMPUTE_SLICE_S and self._slice > 1:
             self._slice //= 2
         self._since_keyframe += took
         if self._since_keyframe >= KEYFRAME_S:
             self._since_keyframe = 0.0
-            self.keyframes.keep(self.front.world, self.front.observation)
-        return self.front.tick > before
+            self.keyframes.keep(self.leading_simulation.world, self.leading_simulation.observation)
+        return self.leading_simulation.tick > before
 
     def _compute(self, until: int) -> None:
         raise NotImplementedError
@@ -167,10 +169,10 @@ class RecordedRun(Run):
             recording.header, frames, resolved_of(recording.header, with_strategies=False)
         )
         self.complete = recording.complete
-        self._front = Playback(recording.header, frames, on_observe=self.chronicle)
+        self._front = Playback(recording.header, frames, on_observe=self.event_history)
 
     @property
-    def front(self) -> Simulation:
+    def leading_simulation(self) -> Simulation:
         return self._front.simulation
 
     @property

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.operations import clear_route_request, first_cell
 from automaton.world.robot_status import STATUS_UP
 from automaton.world.state import (

@@ -5,7 +5,7 @@ Each robot has one blocker at most, so every walk along blockers ends, or comes 
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import U
 from automaton.world.state import NIL
 

@@ -6,7 +6,7 @@ on what the blocker does; the lost ticks by cause and by cell.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import (
     CAPACITY_SHIFT,
     MOVED,

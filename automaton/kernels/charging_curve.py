@@ -7,7 +7,7 @@ over the pieces in between, each in whole ticks.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 
 # Columns of a curve.
 CURVE_FROM = 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.drive import replan
 from automaton.kernels.energy import end_charging
 from automaton.kernels.operations import (

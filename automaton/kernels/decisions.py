@@ -12,7 +12,7 @@ each; -1 for an illegal route), right of way (command, value, return_order, prio
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.commit import is_drivable, may_set_order_queue
 from automaton.kernels.zoning_decisions import keep_zoning, repeat_zoning
 from automaton.world.state import (

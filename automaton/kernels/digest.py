@@ -8,7 +8,7 @@ where an order was taken) are left out.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import CLOCK_TICK, NIL
 

@@ -7,7 +7,7 @@ way has set.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.energy import charge_up, has_energy_for
 from automaton.kernels.motion import (
     ARRIVED,

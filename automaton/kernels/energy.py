@@ -6,7 +6,7 @@ does nothing in this tick and is down from the next one on (automaton.kernels.fa
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.charging_curve import rate_at
 from automaton.kernels.motion import LIVE, U, has_room
 from automaton.kernels.operations import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.blocker_cycles import walk_to_cycle
 from automaton.kernels.motion import U
 from automaton.recording.codes import (

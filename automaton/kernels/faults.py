@@ -7,7 +7,7 @@ until it is towed; where robots are not repaired, it is gone.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.energy import end_charging
 from automaton.kernels.motion import vacate
 from automaton.kernels.operations import (

@@ -6,7 +6,7 @@ strategy sees, and removed after: no other robot pays for it, and nothing of it 
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import U, direction_between
 from automaton.world.state import NIL
 

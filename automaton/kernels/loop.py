@@ -10,7 +10,7 @@ strategy the generator yields ASK and the layer, and goes on in mid-tick when it
 
 from numba import types
 
-from automaton.compiled import jit_is_on, kernel
+from automaton.jit import jit_is_on, kernel
 from automaton.kernels.batches import (
     batch_all_robots,
     batch_allocation,

@@ -22,7 +22,7 @@ inferences are drawn, so the order of the robots does not matter. `resolve` deci
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.prefetch import prefetch
 from automaton.kernels.random_numbers import splitmix64
 from automaton.world.state import NIL

@@ -8,7 +8,7 @@ the blocker does; cycles of robots that wait for each other. Nothing here writes
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.blockers import find_blockers
 from automaton.kernels.motion import (
     AHEAD,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.stations import deliver
 from automaton.kernels.zoning_requests import request_zoning
 from automaton.recording.codes import (

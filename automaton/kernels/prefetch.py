@@ -7,7 +7,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from automaton.compiled import jit_is_on
+from automaton.jit import jit_is_on
 
 FOR_WRITING = 1
 KEEP_CLOSE = 3  # of 0..3

@@ -7,7 +7,7 @@ finalizer (Steele, Lea & Flood 2014).
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 
 # Streams of the world; a method declares its own beside what it draws, from the numbers left out.
 STREAM_ORDERS = 1

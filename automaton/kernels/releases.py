@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.random_numbers import STREAM_RELEASES, random_bits
 from automaton.kernels.zoning_requests import request_zoning
 from automaton.world.state import (

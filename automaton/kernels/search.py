@@ -11,7 +11,7 @@ turn, then the lowest direction (E, S, W, N).
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import has_room
 from automaton.world.facilities import MAY_TURN
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL

@@ -9,7 +9,7 @@ nearest           The cell with the least rows and columns to the cell from whic
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
 PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around

@@ -8,7 +8,7 @@ top.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import ENTERED, LIVE, U
 from automaton.kernels.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.world.state import ACTION_MOVE, CLOCK_TICK, NIL

@@ -6,7 +6,7 @@ in the tick in which its job is done.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.zoning_requests import request_zoning
 from automaton.world.state import (
     CLOCK_NEXT_PART,

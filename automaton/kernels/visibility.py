@@ -14,7 +14,7 @@ a strategy gets its robot's own row of memory only, and no shared memory.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.motion import CLAIMS, FLAGS_SHIFT, U
 from automaton.kernels.zone_segments import copy_segment
 from automaton.world.state import ACTION_COUNT, NEVER, NIL, NO_STEP, ORDER_UNRELEASED

@@ -11,7 +11,7 @@ compiler may reorder it as it likes. A packed network has two int32 in each of i
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.replay import WORD
 from automaton.world.state import NIL
 

@@ -1,6 +1,6 @@
 """Copy segments of a zone design, as the world does when zones change or are out of sight."""
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 
 
 @kernel

@@ -7,7 +7,7 @@ limited sight a robot may change only what it can see.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.operations import record_change
 from automaton.kernels.visibility import is_visible, is_zone_visible
 from automaton.kernels.zone_segments import copy_segment

@@ -14,7 +14,7 @@ tick counts: those that are here are whole and sound (automaton.kernels.zoning.j
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.service_zones import MESSAGE_WORDS
 from automaton.world.state import CLOCK_DECISION_WORDS, KEEP, NIL
 

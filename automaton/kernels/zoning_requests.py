@@ -1,6 +1,6 @@
 """What zoning wants to hear of: orders that are in no queue, robots that fail or come back."""
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import CLOCK_UNQUEUED_ORDERS
 
 

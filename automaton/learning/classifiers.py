@@ -16,14 +16,14 @@ from sklearn.ensemble import RandomForestClassifier
 from sklearn.neighbors import KNeighborsClassifier
 from sklearn.svm import SVC, LinearSVC
 
+from automaton.learning.learning_study import Data
 from automaton.learning.legs import Legs
 from automaton.learning.metrics import Answers, measured
-from automaton.learning.study import Data
 from automaton.world.state import NIL
 
 NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
 TREES: Final = 20  # of its 100: more take longer and change little
-JUDGED: Final = 2_000  # legs
+EVALUATED: Final = 2_000  # legs
 
 
 class Result(NamedTuple):
@@ -101,7 +101,7 @@ def try_classifiers(
         first = data.training.some(np.arange(len(data.training.touched)) < legs)
         classifier.fit(one_hot(first), first.touched)
         training, unused = (
-            measured(answers_of(classifier, some), some.touched)
+            measured(predictions_of(classifier, some), some.touched)
             for some in (_first(first), _first(data.unused))
         )
         results.append(Result(name, legs, training, unused))
@@ -111,10 +111,10 @@ def try_classifiers(
 
 
 def _first(legs: Legs) -> Legs:
-    return legs.some(np.arange(len(legs.touched)) < JUDGED)
+    return legs.some(np.arange(len(legs.touched)) < EVALUATED)
 
 
-def answers_of(classifier: Any, legs: Legs) -> Answers:
+def predictions_of(classifier: Any, legs: Legs) -> Answers:
     """(n, Z) bool: what a classifier says about legs."""
     found: Answers = np.asarray(classifier.predict(one_hot(legs))).astype(np.bool_)
     return found

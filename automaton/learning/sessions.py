@@ -8,16 +8,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from automaton.atomic_write import atomic_writer
+from automaton.learning.learning_study import Data, data_of, judged, network_of
 from automaton.learning.legs import Site, site_of
 from automaton.learning.losses import LOSSES
 from automaton.learning.metrics import Counts, precision, recall
 from automaton.learning.settings import Settings
-from automaton.learning.study import Data, data_of, judged, network_of
 from automaton.scenario.resolve import resolve
 from automaton.strategy.network import floor_fingerprint, save_network
-from automaton.whole_file import written
 
-Told = Callable[[str], None]
+ProgressCallback = Callable[[str], None]
 RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
 
 
@@ -42,7 +42,7 @@ class Session:
         )
 
     def train_network(
-        self, keep: tuple[str, ...], out: Path, told: Told | None = None
+        self, keep: tuple[str, ...], out: Path, told: ProgressCallback | None = None
     ) -> dict[str, Any]:
         """Train, write the network to `out`, and say how well it predicts."""
         from automaton.learning.training import train
@@ -68,7 +68,9 @@ class Session:
         measures = judged(network, self.data)
         return {"file": str(out), **network.about, "zones": network.zones, "measures": measures}
 
-    def train_tables(self, out: Path | None, told: Told | None = None) -> dict[str, Any]:
+    def train_tables(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
         """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
         from automaton.learning.tables import as_json, train_rows
 
@@ -92,11 +94,13 @@ class Session:
             "rows": as_json(rows),
         }
         if out is not None:
-            with written(out) as file:
+            with atomic_writer(out) as file:
                 file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
         return results
 
-    def train_depths(self, out: Path | None, told: Told | None = None) -> dict[str, Any]:
+    def train_depths(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
         """Train networks of several depths; written to `out` if there is one."""
         from automaton.learning.depths import train_depths
 
@@ -106,18 +110,18 @@ class Session:
             del shared[name]
         results = {**self._origin(), "settings": shared, "rows": rows}
         if out is not None:
-            with written(out) as file:
+            with atomic_writer(out) as file:
                 file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
         return results
 
-    def try_classifiers(self, told: Told | None = None) -> dict[str, Any]:
+    def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
         """Let other classifiers learn the same legs, or as many as they manage."""
-        from automaton.learning.classifiers import JUDGED, try_classifiers
+        from automaton.learning.classifiers import EVALUATED, try_classifiers
 
         results = try_classifiers(self.data, self.settings.seed, told)
         return {
             **self._origin(),
-            "judged_by": JUDGED,
+            "judged_by": EVALUATED,
             "classifiers": [result._asdict() for result in results],
         }
 

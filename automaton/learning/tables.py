@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
+from automaton.learning.learning_study import Data, network_of
 from automaton.learning.legs import Site
 from automaton.learning.metrics import measured
 from automaton.learning.settings import Settings
-from automaton.learning.study import Data, network_of
 from automaton.strategy.network import predicted_zones
 
 Keep = tuple[str, ...]

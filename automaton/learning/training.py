@@ -35,7 +35,7 @@ NOTHING: Final = Counts(0, 0, 0, 0)
 
 
 @dataclass
-class Kept:
+class Checkpoint:
     """The weights of the best epoch so far, by what is monitored."""
 
     epoch: int = 0
@@ -56,7 +56,7 @@ class Kept:
 class Trained:
     """What a training gave: kept weights by what was monitored, and the loss of each epoch."""
 
-    kept: dict[Keep, Kept]
+    kept: dict[Keep, Checkpoint]
     losses: list[float] = field(default_factory=list)
 
 
@@ -92,7 +92,7 @@ def _train(
     network = first_layers(legs.touched.shape[1], bias, generator, settings.hidden)
     parts = [part for layer in network for part in layer]
     optimizer = torch.optim.Adam(parts, lr=settings.rate, fused=True)
-    trained = Trained({keep: Kept() for keep in keeps})
+    trained = Trained({keep: Checkpoint() for keep in keeps})
     waited, lowest = 0, math.inf
     for epoch in range(1, settings.epochs + 1):
         batches = torch.randperm(len(inputs), generator=generator).split(settings.batch)
@@ -125,7 +125,7 @@ def enter(trained: Trained, epoch: int, loss: float, now: Counts, network: Any) 
     trained.losses.append(loss)
     for keep, kept in trained.kept.items():
         if kept.improved(keep, loss, now):
-            trained.kept[keep] = Kept(epoch, loss, now, as_arrays(network))
+            trained.kept[keep] = Checkpoint(epoch, loss, now, as_arrays(network))
 
 
 def input_rows(legs: Legs) -> Any:

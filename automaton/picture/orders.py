@@ -15,16 +15,16 @@ from automaton.picture.phrases import Facts, Phrase, Value, read_facts, write_fa
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, ORDER_WAITING, World
 
-NUMBERS = ("state", "delivered", "legs")
+ORDER_NUMBERS = ("state", "delivered", "legs")
 
-STATE = (
+STATE_PHRASES = (
     Phrase("delivered to {current_slot} in tick {delivered}", state=ORDER_DELIVERED),
     Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
     Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
     Phrase("on its way to {target}", state=ORDER_CARRIED),
 )
-GROUPS = (STATE, (Phrase("picked up {legs} time(s)"),))
-LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
+PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
+ORDER_LINE = re.compile(r"order (?P<number>\d+) (?P<facts>[^;]+)")
 
 
 def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
@@ -34,7 +34,7 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
         return None  # where it was at the start
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1:
         return None  # the robot's line says it
-    return f"order {order} {', '.join(write_facts(GROUPS, facts, default_facts(facts)))}"
+    return f"order {order} {', '.join(write_facts(PHRASE_GROUPS, facts, default_facts(facts)))}"
 
 
 def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
@@ -44,7 +44,7 @@ def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
     def xy(slot: int) -> Value:
         return None if slot == NIL else floor_plan.xy(int(world.slots.cell[slot]))
 
-    facts: Facts = {name: int(getattr(orders, name)[order]) for name in NUMBERS}
+    facts: Facts = {name: int(getattr(orders, name)[order]) for name in ORDER_NUMBERS}
     for name in ("current_slot", "target", "source"):
         facts[name] = xy(int(getattr(orders, name)[order]))
     current_slot = int(orders.current_slot[order])
@@ -62,10 +62,10 @@ def default_facts(facts: Facts) -> Facts:
 
 def read_order(text: str) -> tuple[int, Facts]:
     """Number and values that an order's line gives. Raises InputError."""
-    match = LINE.fullmatch(text)
+    match = ORDER_LINE.fullmatch(text)
     if match is None:
         raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
-    facts = read_facts(GROUPS, match["facts"], f"order {match['number']}")
+    facts = read_facts(PHRASE_GROUPS, match["facts"], f"order {match['number']}")
     if "state" not in facts:
         raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
     return int(match["number"]), default_facts(facts) | facts

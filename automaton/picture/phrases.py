@@ -25,7 +25,7 @@ CELLS = {
     "current_slot",
     "target",
 }  # the named values that are cells
-SHARES = {
+PERCENT_FIELDS = {
     "charge",
     "charge_target",
 }  # the named values that are shares of a full battery, in percent
@@ -53,7 +53,9 @@ class Phrase:
         text = self.template
         for name in self.named:
             value = facts[name]
-            text = text.replace(f"{{{name}}}", percents(value) if name in SHARES else str(value))
+            text = text.replace(
+                f"{{{name}}}", percents(value) if name in PERCENT_FIELDS else str(value)
+            )
             text = text.replace("(s)", "" if value == 1 else "s") if name not in CELLS else text
         return text
 
@@ -64,7 +66,7 @@ class Phrase:
             return None
         said: Facts = dict(self.fixed)
         for name, value in match.groupdict().items():
-            if name in SHARES:
+            if name in PERCENT_FIELDS:
                 said[name] = round(float(value) * BATTERY_PERCENT)
             else:
                 said[name] = pair(value) if name in CELLS else int(value)
@@ -81,7 +83,7 @@ def _pattern(template: str) -> str:
     pattern = re.escape(template).replace(r"\(s\)", "s?")
     for name in PLACEHOLDER.findall(template):
         value = r"\(-?\d+, -?\d+\)" if name in CELLS else r"-?\d+"
-        value = r"\d+(?:\.\d+)?" if name in SHARES else value
+        value = r"\d+(?:\.\d+)?" if name in PERCENT_FIELDS else value
         pattern = pattern.replace(rf"\{{{name}\}}", f"(?P<{name}>{value})")
     return pattern
 

@@ -17,7 +17,7 @@ from automaton.kernels.faults import open_slot
 from automaton.kernels.random_numbers import splitmix64
 from automaton.picture.orders import read_order
 from automaton.picture.phrases import Facts, Pair, Value
-from automaton.picture.robots import NEEDS, NUMBERS, RobotLine, name_of, read_robot
+from automaton.picture.robots import NEEDS, ROBOT_NUMBERS, RobotLine, name_of, read_robot
 from automaton.picture.writing import picture_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
@@ -135,7 +135,7 @@ def check_names(said: Said, world: World) -> None:
 def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> None:
     """Put a robot at storage index i into the state that its line tells."""
     robots, facts = world.robots, line.facts
-    for name in NUMBERS:
+    for name in ROBOT_NUMBERS:
         getattr(robots, name)[i] = facts[name]
     robots.service_zone[i] = _number(facts["service_zone"]) - 1
     for name in ("cell", "claim", "goal_cell"):

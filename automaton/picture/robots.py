@@ -73,7 +73,7 @@ ZERO = (
         "charging_reason",
     ),
 )
-NUMBERS = (
+ROBOT_NUMBERS = (
     *ZERO,
     *("heading", "travel", "load", "order", "parked"),
     *("reason", "route_reason", "seen_revision", "step", "charge"),
@@ -85,7 +85,7 @@ NEEDS = {
     "need_charging": NEED_CHARGING,
 }
 
-DOING = {  # of each action: while it lasts, and when it is over
+ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
     "idle": ("rests", "rested"),
     "move": ("moves", "moved"),
     "turn": ("turns", "turned"),
@@ -112,7 +112,7 @@ TASK = (
 ACTION = tuple(
     Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
     for code, name in enumerate(ACTION_NAMES)
-    for text in (f"{DOING[name][0]} for {{busy}} more tick(s)", DOING[name][1])
+    for text in (f"{ACTION_PHRASES[name][0]} for {{busy}} more tick(s)", ACTION_PHRASES[name][1])
 )
 REASON = (
     Phrase("last asked as free", reason=REASON_IDLE),
@@ -120,7 +120,7 @@ REASON = (
     Phrase("last asked after giving its order back", reason=REASON_ORDER_RETURNED),
     Phrase("last asked for a new plan", reason=REASON_REPLAN),
 )
-GROUPS = (
+PHRASE_GROUPS = (
     tuple(Phrase(f"{name}bound", travel=d) for d, name in enumerate(DIRECTIONS)),
     TASK,
     (Phrase("will try to drop first", try_drop=1),),
@@ -161,13 +161,13 @@ GROUPS = (
 )
 
 # Names of the headings, by how many there are: omni, rail, differential.
-HEADINGS = {
+HEADING_PHRASES = {
     1: ("",),
     2: ("horizontal", "vertical"),
     4: tuple(f"facing {name}" for name in DIRECTIONS),
 }
-OFF = "off the floor at"
-LINE = re.compile(
+OFF_FLOOR = "off the floor at"
+ROBOT_LINE = re.compile(
     r"(?P<name>[A-Z]|\d+) "
     r"(?P<place>\(-?\d+, -?\d+\)|in its parking bay|off the floor at \(\d+, \d+\))"
     r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
@@ -191,8 +191,8 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     default = default_facts(facts, int(world.clock[0]))
     if brief:
         facts |= {name: default[name] for name in idle_facts(world)}
-    said = write_facts(GROUPS, facts, default)
-    heading = HEADINGS[world.grid.headings][int(robots.heading[i])]
+    said = write_facts(PHRASE_GROUPS, facts, default)
+    heading = HEADING_PHRASES[world.grid.headings][int(robots.heading[i])]
     start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
     if heading:
         start += f"{',' if facts['cell'] is None else ''} {heading}"
@@ -223,7 +223,7 @@ def _place(facts: Facts) -> str:
     """Where a robot is."""
     if facts["cell"] is not None:
         return str(facts["cell"])
-    return f"{OFF} {facts['left']}" if facts["left"] else "in its parking bay"
+    return f"{OFF_FLOOR} {facts['left']}" if facts["left"] else "in its parking bay"
 
 
 def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
@@ -233,7 +233,7 @@ def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
     def xy(cell: int) -> Value:
         return None if cell == NIL else floor_plan.xy(cell)
 
-    facts: Facts = {name: int(getattr(robots, name)[i]) for name in NUMBERS}
+    facts: Facts = {name: int(getattr(robots, name)[i]) for name in ROBOT_NUMBERS}
     facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, as stations
     for name in ("cell", "claim", "goal_cell"):
         facts[name] = xy(int(getattr(robots, name)[i]))
@@ -274,13 +274,13 @@ class RobotLine(NamedTuple):
 
 def read_robot(text: str, tick: int) -> RobotLine:
     """What a robot's line gives. Raises InputError."""
-    match = LINE.fullmatch(text)
+    match = ROBOT_LINE.fullmatch(text)
     if match is None:
         raise InputError(f"'{text}' is not a line about a robot, such as A (2, 3) vertical, moved")
-    facts = read_facts(GROUPS, match["facts"] or "", f"robot {match['name']}")
+    facts = read_facts(PHRASE_GROUPS, match["facts"] or "", f"robot {match['name']}")
     place = match["place"]
     facts["cell"] = pair(place) if place.startswith("(") else None
-    facts["left"] = pair(place) if place.startswith(OFF) else None
+    facts["left"] = pair(place) if place.startswith(OFF_FLOOR) else None
     if match["heading"]:
         facts["heading"] = _heading(match["heading"])
     facts["order"] = facts.get("load", facts.get("order", NIL))
@@ -290,7 +290,7 @@ def read_robot(text: str, tick: int) -> RobotLine:
 
 
 def _heading(words: str) -> int:
-    for names in HEADINGS.values():
+    for names in HEADING_PHRASES.values():
         if words in names:
             return names.index(words)
     raise InputError(f"'{words}' is not a direction; there are {', '.join(DIRECTIONS)}")

@@ -14,12 +14,12 @@ from automaton.picture.zone_work import unevenness, work_of_each
 from automaton.units import count
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.state import CLOCK_TICK, NIL, World
-from automaton.zoning.picture import KEY, ZONES, design_picture
+from automaton.zoning.picture import KEY, ZONE_LETTERS, design_picture
 
 if TYPE_CHECKING:  # reports alone need it
     from rich.text import Text
 
-NAMED: Final = 8  # parts of a line
+MAX_NAMED_PARTS: Final = 8  # parts of a line
 # Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
 COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
 
@@ -66,8 +66,12 @@ def station_line(world: World, station: int) -> str:
         left = count(int(stations.job_done_tick[station] - world.clock[CLOCK_TICK]), "tick")
         said = [f"part {stations.part[works[0]]}, {left} left"]
     if works[1:]:
-        named = [str(stations.part[work]) for work in works[1 : 1 + NAMED]]
-        more = f" and {len(works) - 1 - NAMED} more" if len(works) - 1 > NAMED else ""
+        named = [str(stations.part[work]) for work in works[1 : 1 + MAX_NAMED_PARTS]]
+        more = (
+            f" and {len(works) - 1 - MAX_NAMED_PARTS} more"
+            if len(works) - 1 > MAX_NAMED_PARTS
+            else ""
+        )
         said.append(f"queue {', '.join(named)}{more}")
     done = (stations.station == station) & (stations.completion_tick != NIL)
     return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
@@ -87,7 +91,7 @@ def coloured(picture: str) -> list[Text]:
     """The lines of such a picture; the letters of zones, and the lines on them, in their colours."""
     from rich.text import Text
 
-    letters = {letter: COLOURS[at % len(COLOURS)] for at, letter in enumerate(ZONES)}
+    letters = {letter: COLOURS[at % len(COLOURS)] for at, letter in enumerate(ZONE_LETTERS)}
     letters |= {letter.upper(): f"bold {colour}" for letter, colour in letters.items()}
     lines = []
     for written in picture.split("\n"):

@@ -11,15 +11,15 @@ import numpy as np
 
 from automaton.errors import InputError
 from automaton.recording.contents import (
-    CONDITIONS,
     CONDITIONS_ARRAYS,
-    END,
-    HEADER,
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
     HEADER_ARRAYS,
-    KEYFRAME,
-    TICKS,
     Content,
-    Unsound,
+    InvalidFrameError,
     check_arrays,
     check_changes,
     check_keyframe,
@@ -38,8 +38,8 @@ from automaton.strategy import lookup
 from automaton.world.cells import CELL_KINDS, DIRECTION_VECTORS, SHELF, STATION
 from automaton.world.floor_plan import FloorPlan, bays_of
 
-MOST_CELLS = 200_000_000
-MOST_DIGEST_EVERY = 64  # ticks
+MAX_CELLS = 200_000_000
+MAX_DIGEST_INTERVAL = 64  # ticks
 DIGEST_DIGITS = 16
 
 
@@ -51,12 +51,14 @@ class Admission:
         self.file = file
         self.sizes: dict[str, int] = {}
         try:
-            self.header = decode(HEADER, first.data)
+            self.header = decode(FRAME_KIND_HEADER, first.data)
             self._admit_header(self.header)
-        except Unsound as error:
-            raise refusal(error, file, 0, HEADER, first.at) from None
+        except InvalidFrameError as error:
+            raise refusal(error, file, 0, FRAME_KIND_HEADER, first.at) from None
         except InputError as error:
-            raise refusal(Unsound(error.message), file, 0, HEADER, first.at) from None
+            raise refusal(
+                InvalidFrameError(error.message), file, 0, FRAME_KIND_HEADER, first.at
+            ) from None
 
     def content(self, index: int, payload: Payload) -> Content:
         """The content of a frame behind the header. Raises InputError if it cannot be."""
@@ -66,30 +68,32 @@ class Admission:
             self._admit(kind, content)
             check_ticks(payload, content)
             return content
-        except Unsound as error:
+        except InvalidFrameError as error:
             raise refusal(error, self.file, index + 1, kind, payload.at) from None
         except InputError as error:
-            raise refusal(Unsound(error.message), self.file, index + 1, kind, payload.at) from None
+            raise refusal(
+                InvalidFrameError(error.message), self.file, index + 1, kind, payload.at
+            ) from None
 
     def _admit(self, kind: int, content: Content) -> None:
-        if kind == TICKS:
+        if kind == FRAME_KIND_TICKS:
             check_changes(content["changes"], self.sizes)
-        elif kind == KEYFRAME:
+        elif kind == FRAME_KIND_KEYFRAME:
             check_keyframe(content, self.sizes)
-        elif kind == CONDITIONS:
+        elif kind == FRAME_KIND_CONDITIONS:
             self._admit_conditions(content)
-        elif kind == END:
+        elif kind == FRAME_KIND_END:
             check_digest(content["digest"])
 
     def _admit_header(self, header: Content) -> None:
         floor, sizes = header["floor"], self.sizes
         width, height = floor["width"], floor["height"]
-        if not (width > 0 and height > 0 and (width + 2) * (height + 2) <= MOST_CELLS):
-            raise Unsound(f"a floor cannot have {width:,} x {height:,} cells")
+        if not (width > 0 and height > 0 and (width + 2) * (height + 2) <= MAX_CELLS):
+            raise InvalidFrameError(f"a floor cannot have {width:,} x {height:,} cells")
         if not 0 <= header["seed"] < 1 << 63:
-            raise Unsound(f"a seed cannot be {header['seed']}")
-        if not 1 <= header["digest_every"] <= MOST_DIGEST_EVERY:
-            raise Unsound(f"digests cannot be {header['digest_every']:,} ticks apart")
+            raise InvalidFrameError(f"a seed cannot be {header['seed']}")
+        if not 1 <= header["digest_every"] <= MAX_DIGEST_INTERVAL:
+            raise InvalidFrameError(f"digests cannot be {header['digest_every']:,} ticks apart")
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
         sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
@@ -106,7 +110,7 @@ class Admission:
         if start != (
             header["start"] if isinstance(header["start"], str) else tuple(header["start"])
         ):
-            raise Unsound("robots start elsewhere than its scenario says")
+            raise InvalidFrameError("robots start elsewhere than its scenario says")
         self._check_strategies(self.scenario, header["strategies"])
         self._check_counts(header)
 
@@ -115,14 +119,16 @@ class Admission:
         if not 0 <= spare <= len(cells) or not np.array_equal(
             cells[:spare], self.floor_plan.slots()
         ):
-            raise Unsound("its slots are not those of its floor")
+            raise InvalidFrameError("its slots are not those of its floor")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""
         orders, jobs = counted(self.scenario, self.floor_plan)
         for name, wanted in (("orders", orders), ("jobs", jobs)):
             if self.sizes[name] != wanted:
-                raise Unsound(f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}")
+                raise InvalidFrameError(
+                    f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}"
+                )
         coming = header["orders"].get("release_sequence")
         arrivals = self.scenario.orders.arrivals
         if (
@@ -130,7 +136,7 @@ class Admission:
             and arrivals.closed_loop is not None
             and (coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming))))
         ):
-            raise Unsound("its orders do not come one after another")
+            raise InvalidFrameError("its orders do not come one after another")
 
     def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
         """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
@@ -139,14 +145,18 @@ class Admission:
         for layer, choice in choices.items():
             name = choice.get("name") if isinstance(choice, dict) else choice
             if given[layer].name != name:
-                raise Unsound(f"strategy.{layer} is {name} here and {given[layer].name} there")
+                raise InvalidFrameError(
+                    f"strategy.{layer} is {name} here and {given[layer].name} there"
+                )
         known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
         document = Document(msgspec.to_builtins(scenario))
         for layer, strategy in choose_strategies(
             document, scenario, self.floor_plan, known
         ).items():
             if _as_stored(strategy.parameters) != given[layer].parameters:
-                raise Unsound(f"the parameters of strategy.{layer} are not those of its scenario")
+                raise InvalidFrameError(
+                    f"the parameters of strategy.{layer} are not those of its scenario"
+                )
 
     def _admit_conditions(self, content: Content) -> None:
         check_arrays(content, CONDITIONS_ARRAYS, {})
@@ -157,7 +167,7 @@ class Admission:
             if not same and (
                 name not in CHANGEABLE or not (content["tick"] or content["settings"])
             ):
-                raise Unsound(f"{name} is not as in the header")
+                raise InvalidFrameError(f"{name} is not as in the header")
         check_energy(Document(content["scenario"]), scenario, self.floor_plan)
         self._check_strategies(scenario, content["strategies"])
 
@@ -168,13 +178,13 @@ class _RecordedStrategy(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
-    """The recorded strategies by layer. Raises Unsound."""
+    """The recorded strategies by layer. Raises InvalidFrameError."""
     try:
         found = msgspec.convert(recorded, dict[str, _RecordedStrategy])
     except msgspec.ValidationError as error:
-        raise Unsound(f"its strategies cannot be: {error}") from None
+        raise InvalidFrameError(f"its strategies cannot be: {error}") from None
     if tuple(found) != LAYER_NAMES:
-        raise Unsound(f"it has strategies for {', '.join(found) or 'nothing'}")
+        raise InvalidFrameError(f"it has strategies for {', '.join(found) or 'nothing'}")
     return found
 
 
@@ -183,11 +193,11 @@ def _as_stored(parameters: msgspec.Struct) -> Any:
 
 
 def scenario_of(given: Content) -> Scenario:
-    """A recorded scenario as a struct. Raises Unsound."""
+    """A recorded scenario as a struct. Raises InvalidFrameError."""
     try:
         return msgspec.convert(given, Scenario)
     except msgspec.ValidationError as error:
-        raise Unsound(f"its scenario cannot be: {error}") from None
+        raise InvalidFrameError(f"its scenario cannot be: {error}") from None
 
 
 def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
@@ -213,41 +223,45 @@ def check_layout(layout: Content) -> None:
 
 
 def check_plan(floor_plan: FloorPlan) -> None:
-    """A floor that a generator may have built: no robot drives off it. Raises Unsound, InputError."""
+    """A floor that a generator may have built: no robot drives off it. Raises InvalidFrameError,
+    InputError.
+    """
     kinds = np.array([kind.drivable for kind in CELL_KINDS])
     drivable = kinds[floor_plan.kind]
     inside = np.zeros_like(drivable)
     inside[1:-1, 1:-1] = True
     if drivable[~inside].any():
-        raise Unsound("robots can drive off its floor")
+        raise InvalidFrameError("robots can drive off its floor")
     for direction, (x, y) in enumerate(DIRECTION_VECTORS):
         leads = floor_plan.exits >> direction & 1 == 1
         if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
-            raise Unsound("a cell of its floor has an exit to where no robot can stand")
+            raise InvalidFrameError("a cell of its floor has an exit to where no robot can stand")
     if not np.array_equal(floor_plan.bays, bays_of(floor_plan.kind)):
-        raise Unsound("its parking bays are not those of its floor")
+        raise InvalidFrameError("its parking bays are not those of its floor")
     cells = drivable.reshape(-1)
     if not all(0 <= cell < cells.size and cells[cell] for cell in floor_plan.starts):
-        raise Unsound("robots are drawn where none can stand")
+        raise InvalidFrameError("robots are drawn where none can stand")
     stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if floor_plan.numbered and sorted(floor_plan.numbered) != stations:
-        raise Unsound("its stations are not those of its floor")
+        raise InvalidFrameError("its stations are not those of its floor")
     if (floor_plan.loads[floor_plan.kind != SHELF] != 0).any():
-        raise Unsound("a load is drawn where there is no shelf")
+        raise InvalidFrameError("a load is drawn where there is no shelf")
 
 
 def check_ticks(payload: Payload, content: Content) -> None:
-    """A frame tells of the ticks that the file says. Raises Unsound."""
+    """A frame tells of the ticks that the file says. Raises InvalidFrameError."""
     last = tick_of(payload.kind, content)
-    first = content["first"] if payload.kind == TICKS else payload.before + 1
+    first = content["first"] if payload.kind == FRAME_KIND_TICKS else payload.before + 1
     if (first, last) != (payload.before + 1, payload.tick):
-        raise Unsound(f"it tells of the ticks up to {last:,} where those up to {payload.tick:,} go")
+        raise InvalidFrameError(
+            f"it tells of the ticks up to {last:,} where those up to {payload.tick:,} go"
+        )
 
 
 def check_digest(text: str) -> None:
-    """Raises Unsound for what is not a digest."""
+    """Raises InvalidFrameError for what is not a digest."""
     if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
-        raise Unsound("its digest is not 16 hex digits")
+        raise InvalidFrameError("its digest is not 16 hex digits")
 
 
 def _on_floor(message: str, row: int) -> InputError:

@@ -28,11 +28,12 @@ from automaton.recording.codes import (
 )
 from automaton.world.cells import ALL_EXITS, CELL_KINDS
 
-HEADER: Final = 1  # what the run follows from
-TICKS: Final = 2  # decisions, committed actions, changes and digests of consecutive ticks
-KEYFRAME: Final = 3  # the state after a tick
-END: Final = 4  # how the run ended; a recording without it was cut short
-CONDITIONS: Final = (
+FRAME_KIND_HEADER: Final = 1  # what the run follows from
+# decisions, committed actions, changes and digests of consecutive ticks
+FRAME_KIND_TICKS: Final = 2
+FRAME_KIND_KEYFRAME: Final = 3  # the state after a tick
+FRAME_KIND_END: Final = 4  # how the run ended; a recording without it was cut short
+FRAME_KIND_CONDITIONS: Final = (
     5  # what holds from the next tick on: at tick 0, and where a run was branched off
 )
 
@@ -48,22 +49,27 @@ class Frame(NamedTuple):
 
 
 MIB: Final = 1 << 20
-MOST_BYTES: Final = {HEADER: 96 * MIB, TICKS: 256 * MIB, KEYFRAME: 256 * MIB, END: MIB}
-MOST_BYTES[CONDITIONS] = 32 * MIB
-MOST_TEXT: Final = 24 * MIB  # bytes of a scenario
-MOST_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
-MOST_LEVELS: Final = 40  # of lists and mappings within each other, as in the file of a scenario
-MOST_PLACES: Final = (
+MAX_BYTES: Final = {
+    FRAME_KIND_HEADER: 96 * MIB,
+    FRAME_KIND_TICKS: 256 * MIB,
+    FRAME_KIND_KEYFRAME: 256 * MIB,
+    FRAME_KIND_END: MIB,
+}
+MAX_BYTES[FRAME_KIND_CONDITIONS] = 32 * MIB
+MAX_TEXT: Final = 24 * MIB  # bytes of a scenario
+MAX_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
+MAX_NESTING: Final = 40  # of lists and mappings within each other, as in the file of a scenario
+MAX_PLACES: Final = (
     1_000_000  # starts and stations that are listed: a byte of each takes 8 and more
 )
-MOST_LABELS: Final = 10_000  # settings, files, versions, names of digests
-MOST_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
+MAX_LABELS: Final = 10_000  # settings, files, versions, names of digests
+MAX_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
 
-FRAME_TICKS: Final = 256  # at most in a TICKS frame
-MOST_ROWS: Final = 64  # changes of a robot in a tick
-MOST_CHANGES: Final = 4_000_000  # in a TICKS frame
+FRAME_TICKS: Final = 256  # at most in a FRAME_KIND_TICKS frame
+MAX_ROWS: Final = 64  # changes of a robot in a tick
+MAX_CHANGES: Final = 4_000_000  # in a FRAME_KIND_TICKS frame
 LAST_TICK: Final = 2_000_000_000
-NUMBER: Final = 1 << 31
+MAX_NUMBER: Final = 1 << 31
 
 # Routes are left out: they are the bulk of a state, and committed actions do not need them.
 KEYFRAME_ARRAYS: Final = {
@@ -95,10 +101,10 @@ def _part(name: str, arrays: tuple[str, ...], *others: Any) -> type[msgspec.Stru
 
 
 _MAYBE = np.ndarray | UnsetType
-_Places = Annotated[tuple[int, ...], Meta(max_length=MOST_PLACES)]
-_Labels = Annotated[tuple[str, ...], Meta(max_length=MOST_LABELS)]
-_Named = Annotated[dict[str, str], Meta(max_length=MOST_LABELS)]
-_Text = Annotated[str, Meta(max_length=MOST_TEXT)]
+_Places = Annotated[tuple[int, ...], Meta(max_length=MAX_PLACES)]
+_Labels = Annotated[tuple[str, ...], Meta(max_length=MAX_LABELS)]
+_Named = Annotated[dict[str, str], Meta(max_length=MAX_LABELS)]
+_Text = Annotated[str, Meta(max_length=MAX_TEXT)]
 _FLOOR = _part(
     "Floor",
     ("kind", "exits", "capacity", "bays", "loads"),
@@ -171,39 +177,39 @@ _KEYFRAME = defstruct(
 )
 
 _FRAMES: Final[dict[int, Any]] = {
-    HEADER: _Header,
-    TICKS: _Ticks,
-    KEYFRAME: _KEYFRAME,
-    END: _End,
-    CONDITIONS: _Conditions,
+    FRAME_KIND_HEADER: _Header,
+    FRAME_KIND_TICKS: _Ticks,
+    FRAME_KIND_KEYFRAME: _KEYFRAME,
+    FRAME_KIND_END: _End,
+    FRAME_KIND_CONDITIONS: _Conditions,
 }
 
 
-class Unsound(ValueError):
+class InvalidFrameError(ValueError):
     """What a frame holds cannot be; the text says what, without the file and the frame."""
 
 
 def read_content(kind: int, payload: bytes | memoryview) -> Content:
-    """The content of a frame: the types are right, shapes and ranges unchecked. Raises Unsound."""
-    data = inflated(payload, MOST_BYTES[kind])
+    """Decode a frame: types are checked, shapes and ranges not. Raises InvalidFrameError."""
+    data = inflated(payload, MAX_BYTES[kind])
     try:
         frame = msgspec.msgpack.decode(data, type=_FRAMES[kind], ext_hook=_array_in)
     except msgspec.MsgspecError as error:
-        raise Unsound(f"its content cannot be read: {error}") from None
-    return _as_content(frame) if kind == TICKS else cleaned(_as_content(frame))
+        raise InvalidFrameError(f"its content cannot be read: {error}") from None
+    return _as_content(frame) if kind == FRAME_KIND_TICKS else cleaned(_as_content(frame))
 
 
 def inflated(payload: bytes | memoryview, most: int) -> bytes:
-    """Decompressed bytes, so many at most. Raises Unsound."""
+    """Decompressed bytes, so many at most. Raises InvalidFrameError."""
     unpacking = zlib.decompressobj()
     try:
         data = unpacking.decompress(payload, most + 1)
     except zlib.error as error:
-        raise Unsound(f"its content cannot be decompressed: {error}") from None
+        raise InvalidFrameError(f"its content cannot be decompressed: {error}") from None
     if len(data) > most:
-        raise Unsound(f"its content has more than {most:,} bytes")
+        raise InvalidFrameError(f"its content has more than {most:,} bytes")
     if not unpacking.eof or unpacking.unused_data:
-        raise Unsound("its content is not one compressed piece")
+        raise InvalidFrameError("its content is not one compressed piece")
     return data
 
 
@@ -221,20 +227,20 @@ def _as_content(frame: msgspec.Struct) -> Content:
 
 
 def _mapping(name: str, data: bytes) -> Content:
-    if len(data) > MOST_TEXT:
-        raise Unsound(f"{name} has more than {MOST_TEXT:,} bytes")
+    if len(data) > MAX_TEXT:
+        raise InvalidFrameError(f"{name} has more than {MAX_TEXT:,} bytes")
     heads = np.frombuffer(data, np.uint8)
     lists = np.count_nonzero((heads >> 5 == 4) | (heads >> 2 == 0xDC >> 2))
-    if lists > MOST_LISTS:
-        raise Unsound(f"{name} has more than {MOST_LISTS:,} lists and mappings")
+    if lists > MAX_LISTS:
+        raise InvalidFrameError(f"{name} has more than {MAX_LISTS:,} lists and mappings")
     try:
         found: Content = msgspec.msgpack.decode(data, type=dict[str, Any])
     except RecursionError:
         raise _too_deep(name) from None
     except (msgspec.MsgspecError, ValueError) as error:
-        raise Unsound(f"{name} cannot be read: {error}") from None
+        raise InvalidFrameError(f"{name} cannot be read: {error}") from None
     level: list[Any] = [found]
-    for _ in range(MOST_LEVELS):
+    for _ in range(MAX_NESTING):
         level = [value for part in level for value in _nested_in(part)]
     if level:
         raise _too_deep(name)
@@ -249,8 +255,8 @@ def _nested_in(holder: Any) -> list[Any]:
     return [value for value in parts if type(value) in _NESTING]
 
 
-def _too_deep(name: str) -> Unsound:
-    return Unsound(f"{name} is nested more than {MOST_LEVELS} levels deep")
+def _too_deep(name: str) -> InvalidFrameError:
+    return InvalidFrameError(f"{name} is nested more than {MAX_NESTING} levels deep")
 
 
 _NESTING: Final = frozenset((dict, list, tuple))  # types that msgpack nests
@@ -273,23 +279,23 @@ def array_out(value: Any) -> Any:
 
 def _array_in(code: int, data: memoryview) -> Array:
     if code != ARRAY_CODE:
-        raise Unsound(f"it has an unknown extension {code}")
+        raise InvalidFrameError(f"it has an unknown extension {code}")
     try:
         name, shape, content = _DESCRIBED.decode(data)
     except msgspec.MsgspecError as error:
-        raise Unsound(f"an array of it cannot be read: {error}") from None
+        raise InvalidFrameError(f"an array of it cannot be read: {error}") from None
     dtype = _DTYPES.get(name)
     if dtype is None:
-        raise Unsound(f"an array of it has the type {name[:20]!r}")
+        raise InvalidFrameError(f"an array of it has the type {name[:20]!r}")
     count = 1
     for extent in shape:
-        if not 0 <= extent < NUMBER:
-            raise Unsound(f"an array of it has an extent of {extent}")
+        if not 0 <= extent < MAX_NUMBER:
+            raise InvalidFrameError(f"an array of it has an extent of {extent}")
         count *= extent
-    if not count and max(shape) > MOST_EMPTY:
-        raise Unsound(f"an array of it has no values and an extent of {max(shape):,}")
+    if not count and max(shape) > MAX_EMPTY:
+        raise InvalidFrameError(f"an array of it has no values and an extent of {max(shape):,}")
     if len(shape) > 2 or count * dtype.itemsize != len(content):
-        raise Unsound("an array of it has another size than its shape says")
+        raise InvalidFrameError("an array of it has another size than its shape says")
     array: Array = np.frombuffer(content, dtype).reshape(shape)
     return array
 
@@ -318,14 +324,14 @@ HEADER_ARRAYS: Final = {
     "slots.cell": Range("i4", ("slots",), -1, "cells"),
     "orders.source": Range("i4", ("orders",), 0, "spare"),
     "orders.target": Range("i4", ("orders",), 0, "spare"),
-    "orders.release_tick": Range("i4", ("orders",), 0, NUMBER),
+    "orders.release_tick": Range("i4", ("orders",), 0, MAX_NUMBER),
     "orders.release_sequence": Range("i4", ("orders",), -1, "orders"),
-    "orders.weight": Range("i4", ("orders",), 0, NUMBER),
-    "jobs.processing_time": Range("i4", ("jobs",), 0, NUMBER),
-    "jobs.arrival_tick": Range("i4", ("jobs",), -1, NUMBER),
+    "orders.weight": Range("i4", ("orders",), 0, MAX_NUMBER),
+    "jobs.processing_time": Range("i4", ("jobs",), 0, MAX_NUMBER),
+    "jobs.arrival_tick": Range("i4", ("jobs",), -1, MAX_NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
-    "period": Range("i4", (5,), 0, NUMBER),
+    "period": Range("i4", (5,), 0, MAX_NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
 }
 # Only the validator reads states, as numbers; `verify` compares them with the run made again.
@@ -333,7 +339,7 @@ STATE_SIZES: Final = {"robots": "robots", "orders": "orders", "slots": "slots"}
 
 
 def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:
-    """Check arrays, found by dotted names; a size that is not known yet is entered. Raises Unsound."""
+    """Check arrays by dotted names; enter sizes not known yet. Raises InvalidFrameError."""
     for name, (dtype, shape, least, below) in wanted.items():
         *path, last = name.split(".")
         part = content
@@ -343,58 +349,62 @@ def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str,
             continue
         array = part[last]
         if array.dtype != np.dtype(dtype):
-            raise Unsound(f"{name} has the type {array.dtype}, not {np.dtype(dtype)}")
+            raise InvalidFrameError(f"{name} has the type {array.dtype}, not {np.dtype(dtype)}")
         _check_shape(name, array, shape, sizes)
         most = sizes[below] if isinstance(below, str) else below
         if array.size and not (int(array.min()) >= least and int(array.max()) < most):
             found = int(array.min()) if int(array.min()) < least else int(array.max())
-            raise Unsound(f"{name} has the value {found}; {least} to {most - 1} are possible")
+            raise InvalidFrameError(
+                f"{name} has the value {found}; {least} to {most - 1} are possible"
+            )
 
 
 def _check_shape(
     name: str, array: Array, shape: tuple[str | int, ...], sizes: dict[str, int]
 ) -> None:
     if array.ndim != len(shape):
-        raise Unsound(f"{name} has {array.ndim} dimensions, not {len(shape)}")
+        raise InvalidFrameError(f"{name} has {array.ndim} dimensions, not {len(shape)}")
     for extent, size in zip(array.shape, shape, strict=True):
         expected = sizes.setdefault(size, extent) if isinstance(size, str) else size
         if extent != expected:
-            raise Unsound(f"{name} has {extent:,} rows or columns where there are {expected:,}")
+            raise InvalidFrameError(
+                f"{name} has {extent:,} rows or columns where there are {expected:,}"
+            )
 
 
 def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
-    """Check the shapes of a state. Raises Unsound."""
+    """Check the shapes of a state. Raises InvalidFrameError."""
     for part, arrays in KEYFRAME_ARRAYS.items():
         for name in arrays:
             array = content[part][name]
             if array.ndim != 1:
-                raise Unsound(f"{part}.{name} has {array.ndim} dimensions, not 1")
+                raise InvalidFrameError(f"{part}.{name} has {array.ndim} dimensions, not 1")
             if part in STATE_SIZES and len(array) != sizes[STATE_SIZES[part]]:
                 text = f"{len(array):,} {part} where there are {sizes[STATE_SIZES[part]]:,}"
-                raise Unsound(f"{part}.{name} tells of {text}")
+                raise InvalidFrameError(f"{part}.{name} tells of {text}")
 
 
 def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
-    """TICKS as they are used: a row for each tick.
+    """FRAME_KIND_TICKS as they are used: a row for each tick.
 
-    `known`: how many robots and names of digests there are, where that is known. Raises Unsound if
-    parts do not fit it or each other.
+    `known`: how many robots and names of digests there are, where that is known. Raises
+    InvalidFrameError if parts do not fit it or each other.
     """
     ticks = content["executed"].shape[1] if content["executed"].ndim == 2 else 0
     sizes = {**known, "ticks": ticks}
     if not 0 < ticks <= FRAME_TICKS or not 0 < content["first"] <= LAST_TICK:
-        raise Unsound(f"it tells of {ticks} ticks from tick {content['first']} on")
-    most = MOST_ROWS * (len(content["executed"]) + 1)  # in a tick
+        raise InvalidFrameError(f"it tells of {ticks} ticks from tick {content['first']} on")
+    most = MAX_ROWS * (len(content["executed"]) + 1)  # in a tick
     if content["changes"].ndim == 2 and content["changes"].shape[1] > min(
-        MOST_CHANGES, most * ticks
+        MAX_CHANGES, most * ticks
     ):
-        raise Unsound(f"it tells of more than {min(MOST_CHANGES, most * ticks):,} changes")
+        raise InvalidFrameError(f"it tells of more than {min(MAX_CHANGES, most * ticks):,} changes")
     check_arrays(
         content,
         {
             "executed": Range("u1", ("robots", "ticks"), 0, 256),
             "decisions": Range("i8", ("words",), -(1 << 63), 1 << 63),
-            "changes": Range("i4", (4, "changes"), -NUMBER, NUMBER),
+            "changes": Range("i4", (4, "changes"), -MAX_NUMBER, MAX_NUMBER),
             "due": Range("i4", ("due",), 0, "ticks"),
             "digests": Range("u8", ("names", "due"), 0, 1 << 64),
         },
@@ -402,13 +412,13 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     )
     due, changes = content["due"], content["changes"].T.astype(np.int64)
     if (np.diff(due) <= 0).any():
-        raise Unsound("digests are not in the sequence of their ticks")
+        raise InvalidFrameError("digests are not in the sequence of their ticks")
     if len(changes) and (
         (np.diff(changes[:, 0]) < 0).any() or changes[0, 0] < 0 or changes[-1, 0] >= ticks
     ):
-        raise Unsound("changes are not in the sequence of its ticks")
+        raise InvalidFrameError("changes are not in the sequence of its ticks")
     if np.bincount(changes[:, 0], minlength=1).max() > most:
-        raise Unsound(f"it tells of more than {most:,} changes in a tick")
+        raise InvalidFrameError(f"it tells of more than {most:,} changes in a tick")
     changes[:, 0] += content["first"]
     digests = np.zeros((ticks, len(content["digests"])), np.uint64)
     digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
@@ -422,15 +432,15 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
 
 
 def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
-    """Changes name robots, orders and slots that there are. Raises Unsound."""
+    """Changes name robots, orders and slots that there are. Raises InvalidFrameError."""
     robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
     limits = {
         CHANGE_ORDER_RESERVED: (orders, -1, robots),
         CHANGE_SLOT_RESERVED: (slots, -1, robots),
-        CHANGE_DURATION: (robots, 0, NUMBER),
+        CHANGE_DURATION: (robots, 0, MAX_NUMBER),
         CHANGE_PICKED: (robots, 0, orders),
         CHANGE_DROPPED: (robots, 0, slots),
-        CHANGE_ZONE: (robots, -1, NUMBER),
+        CHANGE_ZONE: (robots, -1, MAX_NUMBER),
         CHANGE_LOAD_LEFT: (robots, 0, slots),
         CHANGE_STATUS: (robots, 0, 7),
     }
@@ -441,13 +451,16 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
     wrong = ~known | (subject < 0) | (subject >= subjects) | (value < least) | (value >= values)
     if wrong.any():
         tick, *row = changes[int(wrong.argmax())].tolist()
-        raise Unsound(f"in tick {tick} it tells of a change that cannot be: {row}")
+        raise InvalidFrameError(f"in tick {tick} it tells of a change that cannot be: {row}")
 
 
-def refusal(error: Unsound, file: str, number: int, kind: int, at: int) -> InputError:
+def refusal(error: InvalidFrameError, file: str, number: int, kind: int, at: int) -> InputError:
     """The sentence about a frame that cannot be."""
-    name = {HEADER: "the header", TICKS: "ticks", KEYFRAME: "a state", END: "the end"}.get(
-        kind, "conditions"
-    )
+    name = {
+        FRAME_KIND_HEADER: "the header",
+        FRAME_KIND_TICKS: "ticks",
+        FRAME_KIND_KEYFRAME: "a state",
+        FRAME_KIND_END: "the end",
+    }.get(kind, "conditions")
     text = " ".join(str(error).split())
     return InputError(f"damaged or altered: frame {number} at byte {at:,} ({name}): {text}", file)

@@ -29,12 +29,13 @@ from automaton.recording.codes import (
     TURN_RIGHT,
 )
 from automaton.recording.motion_rules import Acts, Complaint, Motion
-from automaton.recording.pace_rules import NONE
+from automaton.recording.move_time_rules import NIL
 from automaton.world.cells import CHARGER
 
 BATTERY_FULL: Final = 1_000_000
-RUNNING, EMPTY, BROKEN, TOWED, GONE = 0, 3, 4, 5, 6  # statuses as they are recorded
-OPERATIONS: Final = {
+# statuses as they are recorded
+STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
+OPERATION_BY_CODE: Final = {
     **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
     TURN_LEFT: "turn",
     TURN_RIGHT: "turn",
@@ -42,7 +43,7 @@ OPERATIONS: Final = {
     EXECUTED_DROP: "drop",
     EXECUTED_TRY_DROP: "try_drop",
 }
-WAITS: Final = (EXECUTED_WAIT, EXECUTED_BLOCKED, EXECUTED_RETREAT, EXECUTED_ILLEGAL)
+WAIT_CODES: Final = (EXECUTED_WAIT, EXECUTED_BLOCKED, EXECUTED_RETREAT, EXECUTED_ILLEGAL)
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 
@@ -55,15 +56,15 @@ def units(percent: float) -> int:
 class Energy:
     """The charge and the status of each robot."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, complain: Complaint) -> None:
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
-        self.complain = complain
+        self.report_violation = report_violation
         self.charge: list[int] = header["robots"]["charge"].tolist()
-        self.status = [RUNNING] * len(self.charge)
+        self.status = [STATUS_UP] * len(self.charge)
         self.since = [0] * len(self.charge)  # tick in which a robot got its status
-        self.follow(header["scenario"])
+        self.apply_rules(header["scenario"])
 
-    def follow(self, scenario: dict[str, Any]) -> None:
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of batteries and faults."""
         self.battery = scenario.get("battery")
         self.faults = scenario["faults"]
@@ -83,34 +84,34 @@ class Energy:
     def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int]) -> None:
         """Pay for what begins in a tick, as loads are before it."""
         for r, did in acts:
-            if self.status[r] != RUNNING and did & ACTION_MASK:
+            if self.status[r] != STATUS_UP and did & ACTION_MASK:
                 text = "does something although it is down"
-                self.complain(tick, "energy", [r], self.motion.cell[r], text)
+                self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
         for r, did in acts:
-            code, loaded = did & ACTION_MASK, int(load[r] != NONE)
-            if code in OPERATIONS:
-                name = OPERATIONS[code]
+            code, loaded = did & ACTION_MASK, int(load[r] != NIL)
+            if code in OPERATION_BY_CODE:
+                name = OPERATION_BY_CODE[code]
                 usual = max(1, self.duration[name])
                 ticks = lengths.get(r, self.motion.pace.usual_of(r) if name == "move" else usual)
                 self._operate(tick, r, name, ticks * self.rates[name][loaded])
-            elif code in WAITS:
+            elif code in WAIT_CODES:
                 self._stand(r, lengths.get(r, 1) * self.rates["wait"][loaded])
             elif code == EXECUTED_CHARGE:
                 self._take_in(tick, r)
         if any(self.rates["wait"]):
             busy = {r for r, did in acts if did & (ACTION_MASK | ENTERED_PARKING_BAY)}
             for r, cell in enumerate(self.motion.cell):
-                free = self.motion.free[r] <= tick and self.status[r] == RUNNING
-                if cell != NONE and free and r not in busy:
-                    self._stand(r, self.rates["wait"][int(load[r] != NONE)])
+                free = self.motion.free[r] <= tick and self.status[r] == STATUS_UP
+                if cell != NIL and free and r not in busy:
+                    self._stand(r, self.rates["wait"][int(load[r] != NIL)])
 
     def _operate(self, tick: int, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
             text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
-            self.complain(tick, "energy", [r], self.motion.cell[r], text)
+            self.report_violation(tick, "energy", [r], self.motion.cell[r], text)
         self.charge[r] -= min(price, self.charge[r])
 
     def _stand(self, r: int, price: int) -> None:
@@ -118,8 +119,8 @@ class Energy:
 
     def _take_in(self, tick: int, r: int) -> None:
         cell = self.motion.cell[r]
-        if cell == NONE or self.motion.kind[cell] != CHARGER:
-            self.complain(tick, "energy", [r], cell, "charges where there is no charger")
+        if cell == NIL or self.motion.kind[cell] != CHARGER:
+            self.report_violation(tick, "energy", [r], cell, "charges where there is no charger")
         rate = max(step for step in self.curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(rate, BATTERY_FULL - self.charge[r])
 
@@ -127,24 +128,30 @@ class Energy:
         """A robot goes down, is towed, or comes back."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
-        if status in (EMPTY, BROKEN):
+        if status in (STATUS_DEPLETED, STATUS_FAILED):
             self._check_fault(tick, r, status, before)
-            self.motion.parked[r] = cell == NONE
+            self.motion.parked[r] = cell == NIL
             self.motion.unsure.discard(r)
-        elif status in (TOWED, GONE):
+        elif status in (STATUS_TOWED, STATUS_REMOVED):
             wait = self.faults["tow_after"]
-            in_bay = cell == NONE
-            if before not in (EMPTY, BROKEN) or not (in_bay or tick - since == wait):
-                self.complain(tick, "energy", [r], cell, "is towed at another time than it must be")
-            if (status == GONE) != (self.faults["repair_time"] is None):
-                self.complain(
+            in_bay = cell == NIL
+            if before not in (STATUS_DEPLETED, STATUS_FAILED) or not (
+                in_bay or tick - since == wait
+            ):
+                self.report_violation(
+                    tick, "energy", [r], cell, "is towed at another time than it must be"
+                )
+            if (status == STATUS_REMOVED) != (self.faults["repair_time"] is None):
+                self.report_violation(
                     tick, "energy", [r], cell, "is gone, or comes back, against the rules"
                 )
-            if status == TOWED and self.battery is not None:
-                self._mend(r, before == EMPTY, units(self.battery["reserve"]))
+            if status == STATUS_TOWED and self.battery is not None:
+                self._mend(r, before == STATUS_DEPLETED, units(self.battery["reserve"]))
             self.motion.tow(r)
-        elif before != TOWED or tick - since != self.faults["repair_time"]:
-            self.complain(tick, "energy", [r], cell, "comes back at another time than it must")
+        elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
+            self.report_violation(
+                tick, "energy", [r], cell, "comes back at another time than it must"
+            )
         self.status[r], self.since[r] = status, tick
 
     def _mend(self, r: int, ran_empty: bool, reserve: int) -> None:
@@ -157,16 +164,18 @@ class Energy:
 
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
-        if before != RUNNING:
-            self.complain(tick, "energy", [r], cell, "goes down although it is already")
-        if status == EMPTY:
+        if before != STATUS_UP:
+            self.report_violation(tick, "energy", [r], cell, "goes down although it is already")
+        if status == STATUS_DEPLETED:
             if self.charge[r] and self.charge[r] >= self._dearest():
                 text = f"is out of energy with {self.charge[r]} units of charge"
-                self.complain(tick, "energy", [r], cell, text)
+                self.report_violation(tick, "energy", [r], cell, text)
         elif not self.faults["failure_probability"]:
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
-                self.complain(tick, "energy", [r], cell, "breaks down although nothing says so")
+                self.report_violation(
+                    tick, "energy", [r], cell, "breaks down although nothing says so"
+                )
 
     def _dearest(self) -> int:
         """Units that the dearest operation takes; a move in a slow zone lasts many times longer."""

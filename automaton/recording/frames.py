@@ -27,11 +27,11 @@ import msgspec
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.recording.contents import CONDITIONS as CONDITIONS
-from automaton.recording.contents import END as END
-from automaton.recording.contents import HEADER as HEADER
-from automaton.recording.contents import KEYFRAME as KEYFRAME
-from automaton.recording.contents import TICKS as TICKS
+from automaton.recording.contents import FRAME_KIND_CONDITIONS as FRAME_KIND_CONDITIONS
+from automaton.recording.contents import FRAME_KIND_END as FRAME_KIND_END
+from automaton.recording.contents import FRAME_KIND_HEADER as FRAME_KIND_HEADER
+from automaton.recording.contents import FRAME_KIND_KEYFRAME as FRAME_KIND_KEYFRAME
+from automaton.recording.contents import FRAME_KIND_TICKS as FRAME_KIND_TICKS
 from automaton.recording.contents import Content as Content
 from automaton.recording.contents import Frame as Frame
 from automaton.recording.contents import (
@@ -40,13 +40,13 @@ from automaton.recording.contents import (
     unpacked_ticks,
 )
 
-FORMAT: Final = 4
+RECORDING_FORMAT: Final = 4
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal
 CHECKED: Final = struct.Struct("<BIQ")  # the part of FRAME that the CRC covers
 
-DECODED: Final = 4  # TICKS frames that stay decoded
+DECODED: Final = 4  # FRAME_KIND_TICKS frames that stay decoded
 
 
 class Stored(Protocol):
@@ -80,14 +80,14 @@ Reader = Callable[[int, Any], Content]  # (number of the frame behind the header
 class StoredFrames:
     """The checked frames of a file or of a run under way, decoded one at a time as they are asked for.
 
-    TICKS frames can be found by tick; the last ones that were used stay decoded. `read`: checks
-    what it decodes; frames of this process need no check.
+    FRAME_KIND_TICKS frames can be found by tick; the last ones that were used stay decoded. `read`:
+    checks what it decodes; frames of this process need no check.
     """
 
     def __init__(self, payloads: Sequence[Stored], read: Reader | None = None) -> None:
         self.payloads = payloads
         self.read = read
-        self._last = array("q")  # the last tick of each TICKS frame
+        self._last = array("q")  # the last tick of each FRAME_KIND_TICKS frame
         self._index_of = array("q")
         self._rules: list[Content] = []
         self._indexed = 0
@@ -117,7 +117,7 @@ class StoredFrames:
         return min((r["tick"] for r in self._rules if r["tick"] > tick), default=None)
 
     def ticks_with(self, tick: int) -> Content | None:
-        """The TICKS frame that holds a tick; None after the last one."""
+        """The FRAME_KIND_TICKS frame that holds a tick; None after the last one."""
         self._index()
         place = bisect_left(self._last, tick)
         if place == len(self._last):
@@ -138,10 +138,10 @@ class StoredFrames:
     def _index(self) -> None:
         for index in range(self._indexed, len(self.payloads)):
             payload = self.payloads[index]
-            if payload.kind == TICKS:
+            if payload.kind == FRAME_KIND_TICKS:
                 self._last.append(payload.tick)
                 self._index_of.append(index)
-            elif payload.kind == CONDITIONS:
+            elif payload.kind == FRAME_KIND_CONDITIONS:
                 self._rules.append(self._content(index))
         self._indexed = len(self.payloads)
 
@@ -152,7 +152,7 @@ class Recording:
 
     header: Content
     frames: Iterable[Frame]  # after the header
-    complete: bool  # the END frame is there: it was not cut short
+    complete: bool  # the FRAME_KIND_END frame is there: it was not cut short
 
     @property
     def ticks(self) -> int:
@@ -170,21 +170,21 @@ class Recording:
 
 def preamble() -> bytes:
     """The first bytes of every recording."""
-    return PREAMBLE.pack(MAGIC, FORMAT)
+    return PREAMBLE.pack(MAGIC, RECORDING_FORMAT)
 
 
 def tick_of(kind: int, content: Content) -> int:
     """The last tick that a frame tells of."""
-    if kind == HEADER:
+    if kind == FRAME_KIND_HEADER:
         return 0
-    if kind == TICKS:
+    if kind == FRAME_KIND_TICKS:
         return int(content["first"]) + len(content["executed"]) - 1
-    return int(content["ticks" if kind == END else "tick"])
+    return int(content["ticks" if kind == FRAME_KIND_END else "tick"])
 
 
 def payload_of(kind: int, content: Content) -> Payload:
     """A frame as it is stored."""
-    packed = _pack_ticks(content) if kind == TICKS else content
+    packed = _pack_ticks(content) if kind == FRAME_KIND_TICKS else content
     data = zlib.compress(msgspec.msgpack.encode(packed, enc_hook=array_out), 6)
     return Payload(kind, tick_of(kind, content), data)
 
@@ -223,7 +223,7 @@ class Chain:
 def encoded(header: Content, frames: Iterable[Frame]) -> bytes:
     """A whole recording as the bytes of a file."""
     chain = Chain()
-    parts = [Frame(HEADER, header), *frames]
+    parts = [Frame(FRAME_KIND_HEADER, header), *frames]
     return preamble() + b"".join(chain.framed(payload_of(*part)) for part in parts)
 
 
@@ -232,7 +232,7 @@ def decode(
 ) -> Content:
     """The content of a frame, of the right types and of these sizes. Raises Unsound."""
     content = read_content(kind, payload)
-    return unpacked_ticks(content, sizes) if kind == TICKS else content
+    return unpacked_ticks(content, sizes) if kind == FRAME_KIND_TICKS else content
 
 
 def _pack_ticks(content: Content) -> Content:

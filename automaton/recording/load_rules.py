@@ -29,20 +29,20 @@ from automaton.recording.codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.recording.motion_rules import Acts, Complaint, Motion
-from automaton.recording.pace_rules import NONE
+from automaton.recording.move_time_rules import NIL
 from automaton.recording.station_rules import Work
 from automaton.world.cells import CELL_KINDS, RACK, STATION
 
-WAITING: Final = 0  # states of an order
-CARRIED: Final = 1
-DELIVERED: Final = 2
-UNRELEASED: Final = 3
-GONE: Final = 6  # the last status of a robot
+ORDER_WAITING: Final = 0  # states of an order
+ORDER_CARRIED: Final = 1
+ORDER_DELIVERED: Final = 2
+ORDER_UNRELEASED: Final = 3
+STATUS_REMOVED: Final = 6  # the last status of a robot
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 
 # Handling on arrival: the flag, what it is like, and the duration that has to be 0.
-AT_ONCE: Final = (
+ON_ARRIVAL: Final = (
     (PICKED_ON_ARRIVAL, EXECUTED_PICK, "pick"),
     (DROPPED_ON_ARRIVAL, EXECUTED_DROP, "drop"),
 )
@@ -62,9 +62,9 @@ def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
 class Loads:
     """Where all orders are and what is reserved, replayed from the committed changes."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, complain: Complaint) -> None:
+    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
         self.motion = motion
-        self.complain = complain
+        self.report_violation = report_violation
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
         self.spare: int = header["slots"][
             "first_spare"
@@ -81,7 +81,7 @@ class Loads:
         self.weight = [1] * len(self.target) if weights is None else weights.tolist()
         self.place: list[int] = header["orders"]["source"].tolist()
         released = header["orders"]["release_tick"].tolist()
-        self.state = [UNRELEASED if tick else WAITING for tick in released]
+        self.state = [ORDER_UNRELEASED if tick else ORDER_WAITING for tick in released]
         self.work = Work(header)
         coming = sorted(range(len(released)), key=released.__getitem__, reverse=True)
         timed = [order for order in coming if released[order] and order not in self.work.ends]
@@ -92,27 +92,31 @@ class Loads:
             later = header["orders"]["release_sequence"].tolist()[self._in_system :]
             self._coming = [(0, order) for order in reversed(later)]
             for order in later:
-                self.state[order] = UNRELEASED
-        self.by = [NONE] * len(self.place)
-        self.content = [NONE] * len(self.slot_cell)
-        self.reserved = [NONE] * len(self.slot_cell)
-        self.load = [NONE] * len(motion.home)
-        self.order = [NONE] * len(motion.home)  # reserved or carried by each robot
-        self.slot = [NONE] * len(motion.home)  # shelf reserved by each robot
+                self.state[order] = ORDER_UNRELEASED
+        self.by = [NIL] * len(self.place)
+        self.content = [NIL] * len(self.slot_cell)
+        self.reserved = [NIL] * len(self.slot_cell)
+        self.load = [NIL] * len(motion.home)
+        self.order = [NIL] * len(motion.home)  # reserved or carried by each robot
+        self.slot = [NIL] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
         self._lengths: dict[int, int] = {}  # recorded durations of this tick
         self._arriving = False
         for order, (start, end) in self.work.ends.items():
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
-                complain(0, "part", [], start, f"order {order} is not the way of its part")
+                report_violation(0, "part", [], start, f"order {order} is not the way of its part")
         for order, slot in enumerate(self.place):
             if self.dock[slot] or self.station[slot]:
                 continue
             if not kinds[slot].slot or self.endless[slot]:
-                complain(0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf")
-            if self.content[slot] != NONE:
-                complain(0, "load", [], self.slot_cell[slot], "two loads start on one shelf")
+                report_violation(
+                    0, "load", [], self.slot_cell[slot], f"order {order} starts on no shelf"
+                )
+            if self.content[slot] != NIL:
+                report_violation(
+                    0, "load", [], self.slot_cell[slot], "two loads start on one shelf"
+                )
             self.content[slot] = order
 
     def release(self, tick: int) -> None:
@@ -121,19 +125,19 @@ class Loads:
             # Known and not delivered are all but those to come, of those that are left.
             if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
                 break
-            self.state[self._coming.pop()[1]] = WAITING
+            self.state[self._coming.pop()[1]] = ORDER_WAITING
         for order in self.work.begin(tick):
-            self.state[order] = WAITING
+            self.state[order] = ORDER_WAITING
 
     def leave(self, tick: int, r: int, slot: int) -> None:
         """A robot that goes down leaves its load in a spare slot in its cell."""
         order, cell = self.load[r], self.motion.cell[r]
-        if order == NONE or slot < self.spare or self.slot_cell[slot] != NONE:
-            self.complain(
+        if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
+            self.report_violation(
                 tick, "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
             )
             return
-        self.load[r], self.place[order], self.state[order] = NONE, slot, WAITING
+        self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
         self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
 
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
@@ -146,7 +150,9 @@ class Loads:
         handled: set[int] = set()
         for _, code, subject, value in rows:
             if not self.exists(code, subject, value):
-                self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
+                self.report_violation(
+                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                )
             elif code == CHANGE_DURATION:
                 lengths[subject] = value
                 self._check_length(tick, subject, value, did.get(subject, 0))
@@ -161,7 +167,7 @@ class Loads:
         did: dict[int, int] = {}
         self._arriving = True
         for r, code in acts:
-            for flag, action, name in AT_ONCE:
+            for flag, action, name in ON_ARRIVAL:
                 if code & flag:
                     did[r] = action
                     self._check_arrival(tick, r, name)
@@ -171,7 +177,9 @@ class Loads:
                 self._change(tick, code, subject, value, did)
                 handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
             else:
-                self.complain(tick, "record", [], NONE, f"no such change: {code} {subject} {value}")
+                self.report_violation(
+                    tick, "record", [], NIL, f"no such change: {code} {subject} {value}"
+                )
         self._check_acts(tick, did, {}, handled)
 
     def _change(self, tick: int, code: int, subject: int, value: int, did: dict[int, int]) -> None:
@@ -190,10 +198,10 @@ class Loads:
             text = (
                 f"handles its load on arrival, but a {name} takes {self.motion.given[name]} ticks"
             )
-            self.complain(tick, "arrival", [r], cell, text)
+            self.report_violation(tick, "arrival", [r], cell, text)
         elif r not in self.motion.arrived:
             text = "handles its load on arrival, but none of its moves ends in this tick"
-            self.complain(tick, "arrival", [r], cell, text)
+            self.report_violation(tick, "arrival", [r], cell, text)
 
     def exists(self, code: int, subject: int, value: int) -> bool:
         """Whether a change names things that there are."""
@@ -205,11 +213,11 @@ class Loads:
             CHANGE_PICKED: (robots, orders),
             CHANGE_DROPPED: (robots, slots),
             CHANGE_LOAD_LEFT: (robots, slots),
-            CHANGE_STATUS: (robots, GONE + 1),
+            CHANGE_STATUS: (robots, STATUS_REMOVED + 1),
             CHANGE_ZONE: (robots, 1 << 31),
         }
         subjects, values = limits.get(code, (0, 0))
-        least = NONE if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
+        least = NIL if code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED, CHANGE_ZONE) else 0
         return 0 <= subject < subjects and least <= value < values
 
     def _check_length(self, tick: int, r: int, ticks: int, code: int) -> None:
@@ -217,10 +225,10 @@ class Loads:
             least = self.motion.duration[code]
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
                 text = f"handles its load for {ticks} ticks, which no rule gives"
-                self.complain(tick, "duration", [r], self.motion.cell[r], text)
+                self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
         elif ticks < 1 or not (code == EXECUTED_WAIT or 1 <= code <= MOVE_NORTH):
             text = f"a duration of {ticks} belongs to nothing that it does"
-            self.complain(tick, "duration", [r], self.motion.cell[r], text)
+            self.report_violation(tick, "duration", [r], self.motion.cell[r], text)
 
     def _check_acts(
         self, tick: int, did: dict[int, int], lengths: dict[int, int], handled: set[int]
@@ -228,47 +236,51 @@ class Loads:
         for r, code in did.items():
             cell = self.motion.cell[r]
             if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
-                self.complain(tick, "load", [r], cell, "handles a load that is not named")
+                self.report_violation(tick, "load", [r], cell, "handles a load that is not named")
             elif (
                 code == EXECUTED_WAIT
                 or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
             ) and (r not in lengths):
-                self.complain(tick, "duration", [r], cell, "waits without a duration")
-            elif code == EXECUTED_TRY_DROP and self.load[r] == NONE:
-                self.complain(tick, "load", [r], cell, "tries to drop without a load")
+                self.report_violation(tick, "duration", [r], cell, "waits without a duration")
+            elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
+                self.report_violation(tick, "load", [r], cell, "tries to drop without a load")
 
     def _reserve_order(self, tick: int, order: int, r: int) -> None:
         had = self.by[order]
-        if r == NONE:
-            if had == NONE or self.state[order] in (CARRIED, UNRELEASED):
+        if r == NIL:
+            if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
                 text = f"order {order} is given back, but is carried or was not reserved"
-                self.complain(tick, "order", [had] if had != NONE else [], NONE, text)
-            if had != NONE and self.order[had] == order:
-                self.order[had] = NONE
+                self.report_violation(tick, "order", [had] if had != NIL else [], NIL, text)
+            if had != NIL and self.order[had] == order:
+                self.order[had] = NIL
         else:
-            if had != NONE or self.state[order] != WAITING:
-                robots = [r] if had == NONE else [r, had]
+            if had != NIL or self.state[order] != ORDER_WAITING:
+                robots = [r] if had == NIL else [r, had]
                 text = f"order {order} is given out although it is not free"
-                self.complain(tick, "order", robots, NONE, text)
-            elif self.order[r] != NONE or self.load[r] != NONE:
-                self.complain(tick, "order", [r], NONE, f"gets order {order} beside another")
+                self.report_violation(tick, "order", robots, NIL, text)
+            elif self.order[r] != NIL or self.load[r] != NIL:
+                self.report_violation(tick, "order", [r], NIL, f"gets order {order} beside another")
             self.order[r] = order
         self.by[order] = r
 
     def _reserve_slot(self, tick: int, slot: int, r: int) -> None:
         had, cell = self.reserved[slot], self.slot_cell[slot]
-        if r == NONE:
-            if had == NONE:
-                self.complain(tick, "slot", [], cell, "a shelf is given back that was not reserved")
+        if r == NIL:
+            if had == NIL:
+                self.report_violation(
+                    tick, "slot", [], cell, "a shelf is given back that was not reserved"
+                )
             elif self.slot[had] == slot:
-                self.slot[had] = NONE
+                self.slot[had] = NIL
         else:
-            if had != NONE or self.content[slot] != NONE or self.endless[slot]:
-                robots = [r] if had == NONE else [r, had]
+            if had != NIL or self.content[slot] != NIL or self.endless[slot]:
+                robots = [r] if had == NIL else [r, had]
                 text = "a slot is reserved that is not a shelf, or not empty and free"
-                self.complain(tick, "slot", robots, cell, text)
-            elif self.slot[r] != NONE or self.load[r] == NONE:
-                self.complain(tick, "slot", [r], cell, "reserves a second shelf, or has no load")
+                self.report_violation(tick, "slot", robots, cell, text)
+            elif self.slot[r] != NIL or self.load[r] == NIL:
+                self.report_violation(
+                    tick, "slot", [r], cell, "reserves a second shelf, or has no load"
+                )
             self.slot[r] = slot
         self.reserved[slot] = r
 
@@ -277,63 +289,71 @@ class Loads:
         if self.station[slot]:
             if offset:
                 text = "handles a load of a station that it is not on"
-                self.complain(tick, "load", [r], self.slot_cell[slot], text)
-        elif self.motion.cell[r] == NONE or offset not in self.motion.step:
-            self.complain(tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it")
+                self.report_violation(tick, "load", [r], self.slot_cell[slot], text)
+        elif self.motion.cell[r] == NIL or offset not in self.motion.step:
+            self.report_violation(
+                tick, "load", [r], self.slot_cell[slot], "handles a slot not beside it"
+            )
         elif self.rack[slot] and abs(offset) == 1:
-            self.complain(tick, "load", [r], self.slot_cell[slot], "handles a rack from its side")
+            self.report_violation(
+                tick, "load", [r], self.slot_cell[slot], "handles a rack from its side"
+            )
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
         slot = self.place[order]
         cell = self.motion.cell[r]
         if code != EXECUTED_PICK:
-            self.complain(tick, "load", [r], cell, "gets a load without picking it up")
-        if self.load[r] != NONE:
-            self.complain(tick, "load", [r], cell, "picks up a second load")
+            self.report_violation(tick, "load", [r], cell, "gets a load without picking it up")
+        if self.load[r] != NIL:
+            self.report_violation(tick, "load", [r], cell, "picks up a second load")
         most = self.motion.types.payload[r]
         if self.weight[order] > most:
             text = (
                 f"picks up order {order} of weight {self.weight[order]} and carries {most} at most"
             )
-            self.complain(tick, "payload", [r], cell, text)
+            self.report_violation(tick, "payload", [r], cell, text)
         if self.by[order] != r:
-            self.complain(tick, "order", [r], cell, f"picks up order {order} that it has not")
-        if slot == NONE or self.state[order] != WAITING:
+            self.report_violation(
+                tick, "order", [r], cell, f"picks up order {order} that it has not"
+            )
+        if slot == NIL or self.state[order] != ORDER_WAITING:
             text = f"picks up order {order} that waits on no slot"
-            self.complain(tick, "load", [r], cell, text)
+            self.report_violation(tick, "load", [r], cell, text)
         else:
             self._beside(tick, r, slot)
-            self.content[slot] = NONE
-        if slot != NONE and slot == self.target[order]:
-            self.state[order] = DELIVERED  # it had only to be visited
+            self.content[slot] = NIL
+        if slot != NIL and slot == self.target[order]:
+            self.state[order] = ORDER_DELIVERED  # it had only to be visited
             self.undelivered -= 1
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
-        self.place[order], self.state[order], self.load[r] = NONE, CARRIED, order
+        self.place[order], self.state[order], self.load[r] = NIL, ORDER_CARRIED, order
         if slot >= self.spare:
-            self.slot_cell[slot], self.endless[slot] = NONE, True
+            self.slot_cell[slot], self.endless[slot] = NIL, True
 
     def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
         order, cell = self.load[r], self.slot_cell[slot]
         if code != EXECUTED_DROP:
-            self.complain(tick, "load", [r], cell, "loses a load without setting it down")
-        if order == NONE:
-            self.complain(tick, "load", [r], cell, "drops without a load")
+            self.report_violation(tick, "load", [r], cell, "loses a load without setting it down")
+        if order == NIL:
+            self.report_violation(tick, "load", [r], cell, "drops without a load")
             return
         self._beside(tick, r, slot)
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
-                self.complain(tick, "load", [r], cell, "drops where its load must not go")
+                self.report_violation(tick, "load", [r], cell, "drops where its load must not go")
         else:
-            if self.content[slot] != NONE:
-                self.complain(tick, "load", [r], cell, "drops on a full shelf")
+            if self.content[slot] != NIL:
+                self.report_violation(tick, "load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
-                self.complain(tick, "slot", [r], cell, "drops on a shelf it has not reserved")
+                self.report_violation(
+                    tick, "slot", [r], cell, "drops on a shelf it has not reserved"
+                )
             self.content[slot] = order
-        self.load[r], self.place[order] = NONE, slot
+        self.load[r], self.place[order] = NIL, slot
         delivered = slot == self.target[order]
-        self.state[order] = DELIVERED if delivered else WAITING
+        self.state[order] = ORDER_DELIVERED if delivered else ORDER_WAITING
         self.undelivered -= delivered
         if delivered:
             self.work.deliver(tick + self._handling(r, EXECUTED_DROP), order)
@@ -347,5 +367,5 @@ class Loads:
     def check_parked(self, tick: int, acts: Acts) -> None:
         """A robot parks only with nothing to do."""
         for r, did in acts:
-            if did & ENTERED_PARKING_BAY and (self.load[r] != NONE or self.order[r] != NONE):
-                self.complain(tick, "bay", [r], self.motion.home[r], "parks with an order")
+            if did & ENTERED_PARKING_BAY and (self.load[r] != NIL or self.order[r] != NIL):
+                self.report_violation(tick, "bay", [r], self.motion.home[r], "parks with an order")

@@ -25,11 +25,11 @@ from automaton.recording.codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.recording.pace_rules import NONE, Pace
+from automaton.recording.move_time_rules import NIL, MoveTimes
 from automaton.recording.type_rules import Types
 from automaton.world.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 
-HEADINGS: Final = {"omni": 1, "rail": 2, "differential": 4}
+HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 
 Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
 Complaint = Callable[..., None]  # (tick, rule, robots, cell, text)
@@ -39,22 +39,22 @@ Mover = tuple[int, int, int, int]  # robot, from, to, direction
 class Motion:
     """Positions of all robots, replayed from the header and the committed actions."""
 
-    def __init__(self, header: dict[str, Any], complain: Complaint) -> None:
+    def __init__(self, header: dict[str, Any], report_violation: Complaint) -> None:
         floor, scenario, robots = header["floor"], header["scenario"], header["robots"]
         stride = floor["width"] + 2
-        self.complain = complain
+        self.report_violation = report_violation
         self.step = (1, stride, -1, -stride)
         self.exits: list[int] = floor["exits"].ravel().tolist()
         self.capacity: list[int] = floor["capacity"].ravel().tolist()
         self.kind: list[int] = floor["kind"].ravel().tolist()
-        self.headings = HEADINGS[scenario["fleet"]["kinematics"]]
+        self.headings = HEADING_COUNTS[scenario["fleet"]["kinematics"]]
         self.types = Types(floor, scenario)
-        self.pace = Pace(floor, header["seed"], self.types.move_time_factor)
-        self.follow(scenario)
+        self.pace = MoveTimes(floor, header["seed"], self.types.move_time_factor)
+        self.apply_rules(scenario)
         self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
-        self.cell: list[int] = robots["cell"].tolist()  # NONE in its parking bay
+        self.cell: list[int] = robots["cell"].tolist()  # NIL in its parking bay
         self.heading: list[int] = robots["heading"].tolist()
         self.travel = list(self.heading)  # direction in which it came into its cell
         self.free = [1] * len(self.home)  # first tick in which it may begin something
@@ -69,46 +69,48 @@ class Motion:
         self.arrived: set[int] = set()  # robots whose move ended in this tick
         self._check_start(floor["bays"].tolist())
 
-    def follow(self, scenario: dict[str, Any]) -> None:
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
         """Take over what a scenario says of motion."""
         self.following: bool = scenario["world"]["following"]
         self.given: dict[str, int] = scenario["durations"]
         self.duration = _durations(self.given)
-        self.pace.follow(scenario)
+        self.pace.apply_rules(scenario)
 
     def _check_start(self, bays: list[list[int]]) -> None:
-        used = [bay for bay in self.bay if bay != NONE]
+        used = [bay for bay in self.bay if bay != NIL]
         known = {(bay, home) for bay, home in bays}
         if len(set(used)) != len(used):
-            self.complain(0, "bay", [], NONE, "two robots have the same parking bay")
+            self.report_violation(0, "bay", [], NIL, "two robots have the same parking bay")
         for r, cell in enumerate(self.cell):
-            if self.bay[r] != NONE and (self.bay[r], self.home[r]) not in known:
-                self.complain(
+            if self.bay[r] != NIL and (self.bay[r], self.home[r]) not in known:
+                self.report_violation(
                     0, "bay", [r], self.bay[r], "its parking bay does not open on its home cell"
                 )
-            if cell == NONE:
+            if cell == NIL:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
-                self.complain(0, "exits", [r], cell, "it starts where no robot can stand")
+                self.report_violation(0, "exits", [r], cell, "it starts where no robot can stand")
             self._check_area(0, r, cell)
             self._take(0, r, cell, self.heading[r])
 
     # Resources
 
     def resource(self, cell: int, direction: int) -> int:
-        """What a robot travelling in `direction` holds in a cell, NONE where there is no limit."""
+        """What a robot travelling in `direction` holds in a cell, NIL where there is no limit."""
         capacity = self.capacity[cell]
         if capacity == 1:
             return 2 * cell
-        return 2 * cell + (direction >> 1) if capacity == 2 else NONE
+        return 2 * cell + (direction >> 1) if capacity == 2 else NIL
 
     def _take(self, tick: int, r: int, cell: int, direction: int) -> None:
         resource = self.resource(cell, direction)
-        if resource == NONE:
+        if resource == NIL:
             return
         other = self.holder.get(resource, r)
         if other != r:
-            self.complain(tick, "capacity", [other, r], cell, "two robots where one has room")
+            self.report_violation(
+                tick, "capacity", [other, r], cell, "two robots where one has room"
+            )
         self.holder[resource] = r
 
     def _give(self, r: int, cell: int, direction: int) -> None:
@@ -129,22 +131,22 @@ class Motion:
         for r, did in acts:
             if not did & LEFT_PARKING_BAY:
                 continue
-            if self.cell[r] != NONE or self.free[r] > tick:
-                self.complain(
+            if self.cell[r] != NIL or self.free[r] > tick:
+                self.report_violation(
                     tick, "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
                 )
                 continue
             home = self.home[r]
             heading = self.entry_heading(home)
-            other = self.holder.get(self.resource(home, heading), NONE)
-            if other != NONE:
+            other = self.holder.get(self.resource(home, heading), NIL)
+            if other != NIL:
                 text = "leaves its parking bay although its home cell is held"
-                self.complain(tick, "bay", [r, other], home, text)
+                self.report_violation(tick, "bay", [r, other], home, text)
             self._check_area(tick, r, home)
             self.cell[r], self.heading[r], self.travel[r] = home, heading, heading
             self.parked[r] = False
             self.holder[self.resource(home, heading)] = r
-            self.holder.pop(NONE, None)
+            self.holder.pop(NIL, None)
             placed.add(r)
         return placed
 
@@ -184,16 +186,16 @@ class Motion:
     def _may_act(self, tick: int, r: int, code: int) -> bool:
         if self.free[r] > tick:
             text = f"begins something although it is busy until tick {self.free[r] - 1}"
-            self.complain(tick, "busy", [r], self.cell[r], text)
+            self.report_violation(tick, "busy", [r], self.cell[r], text)
             return False
-        if self.cell[r] == NONE:
+        if self.cell[r] == NIL:
             if code not in (EXECUTED_BAY_BLOCKED, EXECUTED_ILLEGAL):
-                self.complain(
+                self.report_violation(
                     tick, "bay", [r], self.home[r], "acts although it is in its parking bay"
                 )
             return False
         if code == EXECUTED_BAY_BLOCKED:
-            self.complain(
+            self.report_violation(
                 tick, "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
             )
         if code != EXECUTED_ILLEGAL:
@@ -206,9 +208,9 @@ class Motion:
     def _begin_move(self, tick: int, r: int, direction: int, movers: list[Mover]) -> None:
         cell = self.cell[r]
         if not self.exits[cell] >> direction & 1:
-            self.complain(tick, "exits", [r], cell, "moves where its cell has no exit")
+            self.report_violation(tick, "exits", [r], cell, "moves where its cell has no exit")
         elif direction & (self.headings - 1) != self.heading[r]:
-            self.complain(tick, "heading", [r], cell, "moves across its heading")
+            self.report_violation(tick, "heading", [r], cell, "moves across its heading")
         else:
             self._check_area(tick, r, cell + self.step[direction])
             movers.append((r, cell, cell + self.step[direction], direction))
@@ -216,7 +218,7 @@ class Motion:
     def _check_area(self, tick: int, r: int, cell: int) -> None:
         if cell in self.types.closed[r]:
             text = f"is in an area that is closed to robots of the type {self.types.name[r]}"
-            self.complain(tick, "area", [r], cell, text)
+            self.report_violation(tick, "area", [r], cell, text)
 
     def _check_pace(
         self, tick: int, r: int, direction: int, length: int | None, placed: bool
@@ -229,17 +231,17 @@ class Motion:
         ticks = self.pace.usual_of(r) if length is None else length
         if ticks != due:
             text = f"its move is recorded with {ticks} ticks and must take {due}: {why}"
-            self.complain(tick, "move time", [r], self.cell[r], text)
+            self.report_violation(tick, "move time", [r], self.cell[r], text)
 
     def _turn(self, tick: int, r: int, code: int) -> None:
         cell = self.cell[r]
         if self.headings == 1:
-            self.complain(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
+            self.report_violation(tick, "turn", [r], cell, "an omnidirectional robot does not turn")
             return
         if self.headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
-            self.complain(tick, "turn", [r], cell, "turns on rails without a turntable")
+            self.report_violation(tick, "turn", [r], cell, "turns on rails without a turntable")
         if self.headings == 2 and code == TURN_LEFT:
-            self.complain(tick, "turn", [r], cell, "on rails a turn has no side")
+            self.report_violation(tick, "turn", [r], cell, "on rails a turn has no side")
         quarter = 3 if code == TURN_LEFT else 1
         self.heading[r] = (self.heading[r] + quarter) & (self.headings - 1)
         if self.capacity[cell] == 2:
@@ -256,17 +258,19 @@ class Motion:
                 continue
             if not self.following:
                 text = "enters a cell that was held when the tick began"
-                self.complain(tick, "following", [r, holder], to, text)
+                self.report_violation(tick, "following", [r, holder], to, text)
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:
                 text = "follows a robot that came out of its parking bay in this tick"
-                self.complain(tick, "bay", [r, holder], to, text)
+                self.report_violation(tick, "bay", [r, holder], to, text)
 
     def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
         """Between two cells from this tick on, a robot meets no robot who is there the other way."""
-        other, arrival = self._drive.get((to, start), (NONE, NONE))
+        other, arrival = self._drive.get((to, start), (NIL, NIL))
         limited = self.capacity[start] == 1 or self.capacity[to] == 1
         if arrival >= tick and limited:
-            self.complain(tick, "swap", [other, r], start, "two robots pass through each other")
+            self.report_violation(
+                tick, "swap", [other, r], start, "two robots pass through each other"
+            )
         self._drive[start, to] = r, self.free[r] - 1
 
     def _carry_out(self, tick: int, movers: list[Mover]) -> None:
@@ -293,25 +297,27 @@ class Motion:
 
     def _park(self, tick: int, r: int) -> None:
         cell = self.cell[r]
-        if self.leave and cell != NONE:
+        if self.leave and cell != NIL:
             self.home[r] = cell
         if cell != self.home[r] or self.free[r] > tick + 1:
-            self.complain(tick, "bay", [r], cell, "parks although it does not stand at home")
+            self.report_violation(
+                tick, "bay", [r], cell, "parks although it does not stand at home"
+            )
             return
         self.parked[r] = True
         self.unsure.discard(r)
-        if self.bay[r] != NONE or self.leave:
+        if self.bay[r] != NIL or self.leave:
             self._give(r, cell, self.travel[r])
-            self.cell[r] = NONE
+            self.cell[r] = NIL
             self.heading[r] = self.entry_heading(cell)
 
     def tow(self, r: int) -> None:
         """Robot r is off the floor, at home."""
-        if self.cell[r] != NONE:
+        if self.cell[r] != NIL:
             self._give(r, self.cell[r], self.travel[r])
             self.home[r] = self.cell[r] if self.leave else self.home[r]
             self.heading[r] = self.travel[r] = self.entry_heading(self.home[r])
-        self.cell[r], self.parked[r] = NONE, True
+        self.cell[r], self.parked[r] = NIL, True
         self.unsure.discard(r)
 
     def know(self, parked: list[int]) -> None:

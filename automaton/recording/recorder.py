@@ -22,13 +22,13 @@ from automaton.kernels.digest import DIGEST_NAMES
 from automaton.metrics import metrics_of
 from automaton.recording.codes import KEYFRAME_TICKS
 from automaton.recording.contents import (
-    CONDITIONS,
-    END,
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
     FRAME_TICKS,
-    HEADER,
-    KEYFRAME,
     KEYFRAME_ARRAYS,
-    TICKS,
     Content,
 )
 from automaton.recording.frames import (
@@ -61,7 +61,7 @@ FRAME_BYTES = (
 Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
 
 
-class Capture:
+class BaseRecorder:
     """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
 
     digest_every: ClassVar[int] = 1  # tick that has digests
@@ -77,7 +77,7 @@ class Capture:
         self._held = 0  # pending ticks
         self._keyframe_at = 0
         self._flushed_at = time.monotonic()
-        self.write(HEADER, self.header)
+        self.write(FRAME_KIND_HEADER, self.header)
 
     def write(self, kind: int, content: Content) -> None:
         """Keep a frame."""
@@ -114,7 +114,7 @@ class Capture:
         """Before the first tick: what the strategies of this run asked for, and the state."""
         if self._simulation is None:
             rules = rules_of(simulation)
-            self.write(CONDITIONS, {**rules, "tick": 0})
+            self.write(FRAME_KIND_CONDITIONS, {**rules, "tick": 0})
             self._keyframe(self._start)
         self._simulation = simulation
 
@@ -132,7 +132,7 @@ class Capture:
         """The run goes on as `simulation`, in which something was changed after this tick."""
         self.flush()
         self._simulation = simulation
-        self.write(CONDITIONS, rules_of(simulation, settings))
+        self.write(FRAME_KIND_CONDITIONS, rules_of(simulation, settings))
 
     def flush(self) -> None:
         """Write the pending ticks as a frame."""
@@ -149,7 +149,7 @@ class Capture:
             "changes": changes,
             "digests": digests,
         }
-        self.write(TICKS, content)
+        self.write(FRAME_KIND_TICKS, content)
         self._first += len(did)
         self._held = 0
 
@@ -164,7 +164,7 @@ class Capture:
             if simulation.tick > self._keyframe_at:
                 self._keyframe(simulation.world)
             self.write(
-                END,
+                FRAME_KIND_END,
                 {
                     "ticks": simulation.tick,
                     "finished": simulation.finished,
@@ -177,10 +177,10 @@ class Capture:
     def _keyframe(self, world: Any) -> None:
         state = state_of(world, KEYFRAME_ARRAYS)
         self._keyframe_at = int(world.clock[CLOCK_TICK])
-        self.write(KEYFRAME, {"tick": self._keyframe_at, **state})
+        self.write(FRAME_KIND_KEYFRAME, {"tick": self._keyframe_at, **state})
 
 
-class MemoryRecorder(Capture):
+class MemoryRecorder(BaseRecorder):
     """Keeps the frames in a list, for tests and for whoever looks at a run at once."""
 
     def __init__(self, resolved: Resolved, seed: int | None = None) -> None:
@@ -188,7 +188,7 @@ class MemoryRecorder(Capture):
         super().__init__(resolved, resolved.scenario.seed if seed is None else seed)
 
     def write(self, kind: int, content: Content) -> None:
-        if kind != HEADER:
+        if kind != FRAME_KIND_HEADER:
             self.frames.append(Frame(kind, content))
 
     def recording(self) -> Recording:
@@ -244,7 +244,7 @@ class RecordingFile:
         self._file.close()
 
 
-class Recorder(Capture):
+class Recorder(BaseRecorder):
     """Writes a recording to a file. Raises InputError if it cannot be written."""
 
     def __init__(self, path: str | Path, resolved: Resolved, seed: int) -> None:

@@ -12,19 +12,19 @@ from automaton.errors import InputError
 from automaton.recording.admission import Admission
 from automaton.recording.codes import KEYFRAME_TICKS
 from automaton.recording.contents import (
-    CONDITIONS,
-    END,
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_HEADER,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
     FRAME_TICKS,
-    HEADER,
-    KEYFRAME,
-    MOST_BYTES,
-    TICKS,
+    MAX_BYTES,
 )
 from automaton.recording.frames import (
-    FORMAT,
     FRAME,
     MAGIC,
     PREAMBLE,
+    RECORDING_FORMAT,
     Chain,
     Payload,
     Recording,
@@ -51,7 +51,7 @@ def read_recording(path: str | Path) -> Recording:
         raise InputError("the recording is cut short before its first frame ends", file)
     admission = Admission(file, payloads[0])
     frames = StoredFrames(payloads[1:], admission.content)
-    return Recording(admission.header, frames, complete=payloads[-1].kind == END)
+    return Recording(admission.header, frames, complete=payloads[-1].kind == FRAME_KIND_END)
 
 
 def _check_preamble(data: bytes, file: str) -> None:
@@ -62,9 +62,9 @@ def _check_preamble(data: bytes, file: str) -> None:
     if len(data) < PREAMBLE.size:
         raise InputError("the recording is cut short before its first frame ends", file)
     version = PREAMBLE.unpack(data)[1]
-    if version != FORMAT:
+    if version != RECORDING_FORMAT:
         raise InputError(
-            f"the recording has format {version}, this version of automaton reads format {FORMAT}",
+            f"the recording has format {version}, this automaton reads format {RECORDING_FORMAT}",
             file,
         )
 
@@ -83,7 +83,7 @@ def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
         kind, length, tick, _, _ = FRAME.unpack(head)
         if not chain.leads_to(head):
             raise damaged("does not follow the one before it")
-        if length > MOST_BYTES.get(kind, 0):
+        if length > MAX_BYTES.get(kind, 0):
             raise damaged(f"says that it has {length:,} bytes")
         if at + FRAME.size + length > size:
             return  # cut short
@@ -111,23 +111,23 @@ class Sequel:
 
     def check_scenario(self, kind: int, tick: int) -> str:
         """What is wrong with the next frame, or ""; takes it in."""
-        first = (HEADER, CONDITIONS, KEYFRAME)
+        first = (FRAME_KIND_HEADER, FRAME_KIND_CONDITIONS, FRAME_KIND_KEYFRAME)
         number, self._number = self._number, self._number + 1
-        if number < len(first) or kind == HEADER:
+        if number < len(first) or kind == FRAME_KIND_HEADER:
             wrong = number >= len(first) or kind != first[number] or tick != 0
             self.keyframe = 0 if number == len(first) - 1 else -1
             return "stands out of sequence" if wrong else ""
         if self.ended:
             return "stands after the end"
-        if kind == TICKS:
+        if kind == FRAME_KIND_TICKS:
             return self._ticks(tick)
         if tick != self.tick:
             return f"tells of tick {tick:,} after tick {self.tick:,}"
-        if kind == KEYFRAME:
+        if kind == FRAME_KIND_KEYFRAME:
             wrong = self.keyframe == tick
             self.keyframe = tick
             return f"is a second state after tick {tick:,}" if wrong else ""
-        if kind == CONDITIONS:
+        if kind == FRAME_KIND_CONDITIONS:
             wrong = self.keyframe == tick and tick % KEYFRAME_TICKS > 0
             wrong |= self._conditions == tick > 0
             self._conditions = tick

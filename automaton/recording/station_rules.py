@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from automaton.world.cells import STATION
 
-NONE: Final = -1
+NIL: Final = -1
 
 
 class Work:
@@ -27,7 +27,7 @@ class Work:
         self.until = [0] * len(self.cells)  # tick in which the first of its line is done
         self.station: list[int] = []  # of each work
         self.ticks: list[int] = []
-        self.frees: list[int] = []  # the order that a work frees, or NONE
+        self.frees: list[int] = []  # the order that a work frees, or NIL
         self.done: list[int] = []
         self.came: list[int] = []  # tick from which it may be worked on
         self.begins_with: dict[int, int] = {}  # order -> work that begins with its delivery
@@ -58,14 +58,14 @@ class Work:
             given = times[number - 1] if isinstance(times, list | tuple) else times
             drawn = isinstance(given, dict)
             self.ticks.append(self._drawn[len(self.ticks)] if drawn else given)
-            self.frees.append(NONE)
-            self.done.append(NONE)
-            self.came.append(NONE)
+            self.frees.append(NIL)
+            self.done.append(NIL)
+            self.came.append(NIL)
 
     @property
     def undone(self) -> int:
         """Works that are still to do."""
-        return self.done.count(NONE)
+        return self.done.count(NIL)
 
     def begin(self, tick: int) -> list[int]:
         """Parts come, work ends; returns the orders that are released."""
@@ -76,7 +76,7 @@ class Work:
             if line and self.until[station] <= tick:
                 work = line.popleft()
                 self.done[work] = tick
-                if self.frees[work] != NONE:
+                if self.frees[work] != NIL:
                     freed.append(self.frees[work])
                 if line:
                     self.until[station] = max(tick, self.came[line[0]]) + self.ticks[line[0]]
@@ -99,5 +99,5 @@ class Work:
             self.until[self.station[work]] = tick + self.ticks[work]
 
     def first(self) -> list[int]:
-        """The work under way at each station, or NONE."""
-        return [line[0] if line else NONE for line in self.lines]
+        """The work under way at each station, or NIL."""
+        return [line[0] if line else NIL for line in self.lines]

@@ -24,13 +24,19 @@ from automaton.recording.codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.recording.contents import CONDITIONS, END, KEYFRAME, TICKS, Frame
+from automaton.recording.contents import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    Frame,
+)
 from automaton.recording.energy_rules import Energy, parted_faults
 from automaton.recording.load_rules import Loads, parted
 from automaton.recording.motion_rules import Acts, Motion
-from automaton.recording.pace_rules import NONE
+from automaton.recording.move_time_rules import NIL
 
-RULES: Final = {
+RULE_TEXTS: Final = {
     "busy": "a robot begins something only when its last operation is over",
     "exits": "moves go to a neighbour through an exit of the cell",
     "heading": "moves go along the robot's axis or heading",
@@ -58,17 +64,17 @@ ACTS: Final = (  # by code of recorded action
     *("pick", "drop", "try_drop", "wait", "blocked", "retreat", "bay_blocked", "illegal"),
     "charge",
 )
-EXHAUSTED: Final = 2  # a recorded status
-FAILING: Final = (1, EXHAUSTED)  # recorded statuses: it fails, or lacks energy
+STATUS_EXHAUSTED: Final = 2  # a recorded status
+STATUSES_GOING_DOWN: Final = (1, STATUS_EXHAUSTED)  # recorded statuses: it fails, or lacks energy
 STATUSES: Final = (0, 3, 4, 5, 6)  # that changes name
-MOST_VIOLATIONS: Final = 100
+MAX_VIOLATIONS: Final = 100
 
 
 class Violation(NamedTuple):
     """A broken rule."""
 
     tick: int
-    rule: str  # a key of RULES
+    rule: str  # a key of RULE_TEXTS
     robots: tuple[int, ...]  # identities
     cell: tuple[int, int] | None  # (x, y) as a user counts
     text: str
@@ -87,7 +93,7 @@ class Report:
 
     ticks: int = 0  # replayed
     counts: dict[str, int] = field(default_factory=dict)  # actions by name
-    violations: list[Violation] = field(default_factory=list)  # the first MOST_VIOLATIONS
+    violations: list[Violation] = field(default_factory=list)  # the first MAX_VIOLATIONS
 
     @property
     def valid(self) -> bool:
@@ -95,7 +101,7 @@ class Report:
         return not self.violations
 
 
-class _TooMany(Exception):
+class _TooManyViolationsError(Exception):
     """So much is broken that going on tells nothing."""
 
 
@@ -120,15 +126,15 @@ def validate_recording(header: dict[str, Any], frames: Iterable[Frame]) -> Repor
     try:
         validator.begin()
         for kind, content in frames:
-            if kind == TICKS:
+            if kind == FRAME_KIND_TICKS:
                 validator.ticks(content)
-            elif kind == KEYFRAME:
+            elif kind == FRAME_KIND_KEYFRAME:
                 validator.keyframe(content)
-            elif kind == CONDITIONS:
+            elif kind == FRAME_KIND_CONDITIONS:
                 validator.rules(content)
-            elif kind == END:
+            elif kind == FRAME_KIND_END:
                 validator.end(content)
-    except _TooMany:
+    except _TooManyViolationsError:
         pass
     return validator.summed_up()
 
@@ -144,17 +150,17 @@ class Validator:
 
     def begin(self) -> None:
         """The state at tick 0, checked."""
-        self.motion = Motion(self.header, self._complain)
-        self.loads = Loads(self.header, self.motion, self._complain)
-        self.energy = Energy(self.header, self.motion, self._complain)
+        self.motion = Motion(self.header, self._report_violation)
+        self.loads = Loads(self.header, self.motion, self._report_violation)
+        self.energy = Energy(self.header, self.motion, self._report_violation)
 
     def ticks(self, content: dict[str, Any]) -> None:
         """Replay the ticks of a frame."""
         did = content["executed"]
         if content["first"] != self.report.ticks + 1 or did.shape[1] != len(self.motion.home):
             text = f"tick {content['first']} follows tick {self.report.ticks}"
-            self._complain(self.report.ticks, "record", [], NONE, text)
-            raise _TooMany
+            self._report_violation(self.report.ticks, "record", [], NIL, text)
+            raise _TooManyViolationsError
         self._acts += np.bincount(did.ravel(), minlength=256)
         when, who = np.nonzero(did)
         acts: list[Acts] = [[] for _ in did]
@@ -168,7 +174,7 @@ class Validator:
         others = np.concatenate([changes[: ends[0], 0], changes[ends[-1] :, 0]])
         if len(others):
             text = f"changes of tick {others[0]} stand among other ticks"
-            self._complain(self.report.ticks, "record", [], NONE, text)
+            self._report_violation(self.report.ticks, "record", [], NIL, text)
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
         leaves = any(did & LEFT_PARKING_BAY for _, did in acts)
@@ -194,22 +200,22 @@ class Validator:
                 self.energy.become(tick, subject, value)
             elif known and code == CHANGE_LOAD_LEFT:
                 self.loads.leave(tick, subject, value)
-            elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NONE:
+            elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NIL:
                 self.loads.apply(tick, [row], [])
             else:
                 text = f"a change among faults: {code} {subject} {value}"
-                self._complain(tick, "record", [], NONE, text)
+                self._report_violation(tick, "record", [], NIL, text)
 
     def keyframe(self, content: dict[str, Any]) -> None:
         """Compare a recorded state with the replayed one."""
         tick = self.report.ticks
         if content["tick"] != tick:
             text = f"a state of tick {content['tick']} stands after tick {tick}"
-            self._complain(tick, "record", [], NONE, text)
+            self._report_violation(tick, "record", [], NIL, text)
             return
         motion, loads = self.motion, self.loads
         motion.know(content["robots"]["parked"].tolist())
-        claims = [motion.claim.get(r, (NONE, 0))[0] for r in range(len(motion.home))]
+        claims = [motion.claim.get(r, (NIL, 0))[0] for r in range(len(motion.home))]
         lanes = motion.capacity
         # The direction of travel means something only to a robot that holds a lane.
         seen = zip(motion.cell, motion.travel, content["robots"]["travel"].tolist(), strict=True)
@@ -244,20 +250,25 @@ class Validator:
         robots = content["robots"]
         told = zip(robots["parked"].tolist(), robots["status"].tolist(), strict=True)
         pairs = zip(self.motion.parked, told, strict=True)
-        return [theirs if status == EXHAUSTED else int(mine) for mine, (theirs, status) in pairs]
+        return [
+            theirs if status == STATUS_EXHAUSTED else int(mine) for mine, (theirs, status) in pairs
+        ]
 
     def _statuses(self, content: dict[str, Any]) -> list[int]:
         """Statuses as replayed; who fails next is in order as far as actions tell."""
         recorded = content["robots"]["status"].tolist()
         pairs = zip(self.energy.status, recorded, strict=True)
-        return [theirs if mine == 0 and theirs in FAILING else mine for mine, theirs in pairs]
+        return [
+            theirs if mine == 0 and theirs in STATUSES_GOING_DOWN else mine
+            for mine, theirs in pairs
+        ]
 
     def _compare(self, name: str, replayed: list[int], recorded: Any) -> None:
         if len(replayed) != len(recorded):
             text = (
                 f"{name} has {len(recorded):,} values in the recorded state, not {len(replayed):,}"
             )
-            self._complain(self.report.ticks, "record", [], NONE, text)
+            self._report_violation(self.report.ticks, "record", [], NIL, text)
             return
         differ = np.flatnonzero(np.array(replayed, np.int64) != recorded)
         if not len(differ):
@@ -265,16 +276,16 @@ class Validator:
         i = int(differ[0])
         text = f"{name}[{i}] is {recorded[i]} in the recorded state, {replayed[i]} by its actions"
         robots = [i] if name.startswith("robots.") else []
-        self._complain(self.report.ticks, "record", robots, NONE, text)
+        self._report_violation(self.report.ticks, "record", robots, NIL, text)
 
     def rules(self, content: dict[str, Any]) -> None:
         """Other durations or rules hold from here on."""
         if content["tick"] != self.report.ticks:
             text = f"rules of tick {content['tick']} stand after tick {self.report.ticks}"
-            self._complain(self.report.ticks, "record", [], NONE, text)
+            self._report_violation(self.report.ticks, "record", [], NIL, text)
         self.header = {**self.header, "scenario": content["scenario"]}
-        self.motion.follow(content["scenario"])
-        self.energy.follow(content["scenario"])
+        self.motion.apply_rules(content["scenario"])
+        self.energy.apply_rules(content["scenario"])
 
     def end(self, content: dict[str, Any]) -> None:
         """Compare how the run is said to have ended."""
@@ -285,7 +296,7 @@ class Validator:
         for name, values in (("ticks", {self.report.ticks}), ("finished", finished)):
             if content[name] not in values:
                 text = f"the end says {name} = {content[name]}, its actions say {min(values)}"
-                self._complain(self.report.ticks, "record", [], NONE, text)
+                self._report_violation(self.report.ticks, "record", [], NIL, text)
 
     def summed_up(self) -> Report:
         """The report, with actions counted."""
@@ -300,11 +311,13 @@ class Validator:
         self.report.counts = {name: number for name, number in counts.items() if number}
         return self.report
 
-    def _complain(self, tick: int, rule: str, robots: list[int], cell: int, text: str) -> None:
+    def _report_violation(
+        self, tick: int, rule: str, robots: list[int], cell: int, text: str
+    ) -> None:
         place = None
         if cell >= 0:
             y, x = divmod(cell, self._stride)
             place = (x - 1, y - 1)
         self.report.violations.append(Violation(tick, rule, tuple(robots), place, text))
-        if len(self.report.violations) >= MOST_VIOLATIONS:
-            raise _TooMany
+        if len(self.report.violations) >= MAX_VIOLATIONS:
+            raise _TooManyViolationsError

@@ -25,7 +25,14 @@ from automaton.recording.codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.recording.contents import KEYFRAME_ARRAYS
-from automaton.recording.frames import CONDITIONS, END, KEYFRAME, TICKS, Content, Recording
+from automaton.recording.frames import (
+    FRAME_KIND_CONDITIONS,
+    FRAME_KIND_END,
+    FRAME_KIND_KEYFRAME,
+    FRAME_KIND_TICKS,
+    Content,
+    Recording,
+)
 from automaton.recording.header import (
     changed,
     header_of,
@@ -110,7 +117,7 @@ def verify_recording(recording: Recording) -> Verification:
 def changed_files(recording: Recording) -> tuple[str, ...]:
     """The files read by its strategies that are gone, or hold something else than then."""
     parts = [recording.header]
-    parts += [frame.content for frame in recording.frames if frame.kind == CONDITIONS]
+    parts += [frame.content for frame in recording.frames if frame.kind == FRAME_KIND_CONDITIONS]
     recorded = {file: found for part in parts for file, found in part.get("files", {}).items()}
     return tuple(file for file, found in recorded.items() if content_hash(Path(file)) != found)
 
@@ -119,10 +126,10 @@ def first_difference(recording: Recording) -> Difference | None:
     """Run the scenario again and compare each tick; the first that differs, or None."""
     rerun = Rerun(recording.header)
     compare = {
-        TICKS: rerun.compare,
-        KEYFRAME: rerun.compare_state,
-        CONDITIONS: rerun.change,
-        END: rerun.compare_end,
+        FRAME_KIND_TICKS: rerun.compare,
+        FRAME_KIND_KEYFRAME: rerun.compare_state,
+        FRAME_KIND_CONDITIONS: rerun.change,
+        FRAME_KIND_END: rerun.compare_end,
     }
     found = rerun.compare_header()
     for kind, content in recording.frames:
@@ -176,7 +183,7 @@ class Rerun:
             resolved = resolved_of(changed(self.header, rules))
             if resolved.scenario != as_branched(before, resolved, tuple(rules["settings"])):
                 return Difference(tick, "conditions", "they are not what was set")
-            self.simulation = self.simulation.continued(resolved)
+            self.simulation = self.simulation.continue_with(resolved)
         now = rules_of(self.simulation, rules["settings"])
         found = _unequal(rules, now, ("files",))
         if found is None and not _has_files(rules, self.simulation.resolved):

@@ -18,14 +18,14 @@ import numpy.typing as npt
 from automaton.reporting.document import Curves, HeatMap
 from automaton.units import number
 
-SIGNS = "ox+*#%@&"
-BAR = ":"
-HEIGHT, WIDTH = 14, 60
+CURVE_MARKS = "ox+*#%@&"
+INTERVAL_MARK = ":"
+CHART_HEIGHT, CHART_COLUMNS = 14, 60
 SHADES = ".:-=+*%@"  # from a little to the most
-WALL, NOTHING = " ", "·"
+WALL_MARK, EMPTY_MARK = " ", "·"
 
 
-def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[str]:
+def chart(curves: Curves, width: int = CHART_COLUMNS, height: int = CHART_HEIGHT) -> Iterator[str]:
     """Curves on a grid of characters; the scale holds all intervals."""
     yield f"{curves.title} ({curves.y_label})"
     spans = [
@@ -49,7 +49,7 @@ def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[
                     ends = (at(end, (low, high), height) for end in (least, most))
                     first, last = sorted(ends)
                     for row in range(first, last + 1):
-                        grid[height - 1 - row][column] = BAR
+                        grid[height - 1 - row][column] = INTERVAL_MARK
                 if not bars and math.isfinite(value):
                     put(grid[height - 1 - at(value, (low, high), height)], column, index)
     labels = [""] * height
@@ -64,14 +64,14 @@ def chart(curves: Curves, width: int = WIDTH, height: int = HEIGHT) -> Iterator[
     yield f"{'':>{margin}}  {curves.x_label}"
     for index, line in enumerate(curves.lines):
         if len(curves.lines) > 1 or line.name:
-            yield f"{'':>{margin}}  {SIGNS[index % len(SIGNS)]} {line.name}".rstrip()
+            yield f"{'':>{margin}}  {CURVE_MARKS[index % len(CURVE_MARKS)]} {line.name}".rstrip()
 
 
 def put(row: list[str], column: int, index: int) -> None:
     """The sign of a curve in a row; beside the signs of others, if there is room."""
-    room = range(column, min(len(row), column + len(SIGNS)))
-    free = next((one for one in room if row[one] in (" ", BAR)), column)
-    row[free] = SIGNS[index % len(SIGNS)]
+    room = range(column, min(len(row), column + len(CURVE_MARKS)))
+    free = next((one for one in room if row[one] in (" ", INTERVAL_MARK)), column)
+    row[free] = CURVE_MARKS[index % len(CURVE_MARKS)]
 
 
 def scale(values: Sequence[float]) -> tuple[float, float]:
@@ -113,7 +113,7 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
     scale_text = ", ".join(
         f"{sign} up to {number((index + 1) * steps)}" for index, sign in enumerate(SHADES)
     )
-    yield f"{NOTHING} none, {scale_text}" if most else "nothing happened"
+    yield f"{EMPTY_MARK} none, {scale_text}" if most else "nothing happened"
     if heat.note:
         yield heat.note
 
@@ -121,9 +121,9 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
 def shade(value: float, most: float) -> str:
     """One cell."""
     if not math.isfinite(value):
-        return WALL
+        return WALL_MARK
     if value <= 0 or most <= 0:
-        return NOTHING
+        return EMPTY_MARK
     return SHADES[min(len(SHADES) - 1, math.ceil(value / most * len(SHADES)) - 1)]
 
 

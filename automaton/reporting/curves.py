@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from automaton.experiments.study import Point
 from automaton.reporting.document import Curves, Line
-from automaton.reporting.figures import interval_of
+from automaton.reporting.metric_tables import interval_of
 from automaton.reporting.results import (
     Results,
     described,
@@ -18,7 +18,7 @@ from automaton.reporting.results import (
 
 ROBOTS = "fleet.robots"
 WANTED = ("throughput", "makespan", "delay", "lead_time")  # beside the metrics of the analysis
-MOST_LINES = 8  # signs and colours that there are
+MAX_CURVES = 8  # signs and colours that there are
 
 
 def curves(results: Results) -> Iterator[Curves]:
@@ -53,7 +53,7 @@ def curve(results: Results, metric: str, factor: str) -> Curves:
             groups.setdefault(levels_beside(point, (factor,)), []).append(point)
     lines = [
         line(results, metric, sorted(points, key=lambda p: p.levels[factor]), factor)
-        for points in list(groups.values())[:MOST_LINES]
+        for points in list(groups.values())[:MAX_CURVES]
     ]
     left_out = len(groups) - len(lines)
     title = f"{metric} by {factor}" + (f", {left_out} more not shown" if left_out else "")

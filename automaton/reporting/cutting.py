@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.experiments.names import SERIES, STRETCHES, metric_names, sum_names
-from automaton.statistics.steady import Refused, mser5, mser5_of_means
+from automaton.experiments.names import SERIES, SUMS_COLUMN, metric_names, sum_names
+from automaton.statistics.steady_state import NotSteadyError, mser5, mser5_of_means
 from automaton.sums import QUOTIENTS, metric
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def cut_of(
         try:
             y = np.array([run[:length] for run in runs], np.float64)
             found[point.number] = window * mser5(y).cut
-        except Refused as why:
+        except NotSteadyError as why:
             refused[point.number] = str(why)
             continue
         whole = length * window // stretch
@@ -119,7 +119,7 @@ def cut_of(
                 if not np.isnan(means).all():
                     cut = stretch * mser5_of_means(means)
                     found[point.number] = max(found[point.number], cut)
-            except Refused as why:
+            except NotSteadyError as why:
                 unsteady |= {(point.number, metric): str(why) for metric in metrics}
     return Cut(max([declared, *found.values()]), window, found, refused, unsteady)
 
@@ -181,7 +181,7 @@ def sums_column(table: pa.Table, name: str) -> Lists:
     """By row a sum by stretch."""
     import pyarrow.compute as pc
 
-    return lists(pc.struct_field(table.column(STRETCHES), [name]))
+    return lists(pc.struct_field(table.column(SUMS_COLUMN), [name]))
 
 
 def figures_of_sums(
@@ -192,7 +192,7 @@ def figures_of_sums(
 
     first = cut // store.manifest.points[0].windows.stretch
     kept = sum_names(store.manifest.counted)
-    column = table.column(STRETCHES)
+    column = table.column(SUMS_COLUMN)
     columns = [sums_after(pc.struct_field(column, [name]), first) for name in kept]
     runs = [
         completed({name: one for name, one in zip(kept, row, strict=True) if one is not None})

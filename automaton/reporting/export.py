@@ -8,9 +8,9 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
+from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.experiments.names import STRETCHES
-from automaton.whole_file import written
+from automaton.experiments.names import SUMS_COLUMN
 
 CSV_BEGINS: Final = b"key,"  # the first column
 PARQUET_BEGINS: Final = b"PAR1"
@@ -32,9 +32,9 @@ def write_csv(table: Any, path: Path) -> None:
 
     Without the sums by stretches of time, which no spreadsheet reads.
     """
-    names = [name for name in table.column_names if name != STRETCHES]
+    names = [name for name in table.column_names if name != SUMS_COLUMN]
     columns = {name: table.column(name).to_pylist() for name in names}
-    with written(path) as file:
+    with atomic_writer(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
@@ -48,5 +48,5 @@ def write_parquet(table: Any, path: Path) -> None:
     """All rows of an Arrow table. Raises InputError."""
     import pyarrow.parquet
 
-    with written(path) as file:
+    with atomic_writer(path) as file:
         pyarrow.parquet.write_table(table, file, write_page_checksum=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from automaton.headless import strategies_blamed
+from automaton.headless import attribute_strategy_errors
 from automaton.reporting.document import HeatMap
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
@@ -22,7 +22,7 @@ def floor_maps(
 
     `digest`: of the run in the results; a run that comes to another one says so.
     """
-    with strategies_blamed(resolved):
+    with attribute_strategy_errors(resolved):
         simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
         simulation.run(after)
         before = observed(simulation)

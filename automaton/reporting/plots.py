@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
 from automaton.reporting.document import Block, Curves, HeatMap
-from automaton.whole_file import written
 
 FORMATS = ("png", "svg")
 DPI = 150
@@ -57,7 +57,7 @@ def _written(kind: Any, block: Block, folder: Path) -> Iterator[Path]:
         figure.savefig(
             content, format=form, dpi=DPI, metadata={"Date": None} if form == "svg" else {}
         )
-        with written(path) as file:
+        with atomic_writer(path) as file:
             file.write(content.getvalue())
         yield path
 

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.experiments.keys import declared_by
-from automaton.experiments.names import SERIES, STRETCHES
+from automaton.experiments.names import SERIES, SUMS_COLUMN
 from automaton.experiments.study import SCENARIO, Analysis, Point, Study
-from automaton.glossary import GLOSSARY
+from automaton.metric_catalogue import METRIC_CATALOGUE
 from automaton.reporting.cutting import LENGTHS, Cut, lists, measured_rows
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from automaton.experiments.store import Store
 
 QUANTILES = ("lead_time_p95", "delay_p95")  # of the orders of a run
-FEWEST_SHARED = 2  # seeds of points that are called the same runs
+MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
 USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
 
@@ -106,7 +106,7 @@ class Results:
     def counts(self, point: Point) -> Counts:
         """What became of the runs of a point."""
         rows = self._rows[point.number]
-        failed = sum(self.columns["failed"][row] is not None for row in rows)
+        failed = sum(self.columns["error"][row] is not None for row in rows)
         finished = sum(self._finished(row) for row in rows)
         done = len(rows)
         return Counts(self.study.replications, done, finished, done - failed - finished, failed)
@@ -135,7 +135,7 @@ class Results:
     def _runs_of(self, metric: str | None) -> Sequence[Runs]:
         """The runs of each point, read once for each metric."""
         if metric not in self._known_runs:
-            seed, digest, failed = (self.columns[name] for name in ("seed", "digest", "failed"))
+            seed, digest, failed = (self.columns[name] for name in ("seed", "digest", "error"))
             column = self.columns.get(metric or "")
 
             def measured(row: int) -> object:
@@ -167,7 +167,7 @@ class Results:
                 if theirs[seed] != run:
                     return False
                 both += 1
-        return both >= FEWEST_SHARED
+        return both >= MIN_SHARED_SEEDS
 
     def identical(self, metric: str | None = None) -> Sequence[int]:
         """Of each point, the first one that has all its runs and no others, if only itself.
@@ -214,12 +214,12 @@ class Results:
     def first_run(self, point: Point) -> tuple[int, str] | None:
         """Seed and digest of a point's first run that has figures."""
         for row in self._rows[point.number]:
-            if self.columns["failed"][row] is None:
+            if self.columns["error"][row] is None:
                 return int(self.columns["seed"][row]), str(self.columns["digest"][row])
         return None
 
     def _finished(self, row: int) -> bool:
-        return self.columns["failed"][row] is None and bool(self.columns["finished"][row])
+        return self.columns["error"][row] is None and bool(self.columns["finished"][row])
 
 
 def read_results(store: Store) -> Results:
@@ -243,7 +243,7 @@ def read_results(store: Store) -> Results:
 
 def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
     """Columns as lists; deliveries by window as arrays, and no sums by stretch."""
-    names = [name for name in table.column_names if name not in (SERIES, STRETCHES)]
+    names = [name for name in table.column_names if name not in (SERIES, SUMS_COLUMN)]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
     if SERIES in table.column_names:
         columns[SERIES] = lists(table.column(SERIES))
@@ -253,7 +253,7 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
 def described(metric: str) -> tuple[str, str]:
     """Unit and meaning of a metric."""
     counts = {"ticks": ("ticks", "ticks of the run"), "orders": ("orders", "orders of the run")}
-    return GLOSSARY.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
+    return METRIC_CATALOGUE.get(metric) or counts.get(metric) or ("times", "counted by a strategy")
 
 
 def level_text(study: Study, factor: str, level: Any) -> str:

@@ -12,7 +12,7 @@ from typing import Final
 
 from automaton.experiments.study import SCENARIO, Point
 from automaton.reporting.results import (
-    FEWEST_SHARED,
+    MIN_SHARED_SEEDS,
     Results,
     factor_heads,
     level_text,
@@ -20,7 +20,7 @@ from automaton.reporting.results import (
 )
 from automaton.units import count
 
-MOST_NAMED: Final = 6  # pairs of points
+MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
 
 
 def same_heads(results: Results) -> list[str]:
@@ -42,7 +42,7 @@ def same_remarks(results: Results) -> Iterator[str]:
     if results.repeats and not inert:
         named = [
             f"point {p.number} and point {results.first_same[p.number]}"
-            for p in results.repeats[:MOST_NAMED]
+            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
         ]
         more = len(results.repeats) - len(named)
         rest = f"; and {more:,} more" if more else ""
@@ -84,7 +84,7 @@ def _agree(results: Results, group: list[Point], metric: str | None = None) -> b
             if known.setdefault(seed, run) != run:
                 return False
     shared = set(known).intersection(*(results.runs(point) for point in group))
-    return len(shared) >= FEWEST_SHARED
+    return len(shared) >= MIN_SHARED_SEEDS
 
 
 def _where(

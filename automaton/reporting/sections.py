@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from automaton.reporting.comparing import (
-    Compared,
+from automaton.reporting.comparisons import (
+    Comparison,
     comparisons,
     declared_pairs,
     left_out,
@@ -15,7 +15,7 @@ from automaton.reporting.comparing import (
 )
 from automaton.reporting.cutting import Cut
 from automaton.reporting.document import Block, Heading, Table, Text
-from automaton.reporting.figures import RUN_HEADS, Scenarios
+from automaton.reporting.metric_tables import RUN_HEADS, Scenarios
 from automaton.reporting.results import (
     Results,
     factor_cells,
@@ -26,12 +26,12 @@ from automaton.reporting.results import (
 )
 from automaton.reporting.same_runs import same_remarks
 from automaton.scenario.measures import warm_up_of
-from automaton.statistics.intervals import ENOUGH, SAME, Interval
+from automaton.statistics.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS, Interval
 from automaton.units import count, percent
 
-INTERVALS: Final = f"Student's, with a warning on skew below {ENOUGH} runs"
+INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
 
-MOST_NAMED: Final = 6  # points
+MAX_WARNINGS_NAMED: Final = 6  # points
 NO_WARM_UP: Final = "none: whole runs count"
 
 
@@ -141,8 +141,8 @@ def remarks(results: Results) -> Iterator[str]:
             "favour points that have some"
         )
     if failed:
-        reasons = {reason for reason in results.columns["failed"] if reason}
-        yield f"{count(failed, 'run')} failed and have no figures: {'; '.join(sorted(reasons)[:3])}"
+        reasons = {reason for reason in results.columns["error"] if reason}
+        yield f"{count(failed, 'run')} failed: {'; '.join(sorted(reasons)[:3])}"
     if results.earlier:
         yield (
             f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
@@ -183,7 +183,9 @@ def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
 
 def points_named(results: Results, numbers: Sequence[int]) -> str:
     """Some points in words."""
-    names = [point_name(results.study, results.points[number]) for number in numbers[:MOST_NAMED]]
+    names = [
+        point_name(results.study, results.points[number]) for number in numbers[:MAX_WARNINGS_NAMED]
+    ]
     more = len(numbers) - len(names)
     return "; ".join(names) + (f"; and {more:,} more" if more else "")
 
@@ -211,11 +213,12 @@ def comparison_section(results: Results) -> Iterator[Block]:
     takes = precision_remark(compared, results.analysis.precision)
     if takes:
         yield Text(takes)
-    still = sum(one.effect.difference.warning == SAME for one in compared)
+    still = sum(one.effect.difference.warning == NO_SPREAD_WARNING for one in compared)
     small = sum(bool(one.effect.difference.warning) for one in compared) - still
     if small:
         yield Text(
-            f"Warning: {small} of these intervals rest on fewer than {ENOUGH} runs and may hold the "
+            f"Warning: {small} of these intervals rest on fewer than {STUDENT_MIN_RUNS} runs and may "
+            "hold the "
             "truth less often than they say."
         )
     if still:
@@ -239,14 +242,16 @@ def why_none(results: Results) -> str:
             if metric in metrics
         ]
     if reasons:
-        more = len(reasons) - MOST_NAMED
-        return "; ".join(reasons[:MOST_NAMED]) + (f"; and {more:,} more" if more > 0 else "")
+        more = len(reasons) - MAX_WARNINGS_NAMED
+        return "; ".join(reasons[:MAX_WARNINGS_NAMED]) + (
+            f"; and {more:,} more" if more > 0 else ""
+        )
     if not any(results.has(metric) for metric in metrics):
         return f"the runs have no metrics of {', '.join(metrics)}"
     return "two finished runs of each point are needed"
 
 
-def comparison_text(results: Results, compared: list[Compared]) -> str:
+def comparison_text(results: Results, compared: list[Comparison]) -> str:
     """How to read the table."""
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
@@ -258,7 +263,7 @@ def comparison_text(results: Results, compared: list[Compared]) -> str:
     )
 
 
-def comparison_table(results: Results, compared: list[Compared]) -> Table:
+def comparison_table(results: Results, compared: list[Comparison]) -> Table:
     """One line for each comparison."""
     study = results.study
     heads = ["metric", *factor_heads(study), "against", "difference", "low", "high"]
@@ -290,7 +295,7 @@ def comparison_table(results: Results, compared: list[Compared]) -> Table:
     return Table(heads, rows, left=2 + len(factor_heads(study)))
 
 
-def needed_cells(one: Compared, planned: bool) -> list[str]:
+def needed_cells(one: Comparison, planned: bool) -> list[str]:
     """Runs that the declared precision takes, paired and not; nothing if none is declared."""
     if not planned:
         return []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 
 from automaton.errors import InputError, alternatives, nearest
-from automaton.reproductions.study import Reproduction
+from automaton.reproductions.reproduction_study import Reproduction
 
 REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
     "tabletop": (

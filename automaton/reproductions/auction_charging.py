@@ -13,26 +13,26 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.auctions import quotes, sequential
-from automaton.auctions.bids import MIX
+from automaton.auctions.bids import BID_MIXED
 from automaton.auctions.market import (
     BATTERY_FULL,
-    COST,
-    END,
-    FILL_UP,
-    GROSS,
-    HIERARCHICAL,
-    INF,
-    LOOK,
-    LOWEST,
-    NET,
-    SAFE,
-    STATES,
+    COUNT_STATES,
+    INF_COST,
+    POLICY_FILL_UP,
+    POLICY_HIERARCHICAL,
+    POLICY_THRESHOLD,
+    POLICY_THRESHOLD_REACHABLE,
+    TOTAL_COST,
+    TOTAL_END_CHARGE,
+    TOTAL_GROSS,
+    TOTAL_LOWEST_CHARGE,
+    TOTAL_NET,
     Battery,
     Scratch,
-    Work,
+    TaskCosts,
 )
 from automaton.auctions.preparation import scratch_for
-from automaton.auctions.winners import LOWEST as LOWEST_BID
+from automaton.auctions.winners import WINNER_LOWEST_BID as LOWEST_BID
 from automaton.kernels.random_numbers import STREAM_STARTS, random_between
 from automaton.reproductions.auction_floor import (
     NO_BATTERY,
@@ -53,15 +53,15 @@ TAPER: Final = ((0, 10_000), (80 * PERCENT, 5_000), (95 * PERCENT, 2_000))
 THRESHOLD: Final = 20 * PERCENT
 
 POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "r0": {"policy": HIERARCHICAL},
-    "r20": {"policy": HIERARCHICAL, "reserve": THRESHOLD},
-    "look": {"policy": LOOK, "threshold": THRESHOLD},
-    "safe": {"policy": SAFE, "threshold": THRESHOLD},
-    "r0 reach": {"policy": HIERARCHICAL, "end_reach": True},
-    "thr0 safe": {"policy": SAFE, "threshold": 0},
-    "thr20 safe": {"policy": SAFE, "threshold": THRESHOLD},
-    "fill-up": {"policy": FILL_UP, "end_reach": True},
-    "fill to 80": {"policy": FILL_UP, "end_reach": True, "target": 80 * PERCENT},
+    "r0": {"policy": POLICY_HIERARCHICAL},
+    "r20": {"policy": POLICY_HIERARCHICAL, "reserve": THRESHOLD},
+    "look": {"policy": POLICY_THRESHOLD, "threshold": THRESHOLD},
+    "safe": {"policy": POLICY_THRESHOLD_REACHABLE, "threshold": THRESHOLD},
+    "r0 reach": {"policy": POLICY_HIERARCHICAL, "end_reach": True},
+    "thr0 safe": {"policy": POLICY_THRESHOLD_REACHABLE, "threshold": 0},
+    "thr20 safe": {"policy": POLICY_THRESHOLD_REACHABLE, "threshold": THRESHOLD},
+    "fill-up": {"policy": POLICY_FILL_UP, "end_reach": True},
+    "fill to 80": {"policy": POLICY_FILL_UP, "end_reach": True, "target": 80 * PERCENT},
 }
 
 
@@ -88,17 +88,17 @@ class Driven(NamedTuple):
 @cache
 def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The stations in the order in which the sequential auction puts them into one list."""
-    work = work_of(stations, seconds(), DRAIN)
+    task_costs = work_of(stations, seconds(), DRAIN)
     fleet = fleet_at((start,), len(stations))
-    market = (work, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
+    market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
     empty(*market)
     items = np.arange(len(stations), dtype=np.int32)
-    sequential.sequential(*market, items, len(stations), MIX, 0, LOWEST_BID, 0)
+    sequential.sequential(*market, items, len(stations), BID_MIXED, 0, LOWEST_BID, 0)
     return tuple(stations[task] for task in listed(fleet, 0))
 
 
 @cache
-def driven_work(stations: tuple[int, ...]) -> Work:
+def driven_work(stations: tuple[int, ...]) -> TaskCosts:
     """Stations to be driven to."""
     return work_of(stations, seconds(), DRAIN)
 
@@ -111,21 +111,21 @@ def single_scratch(tasks: int, chargers: int) -> Scratch:
 
 def drive(stations: tuple[int, ...], start: int, charge: int, rule: Battery) -> Driven:
     """Drive these stations in this order."""
-    work = driven_work(stations)
+    task_costs = driven_work(stations)
     scratch = single_scratch(len(stations), len(rule.charger))
     scratch.count[:] = 0
     order = np.arange(len(stations), dtype=np.int32)
-    cost = quotes.quote(work, rule, scratch, start - 1, 0, charge, order, len(stations))
-    figures = scratch.plan.figures
+    cost = quotes.quote(task_costs, rule, scratch, start - 1, 0, charge, order, len(stations))
+    figures = scratch.plan.totals
     return Driven(
-        cost=float(figures[COST]),
-        gross=float(figures[GROSS]),
-        net=float(figures[NET]),
-        end=int(figures[END]),
-        lowest=int(figures[LOWEST]),
+        cost=float(figures[TOTAL_COST]),
+        gross=float(figures[TOTAL_GROSS]),
+        net=float(figures[TOTAL_NET]),
+        end=int(figures[TOTAL_END_CHARGE]),
+        lowest=int(figures[TOTAL_LOWEST_CHARGE]),
         stops=int(scratch.plan.stops[0]),
-        feasible=bool(cost < INF),
-        states=int(scratch.count[STATES]),
+        feasible=bool(cost < INF_COST),
+        states=int(scratch.count[COUNT_STATES]),
     )
 
 
@@ -170,12 +170,12 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
     stations = task_set(seed, n, number)
     found = {}
     for name in ("r0", "r20"):
-        work = work_of(stations, seconds(), DRAIN)
+        task_costs = work_of(stations, seconds(), DRAIN)
         fleet = fleet_at((start,), n)
-        market = (work, battery(name), fleet, scratch_of(fleet, n))
+        market = (task_costs, battery(name), fleet, scratch_of(fleet, n))
         empty(*market)
         items = np.arange(n, dtype=np.int32)
-        sold = sequential.sequential(*market, items, n, MIX, 0, LOWEST_BID, 0)
+        sold = sequential.sequential(*market, items, n, BID_MIXED, 0, LOWEST_BID, 0)
         if sold == n:
             found[f"SSI {name}"] = float(fleet.cost[0])
     inserted = inserted_by_arrival(stations, start)
@@ -186,12 +186,12 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
 
 def inserted_by_arrival(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The only list that the genetic algorithm can make for a single robot."""
-    work = work_of(stations, seconds(), DRAIN)
+    task_costs = work_of(stations, seconds(), DRAIN)
     fleet = fleet_at((start,), len(stations))
-    market = (work, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
+    market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
     empty(*market)
     items = np.arange(len(stations), dtype=np.int32)
-    sequential.by_arrival(*market, items, len(stations), MIX, 0)
+    sequential.by_arrival(*market, items, len(stations), BID_MIXED, 0)
     return tuple(stations[task] for task in listed(fleet, 0))
 
 

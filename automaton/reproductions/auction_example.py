@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from automaton.auctions import bids
-from automaton.auctions.bids import MIX
+from automaton.auctions.bids import BID_MIXED
 from automaton.auctions.market import (
     BATTERY_FULL,
-    CHARGING,
-    END,
-    HIERARCHICAL,
-    INF,
-    JOINT,
-    MIXED,
-    NO_CHARGING,
+    BID_SCALE,
+    INF_COST,
+    POLICY_HIERARCHICAL,
+    POLICY_JOINT,
+    POLICY_NO_CHARGING,
+    TOTAL_CHARGING,
+    TOTAL_END_CHARGE,
     Scratch,
 )
 from automaton.auctions.quotes import settle_all
@@ -40,16 +40,16 @@ LISTS: Final = ((7, 8, 13), (5, 4, 9))
 NEW: Final = 14
 DRAIN: Final = 5_000  # 0.5 % a second
 RATE: Final = 50_000  # 5 % a second
-HALF: Final = MIXED // 2  # epsilon
+HALF: Final = BID_SCALE // 2  # epsilon
 
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "as printed": {},
-    "charging ignored": {"policy": NO_CHARGING},
+    "charging ignored": {"policy": POLICY_NO_CHARGING},
     "reserve 10 %": {"reserve": 10 * PERCENT},
     "reserve 20 %": {"reserve": 20 * PERCENT},
     "never strand": {"end_reach": True},
     "chargers 1, 2, 3": {"chargers": (1, 2, 3)},
-    "joint": {"policy": JOINT},
+    "joint": {"policy": POLICY_JOINT},
     "comb floor": {"lanes": "comb"},
 }
 
@@ -70,35 +70,36 @@ class Bid:
 
 def bids_for(setting: str) -> list[Bid]:
     """The bids of both robots."""
-    chosen: dict[str, Any] = {"policy": HIERARCHICAL, "chargers": (2,), "lanes": "full"}
+    chosen: dict[str, Any] = {"policy": POLICY_HIERARCHICAL, "chargers": (2,), "lanes": "full"}
     chosen |= SETTINGS[setting]
     between = seconds(chosen.pop("lanes"))
     tasks = [*LISTS[0], *LISTS[1], NEW]
-    work = work_of(tasks, between, DRAIN)
+    task_costs = work_of(tasks, between, DRAIN)
     battery = rules(between, DRAIN, RATE, **chosen)
     fleet = fleet_at(STARTS, len(tasks), CHARGES)
     scratch = scratch_of(fleet, len(tasks), len(battery.charger))
     give(fleet, 0, (0, 1, 2))
     give(fleet, 1, (3, 4, 5))
-    settle_all(work, battery, fleet, scratch)
-    market = (work, battery, fleet, scratch)
+    settle_all(task_costs, battery, fleet, scratch)
+    market = (task_costs, battery, fleet, scratch)
     found = []
     for r in range(2):
         offers = [
-            bids.bid(*market, r, len(tasks) - 1, MIX, epsilon) for epsilon in (0, MIXED, HALF)
+            bids.bid(*market, r, len(tasks) - 1, BID_MIXED, epsilon)
+            for epsilon in (0, BID_SCALE, HALF)
         ]
-        cost, added, mixed = (None if offer >= INF else offer / MIXED for offer in offers)
-        before = int(fleet.cost[r]) if fleet.cost[r] < INF else None
+        cost, added, mixed = (None if offer >= INF_COST else offer / BID_SCALE for offer in offers)
+        before = int(fleet.cost[r]) if fleet.cost[r] < INF_COST else None
         if cost is None:
             found.append(Bid(before, None, None, None, (), None, 0, 0))
             continue
         bids.award(*market, r, len(tasks) - 1)
-        figures = scratch.plan.figures
+        figures = scratch.plan.totals
         order = [tasks[task] for task in fleet.order[r, : fleet.length[r]]]
         for position, charger in reversed(stops_of(scratch)):
             order.insert(position, chosen["chargers"][charger])
         arrival = int(scratch.plan.arrival[0]) if scratch.plan.stops[0] else None
-        charged, end = int(figures[CHARGING]), int(figures[END])
+        charged, end = int(figures[TOTAL_CHARGING]), int(figures[TOTAL_END_CHARGE])
         found.append(Bid(before, cost, added, mixed, tuple(order), arrival, charged, end))
     return found
 

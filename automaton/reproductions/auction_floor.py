@@ -13,12 +13,12 @@ import numpy as np
 
 from automaton.auctions.market import (
     BATTERY_FULL,
-    NO_CHARGING,
+    POLICY_NO_CHARGING,
     Array,
     Battery,
     Fleet,
     Scratch,
-    Work,
+    TaskCosts,
 )
 from automaton.auctions.preparation import battery_of, fleet_of, scratch_for, visits
 from automaton.auctions.quotes import settle_all
@@ -40,7 +40,7 @@ def place(position: int) -> int:
     return position - 1
 
 
-def work_of(tasks: Sequence[int], between: Array, drain: int = 0) -> Work:
+def work_of(tasks: Sequence[int], between: Array, drain: int = 0) -> TaskCosts:
     """Tasks at these positions; drain: units per second of driving."""
     return visits(between, between * drain, [place(task) for task in tasks])
 
@@ -50,7 +50,7 @@ def rules(
     drain: int,
     rate: int | Sequence[tuple[int, int]],
     chargers: Sequence[int] = (2,),
-    policy: int = NO_CHARGING,
+    policy: int = POLICY_NO_CHARGING,
     **settings: Any,
 ) -> Battery:
     """A battery; rate: units per second of charging, or the pieces of a curve."""
@@ -83,10 +83,10 @@ def give(fleet: Fleet, robot: int, tasks: Sequence[int]) -> None:
     fleet.length[robot] = len(tasks)
 
 
-def empty(work: Work, battery: Battery, fleet: Fleet, scratch: Scratch) -> None:
+def empty(task_costs: TaskCosts, battery: Battery, fleet: Fleet, scratch: Scratch) -> None:
     """Take all tasks off all lists."""
     fleet.length[:] = 0
-    settle_all(work, battery, fleet, scratch)
+    settle_all(task_costs, battery, fleet, scratch)
 
 
 def listed(fleet: Fleet, robot: int) -> list[int]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from automaton.auctions.market import BATTERY_FULL
-from automaton.parallel import OnDone
+from automaton.process_pool import OnDone
 from automaton.reproductions.auction_charging import (
     POLICIES,
     charging_costs,
@@ -24,7 +24,7 @@ from automaton.reproductions.auction_trials import (
     sequences,
     solve,
 )
-from automaton.reproductions.study import Case, Key, Label, Runner, Table
+from automaton.reproductions.reproduction_study import Case, Key, Label, Runner, Table
 
 Figures = Mapping[str, float]
 COMPARED: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))

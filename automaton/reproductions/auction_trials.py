@@ -16,10 +16,23 @@ from typing import Final
 import numpy as np
 
 from automaton.auctions import bundles, exact, genetic, local_search, sequential
-from automaton.auctions.bids import MIX
+from automaton.auctions.bids import BID_MIXED
 from automaton.auctions.bundle_space import bundles_for, generations, population_for
-from automaton.auctions.market import BIDS, POSITIONS, Array, Battery, Fleet, Scratch, Work
-from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
+from automaton.auctions.market import (
+    COUNT_BIDS,
+    COUNT_POSITIONS,
+    Array,
+    Battery,
+    Fleet,
+    Scratch,
+    TaskCosts,
+)
+from automaton.auctions.winners import (
+    WINNER_DIFFERENCE,
+    WINNER_FEWEST_BIDDERS,
+    WINNER_LOWEST_BID,
+    WINNER_REGRET,
+)
 from automaton.kernels.random_numbers import random_between
 from automaton.reproductions.auction_floor import (
     DEPOTS,
@@ -56,7 +69,7 @@ def task_set(seed: int, n: int, number: int = 0) -> tuple[int, ...]:
 class Instance:
     """A task set and robots with empty lists."""
 
-    work: Work
+    task_costs: TaskCosts
     battery: Battery
     fleet: Fleet
     scratch: Scratch
@@ -65,8 +78,8 @@ class Instance:
     seed: int
 
     @property
-    def market(self) -> tuple[Work, Battery, Fleet, Scratch]:
-        return self.work, self.battery, self.fleet, self.scratch
+    def market(self) -> tuple[TaskCosts, Battery, Fleet, Scratch]:
+        return self.task_costs, self.battery, self.fleet, self.scratch
 
     @property
     def robots(self) -> int:
@@ -79,22 +92,22 @@ class Instance:
 
 def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> Instance:
     """The task set of a seed and so many robots, each at its depot."""
-    work = work_of(task_set(seed, n), seconds(lanes))
+    task_costs = work_of(task_set(seed, n), seconds(lanes))
     fleet = fleet_at(DEPOTS[:robots], n)
     items = np.arange(n, dtype=np.int32)
     scratch = scratch_of(fleet, n)
-    return Instance(work, NO_BATTERY[lanes], fleet, scratch, items, epsilon, seed)
+    return Instance(task_costs, NO_BATTERY[lanes], fleet, scratch, items, epsilon, seed)
 
 
 def auction(one: Instance, winner: int, everybody: int = 0) -> None:
     """The sequential auction with this rule for the winner; everybody = 1: all bid again."""
-    rules = MIX, one.epsilon, winner, everybody
+    rules = BID_MIXED, one.epsilon, winner, everybody
     sequential.sequential(*one.market, one.items, one.tasks, *rules)
 
 
 def auction_and_search(one: Instance) -> None:
     """The sequential auction by lowest bids, then local search."""
-    auction(one, LOWEST)
+    auction(one, WINNER_LOWEST_BID)
     local_search.improve(*one.market, one.epsilon)
 
 
@@ -125,17 +138,17 @@ Method = Callable[[Instance], None]
 METHODS: Final[dict[str, Method]] = {
     OPTIMUM: optimum,
     "m^n": best_allotment,
-    "LB": lambda one: auction(one, LOWEST),
-    AGAIN: lambda one: auction(one, LOWEST, 1),
-    "BD": lambda one: auction(one, DIFFERENCE),
-    "FB": lambda one: auction(one, FEWEST),
-    "regret": lambda one: auction(one, REGRET),
+    "LB": lambda one: auction(one, WINNER_LOWEST_BID),
+    AGAIN: lambda one: auction(one, WINNER_LOWEST_BID, 1),
+    "BD": lambda one: auction(one, WINNER_DIFFERENCE),
+    "FB": lambda one: auction(one, WINNER_FEWEST_BIDDERS),
+    "regret": lambda one: auction(one, WINNER_REGRET),
     "LB+search": auction_and_search,
     "arrival": lambda one: (
-        sequential.by_arrival(*one.market, one.items, one.tasks, MIX, one.epsilon) and None
+        sequential.by_arrival(*one.market, one.items, one.tasks, BID_MIXED, one.epsilon) and None
     ),
     "parallel": lambda one: (
-        sequential.parallel(*one.market, one.items, one.tasks, MIX, one.epsilon) and None
+        sequential.parallel(*one.market, one.items, one.tasks, BID_MIXED, one.epsilon) and None
     ),
     "GA": lambda one: evolve(one, 0),
     "GA each gene": lambda one: evolve(one, 1),
@@ -162,8 +175,8 @@ def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int)
     stations = task_set(seed, n)
     return Solved(
         sequential.objective(one.fleet, epsilon) / 1000,
-        int(one.scratch.count[BIDS]),
-        int(one.scratch.count[POSITIONS]),
+        int(one.scratch.count[COUNT_BIDS]),
+        int(one.scratch.count[COUNT_POSITIONS]),
         tuple(tuple(stations[task] for task in listed(one.fleet, r)) for r in range(robots)),
     )
 

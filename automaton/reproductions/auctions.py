@@ -12,7 +12,7 @@ from automaton.reproductions.auction_claims import CLAIMS, REMARKS
 from automaton.reproductions.auction_example import steps
 from automaton.reproductions.auction_pictures import pictures
 from automaton.reproductions.auction_tables import TABLES
-from automaton.reproductions.study import Reproduction
+from automaton.reproductions.reproduction_study import Reproduction
 
 
 def texts() -> list[tuple[str, str]]:

@@ -20,8 +20,8 @@ from types import MappingProxyType
 from typing import Any, Final, Literal
 
 from automaton.statistics.intervals import ROUNDING
-from automaton.statistics.shares import exact_share
-from automaton.statistics.student import student
+from automaton.statistics.proportions import exact_share
+from automaton.statistics.t_distribution import student
 
 Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
 WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")

@@ -16,7 +16,7 @@ from automaton.reproductions.living_runs import (
     to_the_end,
     with_lines,
 )
-from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
+from automaton.reproductions.reproduction_study import Key, Reproduction, ScenarioCase, Table
 
 SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start
 COMING: Final = "orders={generator: stations, count: 100, mean_interarrival_time: 45}"

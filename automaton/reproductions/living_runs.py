@@ -14,8 +14,8 @@ import numpy as np
 
 from automaton.kernels.random_numbers import STREAM_BREAKDOWNS, random_between
 from automaton.metrics import metrics_of
-from automaton.parallel import Conduct, OnDone, Result, conducted, run_jobs
-from automaton.reproductions.study import Runner, ScenarioCase, with_published_names
+from automaton.process_pool import OnDone, Result, RunFunction, run_and_measure, run_jobs
+from automaton.reproductions.reproduction_study import Runner, ScenarioCase, with_published_names
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Fault
 from automaton.simulation import Simulation
@@ -31,7 +31,7 @@ Figures = dict[str, float | int]
 
 def to_the_end(simulation: Simulation) -> Figures:
     """A run, and whether somebody was stranded, everything was delivered, loads were recovered."""
-    return conducted(simulation) | outcome_of(simulation.world)
+    return run_and_measure(simulation) | outcome_of(simulation.world)
 
 
 def outcome_of(world: World) -> Figures:
@@ -77,7 +77,7 @@ def with_failure(resolved: Resolved, seed: int) -> Resolved:
     return replace(resolved, scenario=scenario)
 
 
-def conduct_all(conduct: Conduct, failing: bool = False) -> Runner:
+def conduct_all(conduct: RunFunction, failing: bool = False) -> Runner:
     """A table's runner: each case with each seed, conducted like this."""
 
     def run(

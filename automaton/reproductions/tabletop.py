@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from automaton.errors import InputError
-from automaton.parallel import conducted
+from automaton.process_pool import run_and_measure
 from automaton.reproductions.living_runs import Figures, conduct_all
-from automaton.reproductions.study import Key, Label, Reproduction, ScenarioCase, Table
+from automaton.reproductions.reproduction_study import Key, Label, Reproduction, ScenarioCase, Table
 from automaton.reproductions.tabletop_claims import CLAIMS
 from automaton.simulation import Simulation
 from automaton.strategy import lookup
@@ -95,7 +95,7 @@ def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
 
 def with_least_busy(simulation: Simulation) -> Figures:
     """A run to its end: how often its least busy robot picked up something, and whether it never did."""
-    figures = conducted(simulation)
+    figures = run_and_measure(simulation)
     least = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
     return figures | {"least_picks": least, "sixth_idle": float(least == 0)}
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from automaton.parallel import OnDone
-from automaton.reproductions.study import Case, Key, Reproduction, Table
+from automaton.process_pool import OnDone
+from automaton.reproductions.reproduction_study import Case, Key, Reproduction, Table
 from automaton.reproductions.traffic_claims import CLAIMS, REMARKS
 from automaton.reproductions.traffic_network import DEPTHS, TABLES_1_TO_4, network
 from automaton.reproductions.traffic_trials import TRIALS, Setting, exact, noisy, run_seeds

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 from automaton.reproductions.claims import Claim, Figure, Mean
-from automaton.reproductions.study import Key, Reproduction, ScenarioCase, Table
+from automaton.reproductions.reproduction_study import Key, Reproduction, ScenarioCase, Table
 
 SCENARIO: Final = "warehouse-100"
 ROBOTS: Final = (6, 20, 50, 100)

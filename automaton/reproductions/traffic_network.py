@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.learning.tables import COLUMNS, PRINTED, Row, from_json
-from automaton.parallel import OnDone
-from automaton.reproductions.study import Case, Key, Table
+from automaton.process_pool import OnDone
+from automaton.reproductions.reproduction_study import Case, Key, Table
 from automaton.reproductions.traffic_trials import Warehouse
 from automaton.strategy.network import network_for, predicted_zones, shipped
 from automaton.world.state import Array

@@ -9,7 +9,7 @@ from statistics import fmean, variance
 from typing import Any, Final
 
 from automaton.reproductions.living_runs import conduct_all
-from automaton.reproductions.study import Further, Reproduced, Reproduction, Table
+from automaton.reproductions.reproduction_study import Further, Reproduced, Reproduction, Table
 from automaton.reproductions.zoning_cases import (
     REFERENCE,
     all_cases,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
-from automaton.reproductions.study import Key, ScenarioCase
+from automaton.reproductions.reproduction_study import Key, ScenarioCase
 
 SA: Final = "SA"
 GA: Final = "GA"

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.reproductions.study import Reproduced
+from automaton.reproductions.reproduction_study import Reproduced
 from automaton.reproductions.zoning_cases import DDZ, FREE, GA, SA
 from automaton.reproductions.zoning_runs import CURVE_EVERY, curve_hours, point
 

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.reproductions.study import Key, Measured, Reproduced
+from automaton.reproductions.reproduction_study import Key, Measured, Reproduced
 from automaton.reproductions.zoning_cases import DDZ, FREE, MANY, NEAR, NEAR_STOPS, NO_SHARING, SA
 
 SIGMA: Final = "sigma_ft"

@@ -33,7 +33,7 @@ from automaton.world.types import (
 Start = str | tuple[int, ...]
 Mask = npt.NDArray[np.bool_]
 
-PLACES = {
+START_DESCRIPTIONS = {
     "parking-bays": "parking bays",
     "racks": "cells in front of racks",
     "random": "cells",
@@ -70,7 +70,7 @@ def check_starts(
             # Of cells drawn at random others may have taken as many as there are others.
             needed = counts[number] if start == "parking-bays" else 1 if many else len(each)
             if len(cells) < needed:
-                text = f"fleet.robots is {len(each)}, but too few {PLACES[start]} are open to"
+                text = f"fleet.robots is {len(each)}, but too few {START_DESCRIPTIONS[start]} are open to"
                 name = types[number].name
                 raise document.error(("fleet", "types"), f"{text} {name}: {len(cells)}")
         return

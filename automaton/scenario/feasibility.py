@@ -37,7 +37,7 @@ from automaton.world.types import types_of
 
 Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
-NEEDED = {  # kinds of cells without which a generator has nothing to draw
+REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
     "dock-to-rack": (DOCK, RACK),
     "stations": (STATION,),
     "visits": (STATION,),
@@ -147,7 +147,7 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
         check_parts(document, scenario, floor.floor_plan)
         return
     if scenario.orders.listed is None:
-        for kind in NEEDED.get(generator or "", (SHELF, DESTINATION)):
+        for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):
             if not np.any(floor.floor_plan.kind == kind):
                 name = CELL_KINDS[kind].name
                 raise document.error(
@@ -228,7 +228,7 @@ def check_service(
     served = np.logical_or.reduce(served_by_type(scenario, floor_plan, start))
     why = "a robot must get in front of it from its start, and back"
     kinds = floor_plan.kind.reshape(-1)[floor_plan.slots()]
-    for kind in NEEDED.get(orders.generator or "", ()):
+    for kind in REQUIRED_KINDS.get(orders.generator or "", ()):
         few = 2 if orders.generator == "stations" else 1
         if np.count_nonzero(served[kinds == kind]) < few:
             name = CELL_KINDS[kind].name

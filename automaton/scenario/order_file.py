@@ -25,8 +25,8 @@ from automaton.scenario.orders import OrderLine
 from automaton.scenario.reading import content_hash, read_text
 from automaton.scenario.schema import Scenario
 
-NEEDED: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
-COLUMNS: Final = (*NEEDED, "weight")
+REQUIRED_COLUMNS: Final = ("tick", "from_x", "from_y", "to_x", "to_y")
+ORDER_FILE_COLUMNS: Final = (*REQUIRED_COLUMNS, "weight")
 SEPARATORS: Final = (";", "\t", ",")  # the first that occurs in the head
 LATEST: Final = 2_000_000_000
 BOUNDS: Final = {"tick": (0, LATEST), "weight": (1, 1_000_000_000)}
@@ -64,7 +64,9 @@ def read_orders(text: str, path: str) -> OrderFile:
     """The orders of a CSV text. Raises InputError with the line."""
     rows = [(number, row) for number, row in enumerate(text.split("\n"), 1) if row.strip()]
     if not rows:
-        raise InputError(f"is empty; its head must name the columns {', '.join(NEEDED)}", path)
+        raise InputError(
+            f"is empty; its head must name the columns {', '.join(REQUIRED_COLUMNS)}", path
+        )
     first, head = rows[0]
     separator = next((sign for sign in SEPARATORS if sign in head), ",")
     names = [name.strip().strip('"') for name in head.split(separator)]
@@ -87,15 +89,17 @@ def read_orders(text: str, path: str) -> OrderFile:
 
 
 def _check_head(names: list[str], path: str, line: int) -> None:
-    allowed = f"the columns are {', '.join(COLUMNS)}"
+    allowed = f"the columns are {', '.join(ORDER_FILE_COLUMNS)}"
     for name in names:
-        if name not in COLUMNS:
+        if name not in ORDER_FILE_COLUMNS:
             raise InputError(
-                f"unknown column '{name[:40]}'{nearest(name, COLUMNS)}; {allowed}", path, line
+                f"unknown column '{name[:40]}'{nearest(name, ORDER_FILE_COLUMNS)}; {allowed}",
+                path,
+                line,
             )
         if names.count(name) > 1:
             raise InputError(f"the column {name} appears twice; {allowed}", path, line)
-    missing = [name for name in NEEDED if name not in names]
+    missing = [name for name in REQUIRED_COLUMNS if name not in names]
     if missing:
         raise InputError(f"the column {missing[0]} is missing; {allowed}", path, line)
 

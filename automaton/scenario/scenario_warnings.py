@@ -7,7 +7,7 @@ import numpy as np
 from automaton.errors import alternatives
 from automaton.scenario.abilities import handed_over
 from automaton.scenario.resolve import Resolved
-from automaton.units import SECONDS, count, unit
+from automaton.units import SECONDS_PER_UNIT, count, unit
 from automaton.world.cells import CHARGER, STATION, UNLIMITED
 from automaton.world.reachability import steps_from
 from automaton.world.types import least_move
@@ -157,7 +157,7 @@ def counts_as_seconds(resolved: Resolved) -> str:
     return (
         f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
         "tick counts "
-        f"as a second; use {alternatives(SECONDS)}"
+        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
     )
 
 

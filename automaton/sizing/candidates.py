@@ -13,11 +13,11 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.sizing.question import Question
 from automaton.statistics.intervals import Interval, mean_interval
-from automaton.statistics.selection import BATCH, batches, feasible
-from automaton.statistics.shares import Verdict, confidence_sequence
+from automaton.statistics.proportions import Verdict, confidence_sequence
+from automaton.statistics.selection import RUNS_PER_BATCH, batches, feasible
 
 
-class Place(NamedTuple):
+class FleetConfig(NamedTuple):
     """What is run."""
 
     robots: int
@@ -32,10 +32,11 @@ class Run(NamedTuple):
     figures: dict[str, float | int]
 
 
-Runner = Callable[[Place, int, int], Sequence[Run]]  # place, first replication, number of runs
+# place, first replication, number of runs
+Runner = Callable[[FleetConfig, int, int], Sequence[Run]]
 
 
-class NotRunnable(InputError):
+class InfeasibleFleetError(InputError):
     """The scenario does not allow a place, such as another number of robots than starts."""
 
 
@@ -43,18 +44,18 @@ class NotRunnable(InputError):
 class Candidate:
     """One fleet with one strategy."""
 
-    place: Place
+    place: FleetConfig
     runs: list[Run] = field(default_factory=list)
     verdict: Verdict = "undecided"
     after: int = 0  # runs when the verdict fell
     excluded: str = ""  # the bound that it cannot meet; no run was needed
     refused: str = ""  # why it cannot be run
 
-    def add(self, runs: Sequence[Run], asked: Question) -> None:
+    def add(self, runs: Sequence[Run], question: Question) -> None:
         """Take further runs, and judge unless that is done."""
         self.runs += runs
         if self.verdict == "undecided":
-            self.verdict, self.after = judged(self.runs, asked)
+            self.verdict, self.after = judged(self.runs, question)
 
     def values(self, metric: str) -> list[float]:
         """A metric of the runs that finished and have it."""
@@ -73,13 +74,13 @@ class Candidate:
         """Runs that did not finish."""
         return sum(not run.finished for run in self.runs)
 
-    def met(self, asked: Question) -> int:
+    def met(self, question: Question) -> int:
         """Runs that meet the target."""
-        return sum(meets(run, asked) for run in self.runs)
+        return sum(meets(run, question) for run in self.runs)
 
-    def share(self, asked: Question) -> Interval:
+    def share(self, question: Question) -> Interval:
         """The share of runs that meet the target; holds although the search decided when to stop."""
-        return confidence_sequence(self.met(asked), len(self.runs), 1 - asked.alpha)
+        return confidence_sequence(self.met(question), len(self.runs), 1 - question.alpha)
 
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the runs that finished, or None."""
@@ -87,23 +88,25 @@ class Candidate:
         return mean_interval(values) if values else None
 
 
-def meets(run: Run, asked: Question) -> bool:
+def meets(run: Run, question: Question) -> bool:
     """Whether a run meets the target; one that did not finish, or did not measure it, does not."""
-    metric = asked.target.metric
-    return run.finished and metric in run.figures and asked.target.met(float(run.figures[metric]))
+    metric = question.target.metric
+    return (
+        run.finished and metric in run.figures and question.target.met(float(run.figures[metric]))
+    )
 
 
-def judged(runs: Sequence[Run], asked: Question) -> tuple[Verdict, int]:
+def judged(runs: Sequence[Run], question: Question) -> tuple[Verdict, int]:
     """The verdict on a candidate from its runs in their order, and after how many it fell."""
-    if not asked.mean:
-        return asked.share_test.verdict(meets(run, asked) for run in runs)
-    metric = asked.target.metric
+    if not question.mean:
+        return question.share_test.verdict(meets(run, question) for run in runs)
+    metric = question.target.metric
     known = list(takewhile(lambda run: run.finished and metric in run.figures, runs))
-    sign = 1.0 if asked.target.at_most else -1.0
+    sign = 1.0 if question.target.at_most else -1.0
     values = np.array([float(run.figures[metric]) for run in known]) * sign
-    verdict, after = feasible(batches(values), sign * asked.target.value, asked.region)
+    verdict, after = feasible(batches(values), sign * question.target.value, question.region)
     if verdict != "undecided":
-        return verdict, BATCH * after
+        return verdict, RUNS_PER_BATCH * after
     if len(known) < len(runs):
         return "fails", len(known) + 1  # the mean of all runs is not known
     return verdict, len(runs)

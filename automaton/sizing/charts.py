@@ -10,51 +10,52 @@ from automaton.reporting.document import Curves, Line
 from automaton.sizing.candidates import Candidate
 from automaton.sizing.question import Question, shown
 from automaton.sizing.search import Search
-from automaton.sizing.session import Session
+from automaton.sizing.sizing_session import SizingSession
 from automaton.statistics.intervals import Interval
 from automaton.units import percent
 
-COLUMNS: Final = 61  # of a scale
-VALUE, REACH, MARK = "o", "-", "|"
+CHART_WIDTH: Final = 61  # of a scale
+MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
 
 
-def picture(search: Search, asked: Question) -> Iterator[str]:
+def picture(search: Search, question: Question) -> Iterator[str]:
     """One line for each candidate that was run: its metric with its interval, and the ends of the
     indifference zone."""
-    judged = [(one, judged_by(one, asked)) for one in search.candidates if one.runs]
+    judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
     found = [(one, interval) for one, interval in judged if interval is not None]
     if not found:
         return
-    least, most = zone(asked)
-    low, high = scale([interval for _, interval in found], asked)
-    what = f"mean {asked.target.metric}" if asked.mean else "share"
-    yield f"robots  {what} with its {percent(1 - asked.alpha, 0)} interval; {MARK} indifference zone"
+    least, most = zone(question)
+    low, high = scale([interval for _, interval in found], question)
+    what = f"mean {question.target.metric}" if question.mean else "share"
+    confidence = percent(1 - question.alpha, 0)
+    yield f"robots  {what} with its {confidence} interval; {MARK_TARGET} indifference zone"
     for one, interval in found:
         line = drawn(interval, (least, most), low, high)
         yield f"{one.place.robots:6}  {line.rstrip()}"
-    ends = (shown(low), shown(high)) if asked.mean else (percent(low, 0), percent(high, 0))
-    yield f"        {ends[0]}{ends[1]:>{COLUMNS - len(ends[0])}}"
+    ends = (shown(low), shown(high)) if question.mean else (percent(low, 0), percent(high, 0))
+    yield f"        {ends[0]}{ends[1]:>{CHART_WIDTH - len(ends[0])}}"
 
 
-def judged_by(candidate: Candidate, asked: Question) -> Interval | None:
+def judged_by(candidate: Candidate, question: Question) -> Interval | None:
     """The metric that decides: the share of runs that meet the target, or their mean."""
-    return candidate.mean(asked.target.metric) if asked.mean else candidate.share(asked)
+    return candidate.mean(question.target.metric) if question.mean else candidate.share(question)
 
 
-def zone(asked: Question) -> tuple[float, float]:
+def zone(question: Question) -> tuple[float, float]:
     """Between these either verdict may fall."""
-    centre = asked.target.value if asked.mean else asked.success_share
-    return centre - asked.indifference, centre + asked.indifference
+    centre = question.target.value if question.mean else question.success_share
+    return centre - question.indifference, centre + question.indifference
 
 
-def scale(intervals: list[Interval], asked: Question) -> tuple[float, float]:
+def scale(intervals: list[Interval], question: Question) -> tuple[float, float]:
     """The ends of the scale: those of a share, or what holds all means and the zone."""
-    if not asked.mean:
+    if not question.mean:
         return 0.0, 1.0
     reached = [
         end for one in intervals for end in (one.value, one.low, one.high) if end is not None
     ]
-    return math.floor(min(*reached, *zone(asked))), math.ceil(max(*reached, *zone(asked)))
+    return math.floor(min(*reached, *zone(question))), math.ceil(max(*reached, *zone(question)))
 
 
 def drawn(interval: Interval, marks: tuple[float, float], low: float, high: float) -> str:
@@ -62,41 +63,41 @@ def drawn(interval: Interval, marks: tuple[float, float], low: float, high: floa
 
     def column(value: float) -> int:
         inside = min(max((value - low) / (high - low), 0.0), 1.0)
-        return round(inside * (COLUMNS - 1))
+        return round(inside * (CHART_WIDTH - 1))
 
-    cells = [" "] * COLUMNS
+    cells = [" "] * CHART_WIDTH
     if interval.low is not None and interval.high is not None:
         for at in range(column(interval.low), column(interval.high) + 1):
-            cells[at] = REACH
+            cells[at] = MARK_INTERVAL
     for mark in marks:
-        cells[column(mark)] = MARK
-    cells[column(interval.value)] = VALUE
+        cells[column(mark)] = MARK_TARGET
+    cells[column(interval.value)] = MARK_VALUE
     return "".join(cells)
 
 
-def curves(session: Session) -> list[Curves]:
+def curves(session: SizingSession) -> list[Curves]:
     """The share of runs that meet the target over the robots, and the mean of its metric."""
-    asked = session.asked
-    metric, ends = asked.target.metric, [float(asked.first), float(asked.last)]
-    shares = [strategy_line(search, asked, False) for search in session.searches]
-    means = [strategy_line(search, asked, True) for search in session.searches]
+    question = session.question
+    metric, ends = question.target.metric, [float(question.first), float(question.last)]
+    shares = [strategy_line(search, question, False) for search in session.searches]
+    means = [strategy_line(search, question, True) for search in session.searches]
     wanted = (
         []
-        if asked.mean
-        else [level(f"wanted {percent(asked.success_share, 0)}", ends, asked.success_share)]
+        if question.mean
+        else [level(f"wanted {percent(question.success_share, 0)}", ends, question.success_share)]
     )
-    target = level(f"target {shown(asked.target.value)}", ends, asked.target.value)
+    target = level(f"target {shown(question.target.value)}", ends, question.target.value)
     return [
-        Curves(f"share of runs with {asked.target.text}", "robots", "share", [*shares, *wanted]),
-        Curves(f"mean {metric} by robots", "robots", asked.target.unit, [*means, target]),
+        Curves(f"share of runs with {question.target.text}", "robots", "share", [*shares, *wanted]),
+        Curves(f"mean {metric} by robots", "robots", question.target.unit, [*means, target]),
     ]
 
 
-def strategy_line(search: Search, asked: Question, mean: bool) -> Line:
+def strategy_line(search: Search, question: Question, mean: bool) -> Line:
     """The candidates of one strategy that were run."""
     found: list[tuple[int, Interval]] = []
     for one in search.candidates:
-        interval = one.mean(asked.target.metric) if mean else one.share(asked)
+        interval = one.mean(question.target.metric) if mean else one.share(question)
         if one.runs and interval is not None:
             found.append((one.place.robots, interval))
     name = search.strategy.partition("=")[2]

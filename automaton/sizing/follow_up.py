@@ -12,19 +12,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.sizing.candidates import Candidate, NotRunnable, Place, Runner
-from automaton.sizing.question import MEAN_ZONE, Question
+from automaton.sizing.candidates import Candidate, FleetConfig, InfeasibleFleetError, Runner
+from automaton.sizing.question import DEFAULT_MEAN_INDIFFERENCE, Question
 from automaton.statistics.effects import Effect, effect
-from automaton.statistics.intervals import ENOUGH
-from automaton.statistics.selection import BATCH, FIRST, batches, select_least
+from automaton.statistics.intervals import STUDENT_MIN_RUNS
+from automaton.statistics.selection import FIRST_STAGE_RUNS, RUNS_PER_BATCH, batches, select_least
 
-OFF: Final = (-10, 10)  # percent
+PERCENTS_OFF: Final = (-10, 10)  # percent
 MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks
-TRIAL: Final = 100  # runs of each fleet under other durations
-SELECTION_ROUND: Final = 100  # runs of each strategy
+TRIAL_RUNS: Final = 100  # runs of each fleet under other durations
+SELECTION_ROUND_RUNS: Final = 100  # runs of each strategy
 
 
-class Gain(NamedTuple):
+class MarginalGain(NamedTuple):
     """What the last of so many robots does for the metric of the target."""
 
     robots: int
@@ -32,7 +32,7 @@ class Gain(NamedTuple):
     refused: str = ""  # why one robot less cannot be run
 
 
-class Best(NamedTuple):
+class StrategySelection(NamedTuple):
     """Which of several strategies is best with so many robots."""
 
     robots: int
@@ -44,15 +44,15 @@ class Best(NamedTuple):
 
 
 @dataclass
-class Purse:
-    """Runs that may still be made."""
+class RunBudget:
+    """The number of runs that may still be made."""
 
     run: Runner
     left: int
     spent: int = 0
 
-    def grown(self, candidate: Candidate, until: int, asked: Question) -> bool:
-        """Give a candidate runs until it has so many.
+    def extend_runs(self, candidate: Candidate, until: int, question: Question) -> bool:
+        """Extend the runs of a candidate to this number.
 
         False if there is too little left, or it cannot be run, which it then says.
         """
@@ -63,16 +63,16 @@ class Purse:
             return False
         try:
             runs = self.run(candidate.place, len(candidate.runs), number)
-        except NotRunnable as error:
+        except InfeasibleFleetError as error:
             candidate.refused = error.message
             return False
-        candidate.add(runs, asked)
+        candidate.add(runs, question)
         self.left, self.spent = self.left - number, self.spent + number
         return True
 
 
 @dataclass
-class Moved:
+class SensitivityResult:
     """The fleets around the answer, under durations that are off."""
 
     percent: int
@@ -83,71 +83,82 @@ class Moved:
         """Those that can be run."""
         return [one for one in self.around if not one.refused]
 
-    def smallest(self, asked: Question) -> int | None:
+    def smallest(self, question: Question) -> int | None:
         """The smallest of these fleets that seems to meet the target: by its share or mean so far."""
-        return next((one.place.robots for one in self.fleets if seems_to_meet(one, asked)), None)
+        return next((one.place.robots for one in self.fleets if seems_to_meet(one, question)), None)
 
 
-def seems_to_meet(candidate: Candidate, asked: Question) -> bool:
+def seems_to_meet(candidate: Candidate, question: Question) -> bool:
     """By the estimate alone, which is less sure than a verdict."""
     if not candidate.runs:
         return False
-    if not asked.mean:
-        return candidate.met(asked) >= asked.success_share * len(candidate.runs)
-    mean = candidate.mean(asked.target.metric)
-    return whole(candidate, asked) and mean is not None and asked.target.met(mean.value)
+    if not question.mean:
+        return candidate.met(question) >= question.success_share * len(candidate.runs)
+    mean = candidate.mean(question.target.metric)
+    return whole(candidate, question) and mean is not None and question.target.met(mean.value)
 
 
-def whole(candidate: Candidate, asked: Question) -> bool:
+def whole(candidate: Candidate, question: Question) -> bool:
     """Whether all its runs finished and have the metric of the target."""
-    return not candidate.censored and not candidate.unmeasured(asked.target.metric)
+    return not candidate.censored and not candidate.unmeasured(question.target.metric)
 
 
-def gain_of(candidates: Sequence[Candidate], robots: int, purse: Purse, asked: Question) -> Gain:
-    """What one robot gains: so many robots against one less; both get ENOUGH runs."""
-    metric = asked.target.metric
+def gain_of(
+    candidates: Sequence[Candidate], robots: int, run_budget: RunBudget, question: Question
+) -> MarginalGain:
+    """What one robot gains: so many robots against one less; both get STUDENT_MIN_RUNS runs."""
+    metric = question.target.metric
     by_robots = {one.place.robots: one for one in candidates}
     with_it = by_robots.get(robots)
     if with_it is None or robots < 2:
-        return Gain(robots, None)
+        return MarginalGain(robots, None)
     place = with_it.place._replace(robots=robots - 1)
     without = by_robots.get(robots - 1) or Candidate(place)
-    if not all(purse.grown(one, ENOUGH, asked) for one in (with_it, without)):
-        return Gain(robots, None, without.refused)
+    if not all(
+        run_budget.extend_runs(one, STUDENT_MIN_RUNS, question) for one in (with_it, without)
+    ):
+        return MarginalGain(robots, None, without.refused)
     pairs = [
         (float(a.figures[metric]), float(b.figures[metric]))
         for a, b in zip(with_it.runs, without.runs, strict=False)
         if a.finished and b.finished and metric in a.figures and metric in b.figures
     ]
     if len(pairs) < 2:
-        return Gain(robots, None)
+        return MarginalGain(robots, None)
     a, b = np.array(pairs).T
-    return Gain(robots, effect(a, b))
+    return MarginalGain(robots, effect(a, b))
 
 
 def best_of(
-    candidates: Sequence[Candidate], purse: Purse, asked: Question, zone: float | None = None
-) -> Best | None:
+    candidates: Sequence[Candidate],
+    run_budget: RunBudget,
+    question: Question,
+    zone: float | None = None,
+) -> StrategySelection | None:
     """The strategy with the best mean, all with the same number of robots (Kim & Nelson).
 
     Strategies that drop out get no further runs. Those with runs that did not finish, or did not
     measure the metric, are left out. None if fewer than two are left.
     """
-    zone = zone or (asked.indifference if asked.mean else MEAN_ZONE * abs(asked.target.value))
-    sign = 1.0 if asked.target.at_most else -1.0
-    left, until = list(candidates), BATCH * FIRST
+    zone = zone or (
+        question.indifference
+        if question.mean
+        else DEFAULT_MEAN_INDIFFERENCE * abs(question.target.value)
+    )
+    sign = 1.0 if question.target.at_most else -1.0
+    left, until = list(candidates), RUNS_PER_BATCH * FIRST_STAGE_RUNS
     while True:
-        grown = [purse.grown(one, until, asked) for one in left]
-        rivals = [one for one in candidates if one.runs and whole(one, asked)]
+        grown = [run_budget.extend_runs(one, until, question) for one in left]
+        rivals = [one for one in candidates if one.runs and whole(one, question)]
         if len(rivals) < 2 or zone <= 0:
             return None
-        values = [sign * np.array(one.values(asked.target.metric)) for one in rivals]
-        if min(map(len, values)) < BATCH * FIRST:
+        values = [sign * np.array(one.values(question.target.metric)) for one in rivals]
+        if min(map(len, values)) < RUNS_PER_BATCH * FIRST_STAGE_RUNS:
             return None
-        selected = select_least([batches(one) for one in values], zone, asked.alpha)
+        selected = select_least([batches(one) for one in values], zone, question.alpha)
         left = [rivals[index] for index in selected.left]
         if len(left) == 1 or not all(grown):
-            return Best(
+            return StrategySelection(
                 robots=rivals[0].place.robots,
                 strategies=tuple(one.place.strategy for one in rivals),
                 left=tuple(one.place.strategy for one in left),
@@ -155,22 +166,22 @@ def best_of(
                 runs=tuple(map(len, values)),
                 zone=zone,
             )
-        until = BATCH * selected.batches + SELECTION_ROUND
+        until = RUNS_PER_BATCH * selected.batches + SELECTION_ROUND_RUNS
 
 
-def around(answer: Place, asked: Question) -> list[int]:
+def around(answer: FleetConfig, question: Question) -> list[int]:
     """The fleets from one robot less to one more, up to the largest that was asked for."""
-    return [n for n in range(answer.robots - 1, answer.robots + 2) if 1 <= n <= asked.last]
+    return [n for n in range(answer.robots - 1, answer.robots + 2) if 1 <= n <= question.last]
 
 
 def sensitivity(
-    answer: Place, purse: Purse, asked: Question, percents: Sequence[int]
-) -> Iterator[Moved]:
+    answer: FleetConfig, run_budget: RunBudget, question: Question, percents: Sequence[int]
+) -> Iterator[SensitivityResult]:
     """The fleets from one robot less to one more, with durations so many percent longer."""
     for percent in percents:
-        places = [answer._replace(robots=n, percent=percent) for n in around(answer, asked)]
-        moved = Moved(percent, [Candidate(place) for place in places])
+        places = [answer._replace(robots=n, percent=percent) for n in around(answer, question)]
+        moved = SensitivityResult(percent, [Candidate(place) for place in places])
         for one in moved.around:
-            if not purse.grown(one, TRIAL, asked) and not one.refused:
+            if not run_budget.extend_runs(one, TRIAL_RUNS, question) and not one.refused:
                 return
         yield moved

@@ -7,14 +7,19 @@ import re
 from typing import Final, NamedTuple
 
 from automaton.errors import InputError, alternatives, nearest
-from automaton.glossary import GLOSSARY
-from automaton.statistics.selection import BATCH, FIRST, Region, region
-from automaton.statistics.shares import ShareTest, share_test
-from automaton.units import SECONDS, Unit, symbol_of
+from automaton.metric_catalogue import METRIC_CATALOGUE
+from automaton.statistics.proportions import ShareTest, share_test
+from automaton.statistics.selection import FIRST_STAGE_RUNS, RUNS_PER_BATCH, Region, region
+from automaton.units import SECONDS_PER_UNIT, Unit, symbol_of
 
-SHARE, ZONE, ERROR, BUDGET = 0.95, 0.02, 0.05, 20_000
-MEAN_ZONE: Final = 0.01  # of the target, where a mean is asked for without a zone
-MOST_ROBOTS: Final = 1_000_000
+DEFAULT_SUCCESS_SHARE, DEFAULT_INDIFFERENCE, DEFAULT_ALPHA, DEFAULT_MAX_RUNS = (
+    0.95,
+    0.02,
+    0.05,
+    20_000,
+)
+DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
+MAX_FLEET_SIZE: Final = 1_000_000
 
 _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
@@ -42,7 +47,7 @@ class Target(NamedTuple):
     @property
     def unit(self) -> str:
         """The unit of the metric; of what strategies count: times."""
-        return GLOSSARY.get(self.metric, ("times", ""))[0]
+        return METRIC_CATALOGUE.get(self.metric, ("times", ""))[0]
 
     def in_unit(self, value: float) -> str:
         """What follows a value: "ticks (5 h)" where the target was given as a time; shares: ""."""
@@ -63,10 +68,10 @@ class Question(NamedTuple):
     first: int  # the fleets that may be an answer
     last: int
     strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): as it is
-    success_share: float = SHARE
-    indifference: float = ZONE  # of the share; of a mean in the metric's unit
-    alpha: float = ERROR
-    budget: int = BUDGET  # runs
+    success_share: float = DEFAULT_SUCCESS_SHARE
+    indifference: float = DEFAULT_INDIFFERENCE  # of the share; of a mean in the metric's unit
+    alpha: float = DEFAULT_ALPHA
+    budget: int = DEFAULT_MAX_RUNS  # runs
     mean: bool = False  # the mean must meet the target, not a share of the runs
     warm_up: int | None = None  # ticks left out of a steady state; None: runs that end count whole
 
@@ -88,17 +93,17 @@ class Question(NamedTuple):
     @property
     def fewest(self) -> int:
         """Runs of a candidate after which it can pass at the earliest."""
-        return BATCH * FIRST if self.mean else self.share_test.fewest
+        return RUNS_PER_BATCH * FIRST_STAGE_RUNS if self.mean else self.share_test.fewest
 
 
-def question(
+def make_question(
     target: Target,
     robots: tuple[int, int],
     strategies: tuple[str, ...] = ("",),
     success_share: float | None = None,
     indifference: float | None = None,
-    alpha: float = ERROR,
-    budget: int = BUDGET,
+    alpha: float = DEFAULT_ALPHA,
+    budget: int = DEFAULT_MAX_RUNS,
     mean: bool | None = None,
     warm_up: int | None = None,
 ) -> Question:
@@ -108,10 +113,12 @@ def question(
     """
     if mean is None:
         mean = warm_up is not None and success_share is None
-    success_share = SHARE if success_share is None else success_share
+    success_share = DEFAULT_SUCCESS_SHARE if success_share is None else success_share
     if indifference is None:
-        indifference = MEAN_ZONE * abs(target.value) if mean else ZONE
-    asked = Question(
+        indifference = (
+            DEFAULT_MEAN_INDIFFERENCE * abs(target.value) if mean else DEFAULT_INDIFFERENCE
+        )
+    question = Question(
         target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up
     )
     if not 0 < alpha < 0.5:
@@ -134,12 +141,12 @@ def question(
         except ValueError as problem:
             raise InputError(f"--success-share and --indifference: {problem}") from None
     each, many = budget // len(strategies), len(strategies)
-    if each < asked.fewest:
+    if each < question.fewest:
         parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
         raise InputError(
-            f"--budget {budget:,}: a fleet cannot pass in less than {asked.fewest:,}{parts}"
+            f"--budget {budget:,}: a fleet cannot pass in less than {question.fewest:,}{parts}"
         )
-    return asked
+    return question
 
 
 def read_target(text: str, tick: Unit | None = None) -> Target:
@@ -155,8 +162,8 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
     metric, sign, given = found.groups()
     if sign not in ("<=", ">="):
         raise InputError(f"--target '{text}': use <= or >=, not {sign}")
-    if metric not in GLOSSARY:
-        hint = nearest(metric, GLOSSARY) or f"; there are {', '.join(GLOSSARY)}"
+    if metric not in METRIC_CATALOGUE:
+        hint = nearest(metric, METRIC_CATALOGUE) or f"; there are {', '.join(METRIC_CATALOGUE)}"
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
     value, unit = _value(given, text)
     if value < 0:
@@ -167,7 +174,9 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
     if symbol := symbol_of(unit):
         return _in_ticks(target, symbol, tick, text)
     if unit:
-        allowed = f", or a time in {alternatives(SECONDS)}" if target.unit == "ticks" else ""
+        allowed = (
+            f", or a time in {alternatives(SECONDS_PER_UNIT)}" if target.unit == "ticks" else ""
+        )
         raise InputError(
             f"--target '{text}': '{unit}' is not understood; {metric} is in {target.unit}{allowed}"
         )
@@ -203,7 +212,7 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
     if tick is None or tick.seconds is None:
         name = "unknown" if tick is None else tick.name
         raise InputError(f"--target '{text}': units.tick of the scenario is {name}; use ticks")
-    ticks = SECONDS[time] / tick.seconds
+    ticks = SECONDS_PER_UNIT[time] / tick.seconds
     return target._replace(value=target.value * ticks, time=time, ticks=ticks)
 
 
@@ -227,9 +236,9 @@ def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]
 
 def checked_robots(first: int, last: int) -> tuple[int, int]:
     """The smallest and the largest fleet that may be an answer. Raises InputError."""
-    if not 1 <= first <= last <= MOST_ROBOTS:
+    if not 1 <= first <= last <= MAX_FLEET_SIZE:
         raise InputError(
             f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
-            f"{MOST_ROBOTS:,}"
+            f"{MAX_FLEET_SIZE:,}"
         )
     return first, last

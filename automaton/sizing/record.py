@@ -6,22 +6,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from automaton.sizing.candidates import Candidate, lost_by_cause, mean_of
-from automaton.sizing.follow_up import Gain, Moved
+from automaton.sizing.follow_up import MarginalGain, SensitivityResult
 from automaton.sizing.question import Question
-from automaton.sizing.report import USES
 from automaton.sizing.search import Search
-from automaton.sizing.session import Session
+from automaton.sizing.sizing_report import USES
+from automaton.sizing.sizing_session import SizingSession
 from automaton.statistics.effects import Effect
 from automaton.statistics.intervals import Interval
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ROW = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
+ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
 
 
 @dataclass(frozen=True)
-class Sized:
+class SizingResult:
     """The answer to how many robots are enough."""
 
     robots: int | None  # the smallest fleet that meets the target, as far as known
@@ -44,7 +44,7 @@ class Sized:
 
 def flat(candidate: dict[str, Any]) -> dict[str, Any]:
     """A candidate of the record as a row: intervals as three columns."""
-    row = {name: candidate[name] for name in ROW}
+    row = {name: candidate[name] for name in ROW_KEYS}
     for name in ("share", "mean"):
         interval = candidate[name] or {}
         row[name] = interval.get("value")
@@ -52,31 +52,31 @@ def flat(candidate: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
-def sized(session: Session, name: str, seed: int) -> Sized:
+def sized(session: SizingSession, name: str, seed: int) -> SizingResult:
     """The answer of a session."""
     record = as_json(session, name, seed, 0.0)
-    return Sized(record["robots"], record["strategy"], record["settled"], record)
+    return SizingResult(record["robots"], record["strategy"], record["settled"], record)
 
 
-def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, Any]:
+def as_json(session: SizingSession, name: str, seed: int, price: float) -> dict[str, Any]:
     """Everything that the text tells; the same for any number of workers."""
-    asked, place = session.asked, session.place
+    question, place = session.question, session.place
     return {
         "scenario": name,
         "seed": seed,
         "target": {
-            "metric": asked.target.metric,
-            "sense": "<=" if asked.target.at_most else ">=",
-            "value": asked.target.value,
-            "unit": asked.target.unit,
+            "metric": question.target.metric,
+            "sense": "<=" if question.target.at_most else ">=",
+            "value": question.target.value,
+            "unit": question.target.unit,
         },
-        "estimand": "mean" if asked.mean else "share",
-        "warm_up": asked.warm_up,
-        "success_share": None if asked.mean else asked.success_share,
-        "indifference": asked.indifference,
-        "alpha": asked.alpha,
-        "candidates": asked.candidates,
-        "budget": asked.budget,
+        "estimand": "mean" if question.mean else "share",
+        "warm_up": question.warm_up,
+        "success_share": None if question.mean else question.success_share,
+        "indifference": question.indifference,
+        "alpha": question.alpha,
+        "candidates": question.candidates,
+        "budget": question.budget,
         "spent": session.spent,
         "complete": session.complete,
         "same_orders": session.same_orders,
@@ -86,30 +86,30 @@ def as_json(session: Session, name: str, seed: int, price: float) -> dict[str, A
         "price": place.robots * price if price and place is not None else None,
         "answers": [search_as_json(one, session) for one in session.searches],
         "best": None if session.best is None else session.best._asdict(),
-        "sensitivity": [moved_as_json(moved, asked) for moved in session.moved],
+        "sensitivity": [moved_as_json(moved, question) for moved in session.moved],
     }
 
 
-def search_as_json(search: Search, session: Session) -> dict[str, Any]:
+def search_as_json(search: Search, session: SizingSession) -> dict[str, Any]:
     """One strategy."""
     gain = session.gains.get(search.strategy)
     return {
         "strategy": search.strategy,
         **search.answer._asdict(),
         "spent": search.spent,
-        "candidates": [candidate_as_json(one, session.asked) for one in search.candidates],
+        "candidates": [candidate_as_json(one, session.question) for one in search.candidates],
         "gain": None if gain is None else gain_as_json(gain),
     }
 
 
-def candidate_as_json(candidate: Candidate, asked: Question) -> dict[str, Any]:
+def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any]:
     """One fleet."""
-    share = candidate.share(asked)
-    mean = candidate.mean(asked.target.metric)
+    share = candidate.share(question)
+    mean = candidate.mean(question.target.metric)
     return {
         "robots": candidate.place.robots,
         "runs": len(candidate.runs),
-        "met": candidate.met(asked),
+        "met": candidate.met(question),
         "unfinished": candidate.censored,
         "verdict": candidate.verdict,
         "after": candidate.after,
@@ -131,7 +131,7 @@ def interval_as_json(interval: Interval) -> dict[str, Any]:
     return interval._asdict()
 
 
-def gain_as_json(gain: Gain) -> dict[str, Any]:
+def gain_as_json(gain: MarginalGain) -> dict[str, Any]:
     """What the last robot gains."""
     return {
         "robots": gain.robots,
@@ -149,10 +149,10 @@ def effect_as_json(effect: Effect) -> dict[str, Any]:
     }
 
 
-def moved_as_json(moved: Moved, asked: Question) -> dict[str, Any]:
+def moved_as_json(moved: SensitivityResult, question: Question) -> dict[str, Any]:
     """The fleets around the answer under other durations."""
     return {
         "percent": moved.percent,
-        "smallest": moved.smallest(asked),
-        "fleets": [candidate_as_json(one, asked) for one in moved.around],
+        "smallest": moved.smallest(question),
+        "fleets": [candidate_as_json(one, question) for one in moved.around],
     }

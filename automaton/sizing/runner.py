@@ -17,7 +17,7 @@ from automaton.errors import InputError
 from automaton.experiments.keys import seed_of
 from automaton.measured_run import run_marked
 from automaton.metrics import counted, metrics_of
-from automaton.parallel import Rounds
+from automaton.process_pool import PersistentPool
 from automaton.scenario.bounds import bounds, least_ticks, most_throughput
 from automaton.scenario.document import Override
 from automaton.scenario.measures import warm_up_of
@@ -25,11 +25,11 @@ from automaton.scenario.overrides import keys_of, parse_setting
 from automaton.scenario.resolve import Resolved, resolve
 from automaton.scenario.schema import Durations, Scenario
 from automaton.simulation import Simulation
-from automaton.sizing.candidates import NotRunnable, Place, Run
-from automaton.sizing.follow_up import MOVES_LATE, OFF
+from automaton.sizing.candidates import FleetConfig, InfeasibleFleetError, Run
+from automaton.sizing.follow_up import MOVES_LATE, PERCENTS_OFF
 from automaton.sizing.question import Question, Target
-from automaton.sizing.session import Session
-from automaton.tasks import TASK_METRICS
+from automaton.sizing.sizing_session import SizingSession
+from automaton.task_metrics import TASK_METRICS
 from automaton.units import Unit, unit
 from automaton.world.cells import CHARGER, STATION
 from automaton.world.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
@@ -40,7 +40,7 @@ MEASURED = "measured"  # ticks of which the metrics are
 CHARGER_USE = "charger_use"  # share of the time of all chargers in which a robot charges
 
 
-def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
+def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
     since = run_marked(simulation).warm_up
     figures, now = metrics_of(simulation, since), counted(simulation)
@@ -59,65 +59,65 @@ def conducted_with_use(simulation: Simulation) -> dict[str, float | int]:
 
 
 class Fleets:
-    """A `Runner` of one scenario. Raises NotRunnable for a place that cannot be run."""
+    """A `Runner` of one scenario. Raises InfeasibleFleetError for a place that cannot be run."""
 
     def __init__(
         self,
         scenario: str | Path | Scenario,
         settings: Sequence[str | Override],
         seed: int | None,
-        rounds: Rounds,
+        rounds: PersistentPool,
     ) -> None:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings)
         self.seed = self.base.scenario.seed if seed is None else seed
         self.resolved = cache(self._resolved)  # of a place
 
-    def __call__(self, place: Place, first: int, number: int) -> list[Run]:
+    def __call__(self, place: FleetConfig, first: int, number: int) -> list[Run]:
         """Replications first .. first + number - 1."""
         resolved = self.resolved(place)
         seeds = replication_seeds(self.seed, first, number)
         results = self._rounds.run([(resolved, seed) for seed in seeds])
         return [Run(result.finished, result.metrics) for result in results]
 
-    def _resolved(self, place: Place) -> Resolved:
+    def _resolved(self, place: FleetConfig) -> Resolved:
         changes = longer(self.base, place.percent) if place.percent else []
         try:
             return resolve(self._scenario, (*self._settings, *typed(place), *changes))
         except InputError as error:
-            raise NotRunnable(error.message, error.file, error.line) from None
+            raise InfeasibleFleetError(error.message, error.file, error.line) from None
 
-    def check(self, asked: Question) -> None:
+    def check(self, question: Question) -> None:
         """That there is a steady state to ask for, and the largest fleets can be run.
 
         Raises InputError.
         """
-        if not self.ends_with_orders and not asked.warm_up:
+        if not self.ends_with_orders and not question.warm_up:
             raise InputError(
                 "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
                 "count the start-up; set how many ticks to leave out: --set measure.warm_up=N"
             )
-        if not self.ends_with_orders and asked.target.metric == "makespan":
+        if not self.ends_with_orders and question.target.metric == "makespan":
             raise InputError(
                 "--target: runs end at a given tick (stop: {when: never}), so makespan "
                 "is the same for every fleet; ask for throughput or a time of orders"
             )
-        for strategy in asked.strategies:
-            for robots in sorted({asked.first, asked.last}):
+        for strategy in question.strategies:
+            for robots in sorted({question.first, question.last}):
                 try:
-                    self.resolved(Place(robots, strategy))
+                    self.resolved(FleetConfig(robots, strategy))
                 except InputError as error:
                     unsaid = (one for one in for_any_fleet(self.base) if one not in error.message)
                     settings = " ".join(f"--set {setting}" for setting in unsaid)
                     hint = f"; fleets of other sizes: {settings}" if settings else ""
                     raise InputError(error.message + hint, error.file, error.line) from None
 
-    def excluded(self, asked: Question) -> dict[int, str]:
+    def excluded(self, question: Question) -> dict[int, str]:
         """The candidates that no strategy can help, each with the bound that excludes it."""
         found = bounds(self.base)
         reasons = {}
-        for robots in range(asked.first, asked.last + 1):
-            target, why = asked.target, ""
+        for robots in range(question.first, question.last + 1):
+            target, why = question.target, ""
             if target.metric == "makespan" and target.at_most and self.ends_with_orders:
                 least, reason = least_ticks(found, robots)
                 if least > target.value:
@@ -134,7 +134,7 @@ class Fleets:
     @property
     def changes(self) -> dict[int, list[str]]:
         """By how many percent durations can be longer, and the settings that make them so."""
-        found = {percent: longer(self.base, percent) for percent in OFF}
+        found = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
         return {percent: settings for percent, settings in found.items() if settings}
 
     @property
@@ -167,29 +167,29 @@ class Checked:
     def __init__(
         self,
         fleets: Fleets,
-        asked: Question,
-        tell: Callable[[Place, int, Question], None] | None = None,
+        question: Question,
+        tell: Callable[[FleetConfig, int, Question], None] | None = None,
     ) -> None:
-        self.fleets, self.asked, self.tell, self.runs = fleets, asked, tell, 0
+        self.fleets, self.question, self.tell, self.runs = fleets, question, tell, 0
 
-    def __call__(self, place: Place, first: int, number: int) -> Sequence[Run]:
+    def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[Run]:
         """As of Fleets. Raises InputError for a metric that is not measured."""
         if self.tell is not None:
-            self.tell(place, self.runs, self.asked)
+            self.tell(place, self.runs, self.question)
         if self.runs == 0:
             measures = self.fleets.base.scenario.measure is not None
-            check_measured(self.asked.target, self.fleets(place, 0, 1)[0], measures)
+            check_measured(self.question.target, self.fleets(place, 0, 1)[0], measures)
         self.runs += number
         return self.fleets(place, first, number)
 
 
-def session_of(fleets: Fleets, runner: Checked) -> Session:
+def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
     """The session that answers the runner's question. Raises InputError if that cannot be asked."""
-    fleets.check(runner.asked)
-    return Session(
-        runner.asked,
+    fleets.check(runner.question)
+    return SizingSession(
+        runner.question,
         runner,
-        fleets.excluded(runner.asked),
+        fleets.excluded(runner.question),
         fleets.changes,
         same_orders=fleets.base.scenario.orders.listed is not None,
     )
@@ -205,7 +205,7 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
     return settings
 
 
-def typed(place: Place) -> Iterator[Override]:
+def typed(place: FleetConfig) -> Iterator[Override]:
     """Its settings under the options that gave them, which is where errors place them."""
     yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
     if place.strategy:

@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple
 
-from automaton.sizing.candidates import Candidate, Place, Runner
+from automaton.sizing.candidates import Candidate, FleetConfig, Runner
 from automaton.sizing.question import Question
 
 Kind = Literal["answered", "undecided", "not reachable"]
 
-ROUNDS: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
-PUT_OFF: Final = 2  # a candidate is put off when it has had this part of the budget: a half
+RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
+MAX_POSTPONED: Final = 2  # a candidate is put off when it has had this part of the budget: a half
 
 
 class Answer(NamedTuple):
@@ -35,7 +35,7 @@ class Answer(NamedTuple):
 class Search:
     """The search with one strategy; `spent` and `candidates` are of any moment, also after Ctrl-C."""
 
-    asked: Question
+    question: Question
     strategy: str
     run: Runner
     budget: int
@@ -47,17 +47,17 @@ class Search:
 
     def go(self) -> None:
         """Test candidates until the answer is known or the budget is spent."""
-        asked = self.asked
-        for robots in range(asked.first, asked.last + 1):
+        question = self.question
+        for robots in range(question.first, question.last + 1):
             if self.spent >= self.budget:
                 break
-            candidate = Candidate(Place(robots, self.strategy))
+            candidate = Candidate(FleetConfig(robots, self.strategy))
             self.candidates.append(candidate)
             if robots in self.excluded:
                 candidate.excluded, candidate.verdict = self.excluded[robots], "fails"
                 continue
             left = self.budget - self.spent
-            self.test(candidate, max(asked.fewest, left // PUT_OFF))
+            self.test(candidate, max(question.fewest, left // MAX_POSTPONED))
             if candidate.verdict == "meets":
                 break
         for candidate in self.candidates:
@@ -71,23 +71,23 @@ class Search:
             room = min(until, self.budget) - self.spent
             if room <= 0:
                 return
-            self.grow(candidate, min(room, round_of(candidate, self.asked)))
+            self.grow(candidate, min(room, round_of(candidate, self.question)))
 
     def grow(self, candidate: Candidate, number: int) -> None:
         """So many further runs of a candidate."""
         runs = self.run(candidate.place, len(candidate.runs), number)
         self.spent += number
-        candidate.add(runs, self.asked)
+        candidate.add(runs, self.question)
 
     @property
     def answer(self) -> Answer:
         """What follows from the verdicts so far."""
         verdicts = {one.place.robots: one.verdict for one in self.candidates}
         passing = next((n for n, verdict in verdicts.items() if verdict == "meets"), None)
-        beyond = self.asked.last + 1 if passing is None else passing
+        beyond = self.question.last + 1 if passing is None else passing
         unsure = [
             robots
-            for robots in range(self.asked.first, beyond)
+            for robots in range(self.question.first, beyond)
             if verdicts.get(robots, "undecided") == "undecided"
         ]
         if unsure:
@@ -99,9 +99,9 @@ class Search:
         return next((one for one in self.candidates if one.place.robots == robots), None)
 
 
-def round_of(candidate: Candidate, asked: Question) -> int:
+def round_of(candidate: Candidate, question: Question) -> int:
     """Runs of the next round: it depends on the candidate alone, never on time or cores."""
     have = len(candidate.runs)
-    if asked.mean and have < asked.fewest:
-        return asked.fewest - have
-    return next(size for since, size in ROUNDS if have >= since)
+    if question.mean and have < question.fewest:
+        return question.fewest - have
+    return next(size for since, size in RUNS_PER_ROUND if have >= since)

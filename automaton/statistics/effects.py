@@ -17,8 +17,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.statistics.intervals import (
-    LEVEL,
-    SAME,
+    DEFAULT_CONFIDENCE,
+    NO_SPREAD_WARNING,
     Interval,
     Values,
     checked,
@@ -26,9 +26,10 @@ from automaton.statistics.intervals import (
     few,
     mean_interval,
 )
-from automaton.statistics.student import student, tails
+from automaton.statistics.t_distribution import student, tails
 
-FARTHEST: Final = math.log(1e6)  # from a ratio to the upper end of its interval, as a logarithm
+# from a ratio to the upper end of its interval, as a logarithm
+MAX_LOG_RATIO: Final = math.log(1e6)
 
 
 class Effect(NamedTuple):
@@ -46,7 +47,7 @@ def effect(
     a: Sequence[float] | Values,
     b: Sequence[float] | Values,
     paired: bool = False,
-    level: float = LEVEL,
+    level: float = DEFAULT_CONFIDENCE,
 ) -> Effect:
     """The effect of a against b. Raises ValueError: fewer than 2 runs, or pairs of unequal number."""
     x, y = checked(a, 2), checked(b, 2)
@@ -77,16 +78,18 @@ def variance_ratio(x: Values, y: Values) -> float:
     return float((x - y).var(ddof=1)) / apart if apart > 0 else 1.0
 
 
-def unpaired(x: Values, y: Values, level: float = LEVEL) -> Interval:
+def unpaired(x: Values, y: Values, level: float = DEFAULT_CONFIDENCE) -> Interval:
     """mean x - mean y of independent samples, with Welch's interval."""
     difference, n = float(x.mean() - y.mean()), min(len(x), len(y))
     error, degrees = _welch(x, y)
     half = student(degrees, level) * error
     ends = difference - half, difference + half
-    return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else SAME)
+    return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else NO_SPREAD_WARNING)
 
 
-def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interval | None:
+def relative(
+    x: Values, y: Values, paired: bool, level: float = DEFAULT_CONFIDENCE
+) -> Interval | None:
     """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0.
 
     Without an upper end where it would be a million times the ratio.
@@ -101,7 +104,7 @@ def relative(x: Values, y: Values, paired: bool, level: float = LEVEL) -> Interv
         error, degrees = _welch(x / a, y / b)
     half, ratio = student(degrees, level) * error, a / b
     low = ratio * math.exp(-half) - 1
-    high = ratio * math.exp(half) - 1 if half < FARTHEST else None
+    high = ratio * math.exp(half) - 1 if half < MAX_LOG_RATIO else None
     return Interval(ratio - 1, low, high, n, "delta", level)
 
 

@@ -15,14 +15,14 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.statistics.student import student
+from automaton.statistics.t_distribution import student
 
 Values = npt.NDArray[np.float64]
 
-ENOUGH: Final = 60  # runs from which there is no warning
-LEVEL: Final = 0.95
+STUDENT_MIN_RUNS: Final = 60  # runs from which there is no warning
+DEFAULT_CONFIDENCE: Final = 0.95
 ROUNDING: Final = 1e-12
-SAME: Final = (
+NO_SPREAD_WARNING: Final = (
     "all runs gave the same: without spread nothing is known of how far the mean may be off"
 )
 
@@ -35,7 +35,7 @@ class Interval(NamedTuple):
     high: float | None
     n: int  # runs
     method: str  # "t", "Welch", "delta", "none", or how else it was found
-    level: float = LEVEL
+    level: float = DEFAULT_CONFIDENCE
     warning: str = ""
 
     @property
@@ -52,10 +52,10 @@ class Interval(NamedTuple):
         return self.low <= truth <= self.high
 
 
-def mean_interval(values: Sequence[float] | Values, level: float = LEVEL) -> Interval:
+def mean_interval(values: Sequence[float] | Values, level: float = DEFAULT_CONFIDENCE) -> Interval:
     """The mean of independent runs, with Student's interval in their unit; none for one run.
 
-    Fewer than ENOUGH runs have a warning. Raises ValueError without runs or for what is not a
+    Fewer than STUDENT_MIN_RUNS runs have a warning. Raises ValueError without runs or for what is not a
     number.
     """
     x = checked(values)
@@ -63,7 +63,7 @@ def mean_interval(values: Sequence[float] | Values, level: float = LEVEL) -> Int
     if n < 2:
         return Interval(mean, None, None, n, "none", level, few(x))
     if constant(x):
-        return Interval(mean, mean, mean, n, "t", level, SAME)
+        return Interval(mean, mean, mean, n, "t", level, NO_SPREAD_WARNING)
     half = student(n - 1, level) * float(x.std(ddof=1)) / math.sqrt(n)
     return Interval(mean, mean - half, mean + half, n, "t", level, few(x))
 
@@ -101,12 +101,12 @@ def scaled(x: Values) -> Values:
 def few(*samples: Values) -> str:
     """The warning about few runs, with the larger skew of several samples; "" for enough."""
     n = min(map(len, samples))
-    if n >= ENOUGH:
+    if n >= STUDENT_MIN_RUNS:
         return ""
     if n < 2:
         return "one run gives no interval"
     skew = max(map(skewness, samples), key=abs)
     return (
         f"only {n} runs, skew {skew:.1f}: the interval may hold the truth less often "
-        f"than it says; {ENOUGH} runs are enough for most fleets"
+        f"than it says; {STUDENT_MIN_RUNS} runs are enough for most fleets"
     )

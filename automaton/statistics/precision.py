@@ -11,12 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from automaton.statistics.intervals import LEVEL, Values, checked
-from automaton.statistics.student import student
+from automaton.statistics.intervals import DEFAULT_CONFIDENCE, Values, checked
+from automaton.statistics.t_distribution import student
 
 
 def paired_runs(
-    a: Sequence[float] | Values, b: Sequence[float] | Values, half: float, level: float = LEVEL
+    a: Sequence[float] | Values,
+    b: Sequence[float] | Values,
+    half: float,
+    level: float = DEFAULT_CONFIDENCE,
 ) -> int:
     """Pairs of runs until the interval of the difference reaches `half` to each side, at least 2.
 
@@ -27,7 +30,10 @@ def paired_runs(
 
 
 def unpaired_runs(
-    a: Sequence[float] | Values, b: Sequence[float] | Values, half: float, level: float = LEVEL
+    a: Sequence[float] | Values,
+    b: Sequence[float] | Values,
+    half: float,
+    level: float = DEFAULT_CONFIDENCE,
 ) -> int:
     """Runs of each of two independent samples for the same, at least 2. Raises ValueError."""
     u, v = (float(checked(one, 2).var(ddof=1)) for one in (a, b))

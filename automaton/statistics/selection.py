@@ -26,10 +26,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.statistics.intervals import Values, checked
-from automaton.statistics.shares import Verdict
+from automaton.statistics.proportions import Verdict
 
-BATCH: Final = 10  # runs
-FIRST: Final = 20  # batches before anything is decided: n0
+RUNS_PER_BATCH: Final = 10  # runs
+FIRST_STAGE_RUNS: Final = 20  # batches before anything is decided: n0
 
 
 class Region(NamedTuple):
@@ -37,7 +37,7 @@ class Region(NamedTuple):
 
     zone: float  # d, in the unit of the observations
     error: float  # e
-    first: int = FIRST  # n0
+    first: int = FIRST_STAGE_RUNS  # n0
 
     @property
     def h2(self) -> float:
@@ -50,14 +50,14 @@ class Region(NamedTuple):
         return max(0.0, self.h2 * variance / (2 * self.zone) - self.zone * r / 2)
 
 
-def region(zone: float, error: float, first: int = FIRST) -> Region:
+def region(zone: float, error: float, first: int = FIRST_STAGE_RUNS) -> Region:
     """A checked region. Raises ValueError."""
     if zone <= 0 or not 0 < error < 0.5 or first < 2:
         raise ValueError(f"zone {zone:g}, error {error:g} or n0 = {first} is out of range")
     return Region(zone, error, first)
 
 
-def batches(values: Sequence[float] | Values, size: int = BATCH) -> Values:
+def batches(values: Sequence[float] | Values, size: int = RUNS_PER_BATCH) -> Values:
     """Means of whole batches of runs in their order; what is left over waits for more."""
     x = checked(values, 0)
     whole = len(x) // size

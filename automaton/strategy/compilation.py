@@ -6,8 +6,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-from automaton.compiled import jit_is_on
 from automaton.errors import InputError
+from automaton.jit import jit_is_on
 
 ARGUMENTS = ("view", "batch", "decisions", "memory", "workspace")
 _COMPILED: dict[Any, Any] = {}
@@ -30,9 +30,7 @@ def _compile(function: Any, signature: Any) -> Any:
 
     plain = getattr(function, "py_func", None)
     if plain is None:
-        raise InputError(
-            f"strategy kernel {function!r} is not decorated with automaton.compiled.kernel"
-        )
+        raise InputError(f"strategy kernel {function!r} is not decorated with automaton.jit.kernel")
     place = f"{inspect.getsourcefile(plain)}:{plain.__code__.co_firstlineno}"
     if len(inspect.signature(plain).parameters) != len(ARGUMENTS):
         raise InputError(f"{place}: a compiled decide takes ({', '.join(ARGUMENTS)})")

@@ -23,8 +23,8 @@ CALLS = {
     for function in (
         Simulation._decide,
         Simulation._memory,
-        Simulation._chosen_strategy,
-        Simulation._admitted,
+        Simulation._load_strategy,
+        Simulation._validate_strategy,
     )
 }
 

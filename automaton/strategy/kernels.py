@@ -5,7 +5,7 @@ Strategies import compiled code from here and nowhere else (an import contract h
 
 from __future__ import annotations
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.charging_curve import CURVE_RATE, charging_ticks, level_after
 from automaton.kernels.holders import lane_of
 from automaton.kernels.motion import has_room

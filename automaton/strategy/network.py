@@ -22,8 +22,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.whole_file import written
 from automaton.world.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
 
 Weights = npt.NDArray[np.float16]
@@ -74,7 +74,7 @@ def save_network(path: Path, network: ZoneNetwork) -> None:
     }
     for k, (weights, bias) in enumerate(network.layers):
         arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
-    with written(path) as file:
+    with atomic_writer(path) as file:
         np.savez_compressed(file, **arrays)
 
 

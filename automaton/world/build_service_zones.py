@@ -19,7 +19,7 @@ from automaton.world.types import type_of_each, types_of
 from automaton.zoning.designs import read_design
 from automaton.zoning.negotiation import parts_for
 from automaton.zoning.roads import road_network
-from automaton.zoning.space import space_for
+from automaton.zoning.workspace import space_for
 
 if TYPE_CHECKING:
     from automaton.scenario.resolve import Resolved

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 
 Array = NDArray[Any]
 

@@ -17,7 +17,7 @@ from automaton.world.state import NIL, Array, Grid, Workspace
 from automaton.world.traffic_zones import traffic_zones_of
 from automaton.world.types import RobotType, floor_plan_for
 from automaton.zoning.negotiation import parts_for
-from automaton.zoning.space import zone_space
+from automaton.zoning.workspace import zone_space
 
 HEADING_COUNTS = {"omni": 1, "rail": 2, "differential": 4}
 IS_UNBOUNDED = np.array([kind.is_sink or kind.is_source for kind in CELL_KINDS])  # (kinds,) bool

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 from automaton.world.state import Array
 
 

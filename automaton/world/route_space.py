@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 
 Array = NDArray[Any]
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 from automaton.world.facilities import NIL
 
 Array = NDArray[Any]

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from automaton.struct import Struct
+from automaton.jit_struct import Struct
 from automaton.world.facilities import NIL as NIL
 from automaton.world.facilities import Chargers, Slots, Stations
 from automaton.world.facilities import Grid as Grid
@@ -382,7 +382,8 @@ class Workspace(Struct):
     mark_stamp: Array  # (C,) int64
     heap: Array  # (H,) int64
     generation: Array  # (2,) int64: searches so far; poses expanded
-    stop: Array  # (1,) int64: not 0 = the run is given up in mid-tick, what searches find is worthless
+    # (1,) int64: not 0 = the run is given up in mid-tick, what searches find is worthless
+    stop: Array
     steps: Array  # (R,) uint8: a route that only needs to exist
     field: Array  # (F, P) int32: cost from a pose to the field's target
     field_of: Array  # (K C,) int32: the field of robots of type k to a cell, [k C + c], or NIL

@@ -8,8 +8,8 @@ robots serve everything and none has priority.
 import numpy as np
 
 from automaton.auctions.assignment import linear_sum_assignment
-from automaton.auctions.market import INF
-from automaton.compiled import kernel
+from automaton.auctions.market import INF_COST
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
 MISPLACED = (
@@ -40,7 +40,7 @@ def preference(workspace, zone, s):
 def are_alike(workspace):
     """Whether it does not matter which robot gets which zone."""
     for z in range(workspace.serves.shape[0]):
-        if workspace.pace[z] != workspace.pace[0]:
+        if workspace.move_time_factor[z] != workspace.move_time_factor[0]:
             return False
         for s in range(workspace.serves.shape[1]):
             if workspace.serves[z, s] == 0 or workspace.first[z, s] == 1:
@@ -61,26 +61,26 @@ def match(design, workspace):
         for robot in range(zones):
             cost[z, robot] = cost_of(design, workspace, z, robot)
     linear_sum_assignment(cost, zones, zones, workspace.matching)
-    workspace.wave[:] = NIL
+    workspace.frontier[:] = NIL
     for robot in range(zones):
         z = np.int64(workspace.matching.row_of[robot])
         if z == NIL:
             return 0
-        workspace.wave[z] = robot
-    rename(design, workspace.wave)
+        workspace.frontier[z] = robot
+    rename(design, workspace.frontier)
     return 1
 
 
 @kernel
 def cost_of(design, workspace, zone, robot):
-    """What it costs to give a zone to a robot; INF: it does not serve all of it."""
+    """What it costs to give a zone to a robot; INF_COST: it does not serve all of it."""
     cost = np.int64(0)
     for s in range(design.zone.shape[0]):
         if design.zone[s] != zone:
             continue
         if workspace.serves[robot, s] == 0:
-            return np.int64(INF)
-        cost += np.int64(1000 * workspace.pace[robot])
+            return np.int64(INF_COST)
+        cost += np.int64(1000 * workspace.move_time_factor[robot])
         if preference(workspace, robot, s) < 0:
             cost += MISPLACED
     return cost

@@ -7,27 +7,27 @@ moves pass: it is a random walk with a memory.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 from automaton.zoning.abilities import may_take
-from automaton.zoning.chance import ANNEALING, below, chance
 from automaton.zoning.exchange import give
-from automaton.zoning.exponential import exponential, temperature
 from automaton.zoning.load import UNDEFINED, find_loads
 from automaton.zoning.paths import block_others, copy_design, spread, whole_cells
+from automaton.zoning.portable_math import exponential, temperature
+from automaton.zoning.random_draws import DRAWS_ANNEALING, below, chance
 from automaton.zoning.seeding import first_design, random_design
-from automaton.zoning.space import ADJACENT
-from automaton.zoning.tips import find_tips
+from automaton.zoning.tip_stations import find_tips
 from automaton.zoning.transfer import connect_cut_off, connected, find_transfers
+from automaton.zoning.workspace import ZONE_RULE_ADJACENT
 
 # Defaults of the published runs.
-HOT = 4.5
-COLD = 0.35
-STEPS = 500  # M of eq. 6
-MOST = 500  # accepted and infeasible moves
-REPAIRS = 3  # designs made until one has no isolated zone
-FEWEST = 2  # stations that a zone keeps
-PATIENCE = 6  # tries, in multiples of the moves
+DEFAULT_INITIAL_TEMPERATURE = 4.5
+DEFAULT_FINAL_TEMPERATURE = 0.35
+ANNEALING_STEPS = 500  # M of eq. 6
+ANNEALING_MAX_MOVES = 500  # accepted and infeasible moves
+MAX_REPAIRS = 3  # designs made until one has no isolated zone
+MIN_ZONE_STATIONS = 2  # stations that a zone keeps
+MAX_TRIES_PER_MOVE = 6  # tries, in multiples of the moves
 FIRST_TRIES = 20  # repairs, until the first zones of a run are found
 
 
@@ -44,7 +44,7 @@ def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach,
             legs[a, b] = 0.0 if a == b else 1.0
     for again in range(begin, FIRST_TRIES):
         found = repair(
-            roads, rules, legs, hot, cold, steps, steps, REPAIRS, design, workspace, reach, seed,
+            roads, rules, legs, hot, cold, steps, steps, MAX_REPAIRS, design, workspace, reach, seed,
             tick + (again << 32),
         )  # fmt: skip
         if found == 1:
@@ -61,7 +61,7 @@ def repair(
     In the last one of these, zones that are cut off are joined however far apart they are.
     reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
     """
-    workspace.drawn[0] = ANNEALING
+    workspace.drawn[0] = DRAWS_ANNEALING
     for _ in range(repairs):
         found = first_design(roads, flow, design, workspace)
         if found == 0:
@@ -88,7 +88,7 @@ def improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed,
     best = value
     forget_tips(roads, workspace.now, workspace)
     moves, tries = np.int64(0), np.int64(0)
-    while moves < most and tries < PATIENCE * most:
+    while moves < most and tries < MAX_TRIES_PER_MOVE * most:
         tries += 1
         pair = busier_pair(roads, rules, workspace.now, workspace, seed, tick)
         if pair == NIL:
@@ -96,8 +96,19 @@ def improve(roads, rules, flow, hot, cold, steps, most, design, workspace, seed,
         a, b = np.int64(workspace.zones[pair, 0]), np.int64(workspace.zones[pair, 1])
         tip = random_tip(workspace, a, b, seed, tick)
         copy_design(workspace.now, workspace.trial)
-        through = np.int64(workspace.through[a, b, tip])
-        if give(roads, workspace.trial, workspace, tip, through, rules[ADJACENT], FEWEST) == 0:
+        through = np.int64(workspace.via_station[a, b, tip])
+        if (
+            give(
+                roads,
+                workspace.trial,
+                workspace,
+                tip,
+                through,
+                rules[ZONE_RULE_ADJACENT],
+                MIN_ZONE_STATIONS,
+            )
+            == 0
+        ):
             moves += 1
             continue
         tried = judged(find_loads(roads, rules, flow, 0, workspace.trial, workspace))
@@ -155,7 +166,7 @@ def busier_pair(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def facing_tips(roads, rules, design, workspace, a, b):
-    """space.through[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
+    """space.via_station[a, b]: for each tip that a may give to b the last tip of b in reach; how many.
 
     Within reach: by a union path that is shorter than stations that are adjacent. Needs space.tip.
     """
@@ -164,17 +175,17 @@ def facing_tips(roads, rules, design, workspace, a, b):
         workspace.fresh[a, b] = 1
         block_others(design, workspace, a, b)
         for s in range(stations):
-            workspace.through[a, b, s] = NIL
+            workspace.via_station[a, b, s] = NIL
             if design.zone[s] != a or workspace.tip[s] == 0 or not may_take(workspace, a, b, s):
                 continue
-            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules[ADJACENT]))
+            spread(roads, workspace, roads.point[s], NIL, whole_cells(rules[ZONE_RULE_ADJACENT]))
             for t in range(stations):
-                near = workspace.distance[roads.point[t]] < rules[ADJACENT]
+                near = workspace.distance[roads.point[t]] < rules[ZONE_RULE_ADJACENT]
                 if near and design.zone[t] == b and workspace.tip[t] == 1:
-                    workspace.through[a, b, s] = t
+                    workspace.via_station[a, b, s] = t
     count = np.int64(0)
     for s in range(stations):
-        if workspace.through[a, b, s] != NIL:
+        if workspace.via_station[a, b, s] != NIL:
             count += 1
     return count
 
@@ -184,7 +195,7 @@ def random_tip(workspace, a, b, seed, tick):
     """One of the tips that `facing_tips` found."""
     count = np.int64(0)
     for s in range(workspace.tip.shape[0]):
-        if workspace.through[a, b, s] != NIL:
+        if workspace.via_station[a, b, s] != NIL:
             workspace.listed[count] = s
             count += 1
     return np.int64(workspace.listed[below(workspace, count, seed, tick)])

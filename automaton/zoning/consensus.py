@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 
 
 @kernel

@@ -22,7 +22,7 @@ from automaton.world.service_zones import Design, Roads, design_for
 from automaton.world.state import NIL
 from automaton.zoning.exchange import join, label_parts
 from automaton.zoning.paths import hold
-from automaton.zoning.space import space_for
+from automaton.zoning.workspace import space_for
 
 Names = Mapping[str, tuple[int, int]]  # name of a point: its cell
 

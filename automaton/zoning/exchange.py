@@ -6,7 +6,7 @@ spoiled, so callers work on a copy.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import copy_segment
 from automaton.world.state import NIL
 from automaton.zoning.paths import (
@@ -17,8 +17,8 @@ from automaton.zoning.paths import (
     spread,
     whole_cells,
 )
-from automaton.zoning.space import INF
-from automaton.zoning.tips import passes
+from automaton.zoning.tip_stations import passes
+from automaton.zoning.workspace import INF_COST
 
 
 @kernel
@@ -69,7 +69,7 @@ def join(roads, design, workspace, zone, closed):
         block_others(design, workspace, zone, zone)
         if closed != NIL:
             workspace.blocked[closed] = 1
-        best = np.int64(INF)
+        best = np.int64(INF_COST)
         first, last = np.int64(NIL), np.int64(NIL)
         for a in range(design.zone.shape[0]):
             if design.zone[a] != zone:
@@ -83,7 +83,7 @@ def join(roads, design, workspace, zone, closed):
                         first, last = np.int64(a), np.int64(b)
         if first == NIL:
             return 0
-        spread(roads, workspace, roads.point[first], roads.point[last], INF)
+        spread(roads, workspace, roads.point[first], roads.point[last], INF_COST)
         add_segment(roads, design, workspace, zone, first, last)
         merge(design, workspace, zone, first, last)
         pieces -= 1
@@ -125,7 +125,7 @@ def connect(roads, design, workspace, s, through, limit):
         return 0
     block_others(design, workspace, zone, zone)
     spread(roads, workspace, roads.point[through], roads.point[s], whole_cells(limit))
-    if workspace.distance[roads.point[s]] == INF:
+    if workspace.distance[roads.point[s]] == INF_COST:
         return 0
     design.zone[s] = zone
     add_segment(roads, design, workspace, zone, through, s)

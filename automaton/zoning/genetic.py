@@ -8,30 +8,30 @@ flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 from automaton.zoning.abilities import are_alike, match, may_take
-from automaton.zoning.chance import GENETIC, below, chance
 from automaton.zoning.exchange import connect, give
-from automaton.zoning.herd import fits, keep, move_row, take, take_zone
 from automaton.zoning.load import find_loads
 from automaton.zoning.paths import clear_design, copy_design, size
+from automaton.zoning.population import fits, keep, move_row, take, take_zone
+from automaton.zoning.random_draws import DRAWS_GENETIC, below, chance
 from automaton.zoning.seeding import random_design
-from automaton.zoning.space import ADJACENT
-from automaton.zoning.tips import find_tips
+from automaton.zoning.tip_stations import find_tips
 from automaton.zoning.transfer import connected, find_transfers
+from automaton.zoning.workspace import ZONE_RULE_ADJACENT
 
 # Defaults of the published runs.
-INDIVIDUALS = 60
-GENERATIONS = 100
-SELECTED = 10
-MUTATION = 0.45
+DEFAULT_INDIVIDUALS = 60
+DEFAULT_GENERATIONS = 100
+DEFAULT_PARENTS = 10
+DEFAULT_MUTATION_RATE = 0.45
 
-FAILURES = 60  # zones that do not fit, until a child is restarted
-MUTATIONS = 500  # tries to mutate a child
-CHILDREN = 100  # times that a child may be restarted
-JOINS = 20  # tries for each station that is left over
-FEWEST = 2  # stations that a zone keeps
+MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
+MAX_MUTATION_TRIES = 500  # tries to mutate a child
+MAX_CHILD_TRIES = 100  # times that a child may be restarted
+MAX_JOIN_TRIES = 20  # tries for each station that is left over
+MIN_ZONE_STATIONS = 2  # stations that a zone keeps
 
 
 @kernel
@@ -43,22 +43,22 @@ def evolve(
 
     reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
     """
-    workspace.drawn[0] = GENETIC
+    workspace.drawn[0] = DRAWS_GENETIC
     rows = population.rank.shape[0]
-    herd = population.now
+    individuals = population.now
     for row in range(rows):
         if random_design(roads, rules, workspace.trial, workspace, seed, tick) == 0:
             return 0
-        keep(workspace.trial, herd, row)
+        keep(workspace.trial, individuals, row)
     for generation in range(generations + 1):
         if generation > 0:
             breed(roads, rules, selected, mutation, population, workspace, seed, tick)
         judge(roads, rules, flow, population, design, workspace)
         best = np.int64(population.rank[0])
-        if generation == 0 or better(herd, best, rows):
-            move_row(herd, best, herd, rows)
+        if generation == 0 or better(individuals, best, rows):
+            move_row(individuals, best, individuals, rows)
     for place in range(-1, rows):
-        take(herd, rows if place < 0 else np.int64(population.rank[place]), design)
+        take(individuals, rows if place < 0 else np.int64(population.rank[place]), design)
         find_loads(roads, rules, flow, 0, design, workspace)
         find_transfers(roads, rules, design, workspace, reach)
         if connected(design, workspace) == 1:
@@ -67,26 +67,26 @@ def evolve(
 
 
 @kernel
-def better(herd, a, b):
+def better(individuals, a, b):
     """Whether row a is better than row b: balance, then more tips."""
-    if herd.value[a] != herd.value[b]:
-        return herd.value[a] < herd.value[b]
-    return herd.tips[a] > herd.tips[b]
+    if individuals.value[a] != individuals.value[b]:
+        return individuals.value[a] < individuals.value[b]
+    return individuals.tips[a] > individuals.tips[b]
 
 
 @kernel
 def judge(roads, rules, flow, population, design, workspace):
     """value, tips and rank of all rows; ties: the lower row."""
-    herd = population.now
+    individuals = population.now
     for row in range(population.rank.shape[0]):
-        take(herd, row, design)
+        take(individuals, row, design)
         value = find_loads(roads, rules, flow, 1, design, workspace)
-        herd.value[row] = value if value > 0.0 else 1.0
-        herd.tips[row] = 0
+        individuals.value[row] = value if value > 0.0 else 1.0
+        individuals.tips[row] = 0
         for s in range(workspace.tip.shape[0]):
-            herd.tips[row] += workspace.tip[s]
+            individuals.tips[row] += workspace.tip[s]
         at = row
-        while at > 0 and better(herd, row, population.rank[at - 1]):
+        while at > 0 and better(individuals, row, population.rank[at - 1]):
             population.rank[at] = population.rank[at - 1]
             at -= 1
         population.rank[at] = row
@@ -102,7 +102,7 @@ def breed(roads, rules, selected, mutation, population, workspace, seed, tick):
     population.pool[parents] = rows
     for row in range(rows):
         made = np.int64(0)
-        for _ in range(CHILDREN):
+        for _ in range(MAX_CHILD_TRIES):
             if made == 0:
                 made = make_child(
                     roads, rules, mutation, population, parents + 1, workspace, seed, tick
@@ -129,7 +129,7 @@ def make_child(roads, rules, mutation, population, parents, workspace, seed, tic
     while True:
         done = np.int64(0)
         while done == 0:
-            if tries >= MUTATIONS:
+            if tries >= MAX_MUTATION_TRIES:
                 return 0
             tries += 1
             done = mutate(roads, rules, workspace, seed, tick)
@@ -142,7 +142,7 @@ def make_child(roads, rules, mutation, population, parents, workspace, seed, tic
 def may_give(design):
     """1 if some zone has more stations than it has to keep."""
     for zone in range(design.transfer.shape[0]):
-        if size(design, zone) > FEWEST:
+        if size(design, zone) > MIN_ZONE_STATIONS:
             return 1
     return 0
 
@@ -150,7 +150,7 @@ def may_give(design):
 @kernel
 def combine(population, parents, workspace, seed, tick):
     """Fill space.trial with random zones that have nothing in common; 0 if they do not fit."""
-    design, herd = workspace.trial, population.now
+    design, individuals = workspace.trial, population.now
     zones = design.transfer.shape[0]
     clear_design(design)
     failures = np.int64(0)
@@ -158,12 +158,12 @@ def combine(population, parents, workspace, seed, tick):
     while found < zones:
         row = np.int64(population.pool[below(workspace, parents, seed, tick)])
         zone = below(workspace, zones, seed, tick)
-        if fits(herd, row, zone, design) == 1:
-            take_zone(herd, row, zone, design, found)
+        if fits(individuals, row, zone, design) == 1:
+            take_zone(individuals, row, zone, design, found)
             found += 1
         else:
             failures += 1
-            if failures == FAILURES:
+            if failures == MAX_FAILURES:
                 return 0
     return 1
 
@@ -172,7 +172,7 @@ def combine(population, parents, workspace, seed, tick):
 def attach_rest(roads, rules, design, workspace, seed, tick):
     """Stations without a zone join those of random adjacent ones; 0 if one cannot."""
     stations = design.zone.shape[0]
-    for _ in range(JOINS * stations):
+    for _ in range(MAX_JOIN_TRIES * stations):
         count = np.int64(0)
         for s in range(stations):
             if design.zone[s] == NIL:
@@ -184,7 +184,7 @@ def attach_rest(roads, rules, design, workspace, seed, tick):
         near = adjacent_to(roads, rules, design, workspace, station, NIL)
         if near > 0:
             other = np.int64(workspace.listed[below(workspace, near, seed, tick)])
-            connect(roads, design, workspace, station, other, rules[ADJACENT])
+            connect(roads, design, workspace, station, other, rules[ZONE_RULE_ADJACENT])
     return 0
 
 
@@ -196,7 +196,7 @@ def adjacent_to(roads, rules, design, workspace, station, but):
         zone = design.zone[t]
         if zone == NIL or zone == but or t == station:
             continue
-        if roads.between[station, t] < rules[ADJACENT]:
+        if roads.between[station, t] < rules[ZONE_RULE_ADJACENT]:
             workspace.listed[count] = t
             count += 1
     return count
@@ -223,4 +223,6 @@ def mutate(roads, rules, workspace, seed, tick):
     if not may_take(workspace, zone, design.zone[through], tip):
         return 0
     copy_design(design, workspace.now)
-    return give(roads, workspace.now, workspace, tip, through, rules[ADJACENT], FEWEST)
+    return give(
+        roads, workspace.now, workspace, tip, through, rules[ZONE_RULE_ADJACENT], MIN_ZONE_STATIONS
+    )

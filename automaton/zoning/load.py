@@ -11,10 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
-from automaton.zoning.space import BASE, HANDLING, SHARED, SPEED
-from automaton.zoning.tips import find_tips
+from automaton.zoning.tip_stations import find_tips
+from automaton.zoning.workspace import (
+    ZONE_RULE_BASE,
+    ZONE_RULE_HANDLING,
+    ZONE_RULE_SHARED,
+    ZONE_RULE_SPEED,
+)
 
 Array = NDArray[Any]
 
@@ -30,7 +35,7 @@ def find_loads(roads, rules, flow, through, design, workspace):
     if through == 1:
         flow_past_tips(roads, flow, design, workspace)
     for z in range(design.transfer.shape[0]):
-        members(design, workspace, z, rules[SHARED])
+        members(design, workspace, z, rules[ZONE_RULE_SHARED])
         if through == 1:
             workspace.load[z] = load_of(roads, rules, workspace.legs, workspace, z)
         else:
@@ -57,7 +62,7 @@ def load_of(roads, rules, flow, workspace, z):
         if workspace.member[s] == 1:
             workspace.listed[count] = s
             count += 1
-    total = rules[BASE]
+    total = rules[ZONE_RULE_BASE]
     workspace.into[:] = 0.0
     workspace.out[:] = 0.0
     for a in range(count):
@@ -78,7 +83,10 @@ def load_of(roads, rules, flow, workspace, z):
             if i != j:
                 empty = workspace.into[i] * workspace.out[j] / total
                 cells += (flow[i, j] + empty) * roads.between[i, j]
-    return cells * workspace.pace[z] / rules[SPEED] + total * rules[HANDLING]
+    return (
+        cells * workspace.move_time_factor[z] / rules[ZONE_RULE_SPEED]
+        + total * rules[ZONE_RULE_HANDLING]
+    )
 
 
 def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:

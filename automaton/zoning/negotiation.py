@@ -11,32 +11,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.compiled import kernel
-from automaton.struct import Struct
+from automaton.jit import kernel
+from automaton.jit_struct import Struct
 from automaton.world.state import NIL
-from automaton.zoning.annealing import FEWEST, facing_tips, forget_tips, random_tip
-from automaton.zoning.chance import NEGOTIATION, below, chance
+from automaton.zoning.annealing import MIN_ZONE_STATIONS, facing_tips, forget_tips, random_tip
 from automaton.zoning.consensus import sigma_about
 from automaton.zoning.exchange import give
-from automaton.zoning.exponential import exponential, temperature
 from automaton.zoning.load import load_of, members
 from automaton.zoning.paths import copy_design
-from automaton.zoning.routing import NEIGHBOURS, route
-from automaton.zoning.space import ADJACENT, SHARED
+from automaton.zoning.portable_math import exponential, temperature
+from automaton.zoning.random_draws import DRAWS_NEGOTIATION, below, chance
+from automaton.zoning.routing import ROUTING_NEIGHBOURS, route
 from automaton.zoning.transfer import find_transfers, joined, reach_connected
+from automaton.zoning.workspace import ZONE_RULE_ADJACENT, ZONE_RULE_SHARED
 
 Array = NDArray[Any]
 
 # Defaults of the published run.
-HOT = 4.5
-COLD = 0.3
-STEPS = 20  # M of eq. 6
-SCALE = 10.0  # k of Algorithm 4
-TURNS = 2  # that every robot leads
-ITERATIONS = 10  # of a turn
+NEGOTIATION_INITIAL_TEMPERATURE = 4.5
+NEGOTIATION_FINAL_TEMPERATURE = 0.3
+NEGOTIATION_STEPS = 20  # M of eq. 6
+DEFAULT_ACCEPTANCE_SCALE = 10.0  # k of Algorithm 4
+DEFAULT_LEADER_TURNS = 2  # that every robot leads
+DEFAULT_ITERATIONS = 10  # of a turn
 
 
-class Parts(Struct):
+class NegotiatedParts(Struct):
     """Parts in the queues or hands of robots; room for K."""
 
     count: Array  # (1,) int64: how many there are
@@ -46,16 +46,16 @@ class Parts(Struct):
     carried: Array  # (K,) uint8: 1 = in a robot's hands; it keeps its zone and stop
     zone: Array  # (K,) int32: the zone in whose queue it is
     stop: Array  # (K,) int32: the station where it is dropped
-    zone_then: Array  # (K,) int32: what they would be in another design
-    stop_then: Array  # (K,) int32
+    proposed_zone: Array  # (K,) int32: what they would be in another design
+    proposed_slot: Array  # (K,) int32
 
 
-def parts_for(room: int) -> Parts:
+def parts_for(room: int) -> NegotiatedParts:
     """No parts, and room for some."""
-    names = ("order", "at", "to", "carried", "zone", "stop", "zone_then", "stop_then")
+    names = ("order", "at", "to", "carried", "zone", "stop", "proposed_zone", "proposed_slot")
     kinds = {name: np.uint8 if name == "carried" else np.int32 for name in names}
     arrays = {name: np.zeros(room, kind) for name, kind in kinds.items()}
-    return Parts(count=np.zeros(1, np.int64), **arrays)
+    return NegotiatedParts(count=np.zeros(1, np.int64), **arrays)
 
 
 @kernel
@@ -68,7 +68,7 @@ def lead(
     Leaves the best design of the turn, that at its start included, and the parts queued by it;
     returns its sigma. before: iterations that this robot led in earlier turns.
     """
-    workspace.drawn[0] = NEGOTIATION + (leader << 32)
+    workspace.drawn[0] = DRAWS_NEGOTIATION + (leader << 32)
     loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
     sigma = sigma_about(workspace.load, reach, mean)
     best = sigma
@@ -108,7 +108,14 @@ def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach,
         return -1.0
     requeue(roads, workspace.trial, workspace, parts, reach)
     loads_of_queues(
-        roads, rules, workspace.trial, workspace, parts, parts.zone_then, parts.stop_then, reach
+        roads,
+        rules,
+        workspace.trial,
+        workspace,
+        parts,
+        parts.proposed_zone,
+        parts.proposed_slot,
+        reach,
     )
     tried = sigma_about(workspace.load, reach, mean)
     if tried <= sigma or chance(workspace, seed, tick) < exponential((sigma - tried) / heat):
@@ -125,19 +132,21 @@ def propose(roads, rules, design, workspace, leader, reach, seed, tick):
     count = np.int64(0)
     for z in range(reach.shape[0]):
         if z != leader and reach[z] == 1:
-            workspace.wave[count] = z
+            workspace.frontier[count] = z
             count += 1
     if count == 0:
         return 0
-    a, b = leader, np.int64(workspace.wave[below(workspace, count, seed, tick)])
+    a, b = leader, np.int64(workspace.frontier[below(workspace, count, seed, tick)])
     if workspace.load[a] < workspace.load[b]:
         a, b = b, a
     forget_tips(roads, design, workspace)
     if facing_tips(roads, rules, design, workspace, a, b) == 0:
         return 0
     tip = random_tip(workspace, a, b, seed, tick)
-    through = np.int64(workspace.through[a, b, tip])
-    return give(roads, design, workspace, tip, through, rules[ADJACENT], FEWEST)
+    through = np.int64(workspace.via_station[a, b, tip])
+    return give(
+        roads, design, workspace, tip, through, rules[ZONE_RULE_ADJACENT], MIN_ZONE_STATIONS
+    )
 
 
 @kernel
@@ -151,26 +160,26 @@ def has_transfer(design, zone):
 
 @kernel
 def requeue(roads, design, workspace, parts, reach):
-    """parts.zone_then and stop_then: queued parts of zones in reach, from where they are."""
+    """parts.proposed_zone and proposed_slot: queued parts of zones in reach, from where they are."""
     for k in range(parts.count[0]):
-        parts.zone_then[k] = parts.zone[k]
-        parts.stop_then[k] = parts.stop[k]
+        parts.proposed_zone[k] = parts.zone[k]
+        parts.proposed_slot[k] = parts.stop[k]
         if parts.carried[k] == 1 or reach[parts.zone[k]] == 0:
             continue
         at, to = np.int64(parts.at[k]), np.int64(parts.to[k])
         if design.zone[at] == NIL or design.zone[to] == NIL:
             continue  # in a zone out of sight
-        zone, stop, _ = route(roads, design, workspace, NEIGHBOURS, design.zone[at], at, to)
-        parts.zone_then[k] = zone
-        parts.stop_then[k] = stop
+        zone, stop, _ = route(roads, design, workspace, ROUTING_NEIGHBOURS, design.zone[at], at, to)
+        parts.proposed_zone[k] = zone
+        parts.proposed_slot[k] = stop
 
 
 @kernel
 def adopt(parts):
     """What was tried becomes what is."""
     for k in range(parts.count[0]):
-        parts.zone[k] = parts.zone_then[k]
-        parts.stop[k] = parts.stop_then[k]
+        parts.zone[k] = parts.proposed_zone[k]
+        parts.stop[k] = parts.proposed_slot[k]
 
 
 @kernel
@@ -182,5 +191,5 @@ def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
             workspace.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
     for z in range(reach.shape[0]):
         if reach[z] == 1:
-            members(design, workspace, z, rules[SHARED])
+            members(design, workspace, z, rules[ZONE_RULE_SHARED])
             workspace.load[z] = load_of(roads, rules, workspace.leg_flow[z], workspace, z)

@@ -7,10 +7,10 @@ code forgets the station of a zone that has only one).
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import copy_segment
 from automaton.world.state import NIL
-from automaton.zoning.space import INF
+from automaton.zoning.workspace import INF_COST
 
 
 @kernel
@@ -25,10 +25,10 @@ def block_others(design, workspace, a, b):
 def spread(roads, workspace, start, target, bound):
     """Distances from a point over points that are not closed, up to `bound` cells (Dijkstra).
 
-    Ends when `target` is settled (NIL: never). Writes space.distance, INF where it did not come to,
+    Ends when `target` is settled (NIL: never). Writes space.distance, INF_COST where it did not come to,
     and space.back. Ties: the lowest point.
     """
-    workspace.distance[:] = INF
+    workspace.distance[:] = INF_COST
     workspace.done[:] = 0
     workspace.distance[start] = 0
     workspace.back[start] = NIL
@@ -54,7 +54,7 @@ def spread(roads, workspace, start, target, bound):
             far = workspace.distance[here] + roads.step[here, d]
             if far > bound or far >= workspace.distance[there]:
                 continue
-            if workspace.distance[there] == INF:
+            if workspace.distance[there] == INF_COST:
                 workspace.open[count] = there
                 count += 1
             workspace.distance[there] = far
@@ -64,7 +64,7 @@ def spread(roads, workspace, start, target, bound):
 @kernel
 def whole_cells(limit):
     """A limit in cells as an integer: nothing longer than it passes."""
-    return np.int64(INF) if limit >= 1e15 else np.int64(limit)
+    return np.int64(INF_COST) if limit >= 1e15 else np.int64(limit)
 
 
 @kernel

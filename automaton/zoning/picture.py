@@ -8,7 +8,7 @@ from typing import Final
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.service_zones import Design, Roads
 
-ZONES: Final = (
+ZONE_LETTERS: Final = (
     "defghijklmnopqrstuvwxyzabc"  # the first six as in the viewer, where a to c are signs
 )
 KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
@@ -25,11 +25,17 @@ def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
     for m in range(int(design.segments[0])):
         path = [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
         for start, end in pairwise(path):
-            _line(rows, start, end, ZONES[int(design.owner[m]) % len(ZONES)])
+            _line(rows, start, end, ZONE_LETTERS[int(design.owner[m]) % len(ZONE_LETTERS)])
     shared = design.transfer.max(axis=(0, 1)).tolist()
     for s, zone in enumerate(design.zone.tolist()):
         x, y = floor_plan.xy(roads.cell[roads.point[s]])
-        rows[y][x] = "*" if shared[s] else ZONES[zone % len(ZONES)].upper() if zone >= 0 else "?"
+        rows[y][x] = (
+            "*"
+            if shared[s]
+            else ZONE_LETTERS[zone % len(ZONE_LETTERS)].upper()
+            if zone >= 0
+            else "?"
+        )
     lines = ["".join(row) for row in rows]
     lines += [KEY, *(_listed(design, zone) for zone in range(len(design.transfer)))]
     return "\n".join(lines) + "\n"
@@ -47,4 +53,4 @@ def _listed(design: Design, zone: int) -> str:
         return f"{s + 1}*" if design.transfer[zone, :, s].any() else str(s + 1)
 
     own = [marked(s) for s in range(len(design.zone)) if design.zone[s] == zone]
-    return f"zone {zone + 1} ({ZONES[zone % len(ZONES)]}): {' '.join(own)}"
+    return f"zone {zone + 1} ({ZONE_LETTERS[zone % len(ZONE_LETTERS)]}): {' '.join(own)}"

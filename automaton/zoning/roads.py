@@ -17,7 +17,7 @@ from automaton.world.cells import DIRECTION_VECTORS, NIL
 from automaton.world.floor_plan import FloorPlan
 from automaton.world.traffic_zones import links
 
-MOST_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
+MAX_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
 NO_ROAD: Final = 1 << 29
 
 Numbers = NDArray[np.int32]
@@ -40,10 +40,10 @@ def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[A
     stations = [int(cell) for cell in station_cells]
     _check(floor_plan, stations)
     cells = np.union1d(_junctions(floor_plan), np.array(stations, np.int64)).astype(np.int32)
-    if len(cells) > MOST_POINTS:
+    if len(cells) > MAX_POINTS:
         raise InputError(
             f"the floor has {len(cells)} crossings, corners and dead ends; "
-            f"zones can be made of at most {MOST_POINTS}"
+            f"zones can be made of at most {MAX_POINTS}"
         )
     ahead, step = _ways(floor_plan, cells)
     distance = _distances(ahead, step)

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
-from automaton.zoning.space import INF
 from automaton.zoning.transfer import find_levels
+from automaton.zoning.workspace import INF_COST
 
-CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
-NEIGHBOURS = 1  # rule of DDZ: without a common one, through the one that is nearest to the target
+ROUTING_CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
+# rule of DDZ: without a common one, through the one that is nearest to the target
+ROUTING_NEIGHBOURS = 1
 
 
 @kernel
@@ -40,9 +41,9 @@ def way_out(roads, design, workspace, rule, zone, at, to):
     Zones with the fewest transfers left; of their transfer stations the nearest to where the part
     is, or by the rule of DDZ, when transfers remain after it, to its target; then the lowest.
     """
-    best = np.int64(INF)
+    best = np.int64(INF_COST)
     station, other = np.int64(NIL), np.int64(NIL)
-    to_target = rule == NEIGHBOURS and workspace.level[zone] > 1
+    to_target = rule == ROUTING_NEIGHBOURS and workspace.level[zone] > 1
     for s in range(design.zone.shape[0]):
         for z in range(design.transfer.shape[0]):
             if design.transfer[zone, z, s] == 0 or workspace.level[z] != workspace.level[zone] - 1:

@@ -8,13 +8,20 @@ The authors' code takes the largest indices instead of the best relation; this i
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 from automaton.zoning.abilities import preference
-from automaton.zoning.chance import below
 from automaton.zoning.exchange import connect
 from automaton.zoning.paths import block_others, clear_design, hold, spread
-from automaton.zoning.space import ADJACENT, FARTHEST, INF, LEAST, MOST, NEAREST
+from automaton.zoning.random_draws import below
+from automaton.zoning.workspace import (
+    EXTENT_MAX_DISTANCE,
+    EXTENT_MAX_FLOW,
+    EXTENT_MIN_DISTANCE,
+    EXTENT_MIN_FLOW,
+    INF_COST,
+    ZONE_RULE_ADJACENT,
+)
 
 WEIGHT = 0.5  # Wd and Wf at the start
 DRIFT = 0.015  # what Wd gains and Wf loses by each visit
@@ -85,14 +92,14 @@ def find_extent(roads, flow, workspace):
             if a == b:
                 continue
             far, loads = roads.between[a, b], flow[a, b]
-            if not found or far < workspace.extent[NEAREST]:
-                workspace.extent[NEAREST] = far
-            if not found or far > workspace.extent[FARTHEST]:
-                workspace.extent[FARTHEST] = far
-            if not found or loads < workspace.extent[LEAST]:
-                workspace.extent[LEAST] = loads
-            if not found or loads > workspace.extent[MOST]:
-                workspace.extent[MOST] = loads
+            if not found or far < workspace.extent[EXTENT_MIN_DISTANCE]:
+                workspace.extent[EXTENT_MIN_DISTANCE] = far
+            if not found or far > workspace.extent[EXTENT_MAX_DISTANCE]:
+                workspace.extent[EXTENT_MAX_DISTANCE] = far
+            if not found or loads < workspace.extent[EXTENT_MIN_FLOW]:
+                workspace.extent[EXTENT_MIN_FLOW] = loads
+            if not found or loads > workspace.extent[EXTENT_MAX_FLOW]:
+                workspace.extent[EXTENT_MAX_FLOW] = loads
             found = True
 
 
@@ -100,12 +107,12 @@ def find_extent(roads, flow, workspace):
 def relation(workspace, loads, far, by_distance, by_flow):
     """RC of two stations that are `far` cells apart with so many loads between them."""
     value = 0.0
-    apart = workspace.extent[FARTHEST] - workspace.extent[NEAREST]
+    apart = workspace.extent[EXTENT_MAX_DISTANCE] - workspace.extent[EXTENT_MIN_DISTANCE]
     if apart > 0.0:
-        value += by_distance * (workspace.extent[FARTHEST] - far) / apart
-    spread_of_loads = workspace.extent[MOST] - workspace.extent[LEAST]
+        value += by_distance * (workspace.extent[EXTENT_MAX_DISTANCE] - far) / apart
+    spread_of_loads = workspace.extent[EXTENT_MAX_FLOW] - workspace.extent[EXTENT_MIN_FLOW]
     if spread_of_loads > 0.0:
-        value += by_flow * (loads - workspace.extent[LEAST]) / spread_of_loads
+        value += by_flow * (loads - workspace.extent[EXTENT_MIN_FLOW]) / spread_of_loads
     return value
 
 
@@ -118,10 +125,10 @@ def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
     for i in range(design.zone.shape[0]):
         if design.zone[i] != zone:
             continue
-        spread(roads, workspace, roads.point[i], NIL, INF)
+        spread(roads, workspace, roads.point[i], NIL, INF_COST)
         for j in range(design.zone.shape[0]):
             far = workspace.distance[roads.point[j]]
-            if design.zone[j] != NIL or far == INF or workspace.serves[zone, j] == 0:
+            if design.zone[j] != NIL or far == INF_COST or workspace.serves[zone, j] == 0:
                 continue
             value = relation(workspace, flow[i, j], far, by_distance, by_flow)
             value += PREFERRED * preference(workspace, zone, j)
@@ -130,7 +137,7 @@ def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
                 inside, free = np.int64(i), np.int64(j)
     if free == NIL:
         return 0
-    return connect(roads, design, workspace, free, inside, INF)
+    return connect(roads, design, workspace, free, inside, INF_COST)
 
 
 @kernel
@@ -192,11 +199,11 @@ def random_join(roads, rules, design, workspace, strict, seed, tick):
     inside = np.int64(workspace.listed[below(workspace, count, seed, tick)])
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
-        near = roads.between[inside, s] < rules[ADJACENT]
+        near = roads.between[inside, s] < rules[ZONE_RULE_ADJACENT]
         if design.zone[s] == NIL and near and is_wanted(workspace, zone, s, strict):
             workspace.listed[count] = s
             count += 1
     if count == 0:
         return 0
     free = np.int64(workspace.listed[below(workspace, count, seed, tick)])
-    return connect(roads, design, workspace, free, inside, rules[ADJACENT])
+    return connect(roads, design, workspace, free, inside, rules[ZONE_RULE_ADJACENT])

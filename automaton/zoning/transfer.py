@@ -8,11 +8,16 @@ is passed over (the paper removes both ends of a chosen pair).
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 from automaton.zoning.paths import block_others, spread, whole_cells
-from automaton.zoning.space import ADJACENT, BLOCKS, INF, LIMIT
-from automaton.zoning.tips import find_tips
+from automaton.zoning.tip_stations import find_tips
+from automaton.zoning.workspace import (
+    INF_COST,
+    ZONE_RULE_ADJACENT,
+    ZONE_RULE_BLOCKS,
+    ZONE_RULE_LIMIT,
+)
 
 
 @kernel
@@ -48,7 +53,7 @@ def between_two(roads, rules, design, workspace, a, b):
     close_to_two(design, workspace, a, b)
     count = joined_tips(roads, rules, design, workspace, a, b)
     for k in range(count):
-        x, y = np.int64(workspace.couple[k, 0]), np.int64(workspace.couple[k, 1])
+        x, y = np.int64(workspace.pair[k, 0]), np.int64(workspace.pair[k, 1])
         if design.transfer[a, b, x] == 1 or design.transfer[a, b, y] == 1:
             continue
         of_a = workspace.load[a] >= workspace.load[b]
@@ -58,7 +63,7 @@ def between_two(roads, rules, design, workspace, a, b):
                 continue  # neither can be fetched from
         station, fetcher = (x, b) if of_a else (y, a)
         share_station(design, a, b, station)
-        if rules[BLOCKS] == 1.0:
+        if rules[ZONE_RULE_BLOCKS] == 1.0:
             claim(roads, workspace, x, y, fetcher)
 
 
@@ -81,8 +86,8 @@ def close_to_two(design, workspace, a, b):
 
 @kernel
 def joined_tips(roads, rules, design, workspace, a, b):
-    """space.couple: tips x of a and y of b with a union path, the shortest first; how many."""
-    bound = whole_cells(rules[LIMIT])
+    """space.pair: tips x of a and y of b with a union path, the shortest first; how many."""
+    bound = whole_cells(rules[ZONE_RULE_LIMIT])
     count = np.int64(0)
     for x in range(design.zone.shape[0]):
         if faces(roads, rules, design, workspace, x, a, b) == 0:
@@ -90,17 +95,17 @@ def joined_tips(roads, rules, design, workspace, a, b):
         spread(roads, workspace, roads.point[x], NIL, bound)
         for y in range(design.zone.shape[0]):
             far = workspace.distance[roads.point[y]]
-            if far == INF or faces(roads, rules, design, workspace, y, b, a) == 0:
+            if far == INF_COST or faces(roads, rules, design, workspace, y, b, a) == 0:
                 continue
             at = count
             while at > 0 and workspace.length[at - 1] > far:
                 workspace.length[at] = workspace.length[at - 1]
-                workspace.couple[at, 0] = workspace.couple[at - 1, 0]
-                workspace.couple[at, 1] = workspace.couple[at - 1, 1]
+                workspace.pair[at, 0] = workspace.pair[at - 1, 0]
+                workspace.pair[at, 1] = workspace.pair[at - 1, 1]
                 at -= 1
             workspace.length[at] = far
-            workspace.couple[at, 0] = x
-            workspace.couple[at, 1] = y
+            workspace.pair[at, 0] = x
+            workspace.pair[at, 1] = y
             count += 1
     return count
 
@@ -111,7 +116,7 @@ def faces(roads, rules, design, workspace, s, own, other):
     if design.zone[s] != own or workspace.tip[s] == 0:
         return 0
     for t in range(design.zone.shape[0]):
-        if design.zone[t] == other and roads.between[s, t] <= rules[ADJACENT]:
+        if design.zone[t] == other and roads.between[s, t] <= rules[ZONE_RULE_ADJACENT]:
             return 1
     return 0
 
@@ -119,7 +124,7 @@ def faces(roads, rules, design, workspace, s, own, other):
 @kernel
 def claim(roads, workspace, x, y, zone):
     """The inner points of the path between two stations are in the way of later pairs of zones."""
-    spread(roads, workspace, roads.point[x], roads.point[y], INF)
+    spread(roads, workspace, roads.point[x], roads.point[y], INF_COST)
     p = np.int64(workspace.back[roads.point[y]])
     while p != NIL and p != roads.point[x]:
         workspace.claimed[p, zone] = 1
@@ -140,15 +145,15 @@ def find_levels(design, workspace, zone):
     """space.level: transfers from each zone to this one, NIL where none leads there."""
     workspace.level[:] = NIL
     workspace.level[zone] = 0
-    workspace.wave[0] = zone
+    workspace.frontier[0] = zone
     count, at = np.int64(1), np.int64(0)
     while at < count:
-        here = np.int64(workspace.wave[at])
+        here = np.int64(workspace.frontier[at])
         at += 1
         for z in range(design.transfer.shape[0]):
             if workspace.level[z] == NIL and joined(design, here, z) == 1:
                 workspace.level[z] = workspace.level[here] + 1
-                workspace.wave[count] = z
+                workspace.frontier[count] = z
                 count += 1
     return count
 
@@ -192,7 +197,7 @@ def join_nearest(roads, design, workspace):
     Of all such pairs of zones that with the shortest union path between two tips; the zone with more
     load gives the station. Returns 0 if there is none.
     """
-    best = np.int64(INF)
+    best = np.int64(INF_COST)
     x, y = np.int64(NIL), np.int64(NIL)
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):

@@ -42,11 +42,11 @@ from strategies.allocation.cooperative import pass_right, take_in_alley
 from strategies.allocation.independent import deliver
 
 MOVES_PER_PASS = 4  # along the alley, from one load to the next
-DOUBT = 200  # driven ticks that a robot starts with
+PRIOR_TICKS = 200  # driven ticks that a robot starts with
 
 
 @kernel
-def tables_before(view, x, target):
+def tables_between(view, x, target):
     """Columns of shelves to the right of x and to the left of the target's column."""
     width = view.grid.width
     count, last = 0, NIL
@@ -65,12 +65,12 @@ def ticks_of(view, i, action):
 
 
 @kernel
-def rather_carries(view, workspace, i):
+def is_carrying_cheaper(view, workspace, i):
     """Whether carrying the load to its target costs fewer ticks than passing it on."""
     here = position(view, i)
     width = view.grid.width
     target = np.int64(view.orders.target[view.robots.load[i]])
-    tables = tables_before(view, here % width, view.slots.cell[target] % width)
+    tables = tables_between(view, here % width, view.slots.cell[target] % width)
     if tables == 0:
         return True
     robot_type = view.robots.type[i]
@@ -86,7 +86,7 @@ def rather_carries(view, workspace, i):
         + ticks_of(view, i, ACTION_BLOCKED)
         + ticks_of(view, i, ACTION_RETREAT)
     )
-    driven = DOUBT + ticks_of(view, i, ACTION_MOVE) + ticks_of(view, i, ACTION_TURN)
+    driven = PRIOR_TICKS + ticks_of(view, i, ACTION_MOVE) + ticks_of(view, i, ACTION_TURN)
     return 2 * way * (driven + lost) < passing * driven
 
 
@@ -98,7 +98,7 @@ def decide(view, batch, decisions, memory, workspace):
             return
         i = np.int64(batch.robot[k])
         reason = batch.reason[k]
-        if reason == REASON_PICKED and rather_carries(view, workspace, i):
+        if reason == REASON_PICKED and is_carrying_cheaper(view, workspace, i):
             deliver(view, out, k, i)
         elif reason == REASON_PICKED:
             pass_right(view, out, memory, k, i)

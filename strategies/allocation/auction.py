@@ -14,7 +14,15 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.auctions.assignment import assign_once
-from automaton.auctions.bids import AVERAGE, AVERAGE_ADDED, MIX
+from automaton.auctions.auction_round import (
+    ORDER_PLANNED,
+    announce_items,
+    enter_plans,
+    find_items,
+    mark_planned,
+    open_auction,
+)
+from automaton.auctions.bids import BID_AVERAGE, BID_AVERAGE_ADDED, BID_MIXED
 from automaton.auctions.bundle_space import (
     assignment_for,
     bundles_for,
@@ -23,21 +31,24 @@ from automaton.auctions.bundle_space import (
 )
 from automaton.auctions.bundles import combinatorial
 from automaton.auctions.exact import exact
+from automaton.auctions.floor_market import make_floor_market
 from automaton.auctions.genetic import genetic
 from automaton.auctions.local_search import improve
-from automaton.auctions.market import BATTERY_FULL, BIDS, INF, MESSAGES, NO_CHARGING
+from automaton.auctions.market import (
+    BATTERY_FULL,
+    COUNT_BIDS,
+    COUNT_MESSAGES,
+    INF_COST,
+    POLICY_NO_CHARGING,
+)
 from automaton.auctions.quotes import settle_all
 from automaton.auctions.sequential import by_arrival, parallel, sequential
-from automaton.auctions.session import (
-    PLANNED,
-    enter_plans,
-    find_items,
-    hear,
-    mark_planned,
-    open_session,
+from automaton.auctions.winners import (
+    WINNER_DIFFERENCE,
+    WINNER_FEWEST_BIDDERS,
+    WINNER_LOWEST_BID,
+    WINNER_REGRET,
 )
-from automaton.auctions.site import site_for
-from automaton.auctions.winners import DIFFERENCE, FEWEST, LOWEST, REGRET
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import (
     CLOCK_TICK,
@@ -52,16 +63,16 @@ from automaton.world.state import (
 from strategies.allocation.lists import has_empty_list, serve
 from strategies.allocation.parameters import MAX_LISTED_ORDERS, Auctions, EpsilonSchedule
 
-RULES: Final = {"mixed": MIX, "average": AVERAGE_ADDED, "average-paper": AVERAGE}
-WINNERS: Final = {
-    "lowest": LOWEST,
-    "difference": DIFFERENCE,
-    "fewest": FEWEST,
-    "regret": REGRET,
+BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
+WINNER_RULES: Final = {
+    "lowest": WINNER_LOWEST_BID,
+    "difference": WINNER_DIFFERENCE,
+    "fewest": WINNER_FEWEST_BIDDERS,
+    "regret": WINNER_REGRET,
 }
-MOST_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
-MOST_BRED: Final = 12  # and of a genetic one
-MOST_SOLD: Final = {"combinatorial": MOST_BUNDLED, "exact": MOST_BUNDLED, "genetic": MOST_BRED}
+MAX_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
+MAX_BRED: Final = 12  # and of a genetic one
+MAX_SOLD: Final = {"combinatorial": MAX_BUNDLED, "exact": MAX_BUNDLED, "genetic": MAX_BRED}
 BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
 
 # memory.per_robot
@@ -95,12 +106,17 @@ class Auction(Strategy):
         tasks = max(robots * self._limit, int(order_queue_length.sum())) + given.max_items
         longest = max(self._limit, int(order_queue_length.max())) + given.max_items
         charging = self.other_layers.get("charging")
-        policy = {"policy": NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}
+        policy = {
+            "policy": POLICY_NO_CHARGING,
+            "end_reach": 0,
+            "threshold": 0,
+            "target": BATTERY_FULL,
+        }
         queues = True
         quoted: Any = getattr(charging, "policy", None)
         if view.rules.battery and quoted is not None:
             policy, queues = quoted(), bool(getattr(charging, "queues", True))
-        self._site = site_for(view, robots, tasks, longest, policy, queues)
+        self._market = make_floor_market(view, robots, tasks, longest, policy, queues)
         self._sellable = np.zeros(given.max_items, np.int32)
         self._tools = self._prepared(robots, longest)
         return memory_of(view, per_robot=4, shared=4)
@@ -109,9 +125,9 @@ class Auction(Strategy):
         """What the kind of auction works in besides the market."""
         robot_type, horizon = self.parameters.mechanism, self.parameters.max_items
         if robot_type in ("combinatorial", "exact"):
-            return bundles_for(robots, min(horizon, MOST_BUNDLED))
+            return bundles_for(robots, min(horizon, MAX_BUNDLED))
         if robot_type == "genetic":
-            return population_for(robots, min(horizon, MOST_BRED), longest)
+            return population_for(robots, min(horizon, MAX_BRED), longest)
         if robot_type == "assignment":
             return assignment_for(max(robots, horizon))
         return None
@@ -144,19 +160,19 @@ class Auction(Strategy):
         """Lists that will be done so much later than was predicted are for sale again."""
         if not (memory.per_robot[:, DUE] > 0).any():
             return
-        site = self._site
-        robots = open_session(view, out, workspace, site, self._sellable, 0)
+        market = self._market
+        robots = open_auction(view, out, workspace, market, self._sellable, 0)
         for r in range(robots):
-            i = int(site.robot[r])
+            i = int(market.robot[r])
             due = int(memory.per_robot[i, DUE])
-            done = int(view.clock[CLOCK_TICK]) + int(site.fleet.cost[r])
-            if due and site.fleet.length[r] and done > due + tolerance:
+            done = int(view.clock[CLOCK_TICK]) + int(market.fleet.cost[r])
+            if due and market.fleet.length[r] and done > due + tolerance:
                 out.order_queue_length[i] = memory.per_robot[i, DUE] = 0
 
     def _take_back(self, view: World, out: Any, since: int) -> int:
         """Put all that is planned up for sale again; returns how many orders are."""
         out.order_queue_length[:] = 0
-        out.order_taken[out.order_taken == PLANNED] = 0
+        out.order_taken[out.order_taken == ORDER_PLANNED] = 0
         count, _ = find_items(view, out, since, self._sellable)
         return int(count)
 
@@ -197,66 +213,68 @@ class Auction(Strategy):
         self, view: World, out: Any, memory: Memory, workspace: Workspace, center: int, items: Any
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
-        parameters, site = self.parameters, self._site
-        most = MOST_SOLD.get(parameters.mechanism)
+        parameters, market = self.parameters, self._market
+        most = MAX_SOLD.get(parameters.mechanism)
         items = items[:most]
         radius = NIL if parameters.announcement_radius is None else parameters.announcement_radius
         center = NIL if parameters.region == "order" else center
         if center == NIL and parameters.region == "auctioneer":
             radius = NIL  # the central auctioneer reaches all robots
         while len(items):
-            robots = open_session(view, out, workspace, site, items, len(items))
-            site.fleet.room[:robots], site.fleet.room[robots:] = self._limit, 0
-            hear(view, site, robots, len(items), center, radius)
+            robots = open_auction(view, out, workspace, market, items, len(items))
+            market.fleet.capacity[:robots], market.fleet.capacity[robots:] = self._limit, 0
+            announce_items(view, market, robots, len(items), center, radius)
             self._hold(view, memory, len(items))
-            enter_plans(view, out, site, robots, memory, DUE, self._counted)
+            enter_plans(view, out, market, robots, memory, DUE, self._counted)
             counts = memory.per_robot[self._counted]
             counts[HELD] += 1
-            counts[BID] += site.scratch.count[BIDS]
-            counts[SENT] += site.scratch.count[MESSAGES]
-            items = items[site.scratch.sold[: len(items)] == NIL]
+            counts[BID] += market.scratch.count[COUNT_BIDS]
+            counts[SENT] += market.scratch.count[COUNT_MESSAGES]
+            items = items[market.scratch.sold[: len(items)] == NIL]
             if radius == NIL or radius >= view.grid.width + len(view.grid.kind) // view.grid.width:
                 return
             radius *= 2
 
     def _hold(self, view: World, memory: Memory, count: int) -> None:
         """Sell so many items of the market by the rules of the scenario."""
-        given, site = self.parameters, self._site
-        market = (site.work, site.battery, site.fleet, site.scratch)
-        rule, epsilon = RULES[given.bid_rule], self._epsilon(view, count)
+        given, market = self.parameters, self._market
+        market_parts = (market.costs, market.battery, market.fleet, market.scratch)
+        rule, epsilon = BID_RULES[given.bid_rule], self._epsilon(view, count)
         if given.mechanism == "arrival":
-            by_arrival(*market, site.item, count, rule, epsilon)
+            by_arrival(*market_parts, market.item, count, rule, epsilon)
         elif given.mechanism == "parallel":
-            parallel(*market, site.item, count, rule, epsilon)
+            parallel(*market_parts, market.item, count, rule, epsilon)
         elif given.mechanism == "assignment":
-            assign_once(*market, self._tools, site.item, count, rule, epsilon)
+            assign_once(*market_parts, self._tools, market.item, count, rule, epsilon)
         elif given.mechanism == "sequential" or not self._allot(
-            view, market, memory, count, epsilon
+            view, market_parts, memory, count, epsilon
         ):
-            winner = WINNERS[given.winner_rule]
-            sequential(*market, site.item, count, rule, epsilon, winner, 0)
+            winner = WINNER_RULES[given.winner_rule]
+            sequential(*market_parts, market.item, count, rule, epsilon, winner, 0)
         if given.local_search:
-            improve(*market, epsilon)
+            improve(*market_parts, epsilon)
 
-    def _allot(self, view: World, market: Any, memory: Memory, count: int, epsilon: int) -> bool:
+    def _allot(
+        self, view: World, market_parts: Any, memory: Memory, count: int, epsilon: int
+    ) -> bool:
         """Look at whole allotments; False, with the lists as before, if none does every item."""
-        fleet, tools, item = self._site.fleet, self._tools, self._site.item
+        fleet, tools, item = self._market.fleet, self._tools, self._market.item
         before = fleet.order.copy(), fleet.length.copy()
         if self.parameters.mechanism == "combinatorial":
-            value = combinatorial(*market, tools, item, count, epsilon)
+            value = combinatorial(*market_parts, tools, item, count, epsilon)
         elif self.parameters.mechanism == "exact":
-            value = exact(*market, tools, item, count, epsilon)
+            value = exact(*market_parts, tools, item, count, epsilon)
         else:
             auction = int(memory.per_robot[:, HELD].sum())
             turns = generations(len(view.robots.cell), count)
             with np.errstate(over="ignore"):
                 value = genetic(
-                    *market, tools, item, count, epsilon, turns, 0, view.rules.seed, auction
+                    *market_parts, tools, item, count, epsilon, turns, 0, view.rules.seed, auction
                 )
-        if value < INF:
+        if value < INF_COST:
             return True
         fleet.order[:], fleet.length[:] = before
-        settle_all(*market)
+        settle_all(*market_parts)
         return False
 
     def _epsilon(self, view: World, count: int) -> int:

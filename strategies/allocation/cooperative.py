@@ -31,14 +31,14 @@ ALLEY = 0  # memory.per_robot: the column of the alley that a robot has reserved
 FROM = 1  # the column of the shelf from which it takes its load
 
 # memory.shared: for each column of the grid
-OPEN = 0  # open orders to its left
-LEFT = 1  # loads on its left table
-RIGHT = 2  # loads on its right table
+TABLE_OPEN = 0  # open orders to its left
+TABLE_LEFT = 1  # loads on its left table
+TABLE_RIGHT = 2  # loads on its right table
 
 
 @kernel
 def count_tables(view, out, i, count):
-    """count: (3 * width,) becomes OPEN, LEFT and RIGHT of every column as robot i can serve them."""
+    """count: (3 * width,) becomes the TABLE_* numbers of every column as robot i can serve them."""
     width, robot_type = view.grid.width, view.robots.type[i]
     count[:] = 0
     for slot in range(view.slots.cell.shape[0]):
@@ -49,12 +49,12 @@ def count_tables(view, out, i, count):
         if access_cell == NIL:
             continue
         column = access_cell % width
-        count[LEFT * width + column] += 1
+        count[TABLE_LEFT * width + column] += 1
         if is_open(view, out, order) and can_do(view, i, order):
-            count[OPEN * width + column] += 1
+            count[TABLE_OPEN * width + column] += 1
         from_left = view.slots.access[slot, 2]
         if from_left != NIL:
-            count[RIGHT * width + from_left % width] += 1
+            count[TABLE_RIGHT * width + from_left % width] += 1
 
 
 @kernel
@@ -67,9 +67,11 @@ def choose_alley(view, memory, i):
     x = position(view, i) % width
     best, best_score, best_way = NIL, 0, 0
     for column in range(width):
-        if memory.shared[OPEN * width + column] == 0 or is_reserved(memory, i, column):
+        if memory.shared[TABLE_OPEN * width + column] == 0 or is_reserved(memory, i, column):
             continue
-        score = memory.shared[LEFT * width + column] - memory.shared[RIGHT * width + column]
+        score = (
+            memory.shared[TABLE_LEFT * width + column] - memory.shared[TABLE_RIGHT * width + column]
+        )
         way = abs(column - x)
         if best == NIL or score > best_score or (score == best_score and way < best_way):
             best, best_score, best_way = column, score, way
@@ -118,7 +120,7 @@ def take_in_alley(view, out, memory, workspace, k, i, released):
     width = view.grid.width
     count_tables(view, out, i, memory.shared)
     column = np.int64(memory.per_robot[i, ALLEY])
-    if column == 0 or memory.shared[OPEN * width + column] == 0:
+    if column == 0 or memory.shared[TABLE_OPEN * width + column] == 0:
         memory.per_robot[i, ALLEY] = 0
         column = choose_alley(view, memory, i)
         if column == NIL:

@@ -22,7 +22,7 @@ CURSOR = 1  # and on, by type: orders.release_sequence before it was taken, or i
 
 
 @kernel
-def gave_back(view, out, memory):
+def has_returned_order(view, out, memory):
     """Whether an order below the cursors is open again."""
     for j in range(memory.per_robot.shape[0]):
         order = memory.per_robot[j, TOOK] - 1
@@ -32,7 +32,7 @@ def gave_back(view, out, memory):
 
 
 @kernel
-def giver_back(view, out, memory, i):
+def robot_that_returned_order(view, out, memory, i):
     """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL."""
     robot = NIL
     if memory.shared[CURSOR + view.robots.type[i]] == 0:
@@ -64,7 +64,7 @@ def next_order(view, out, memory, i):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.allocation
-    again = gave_back(view, out, memory)
+    again = has_returned_order(view, out, memory)
     for k in range(batch.count[0]):
         if workspace.stop[0]:
             return
@@ -74,7 +74,7 @@ def decide(view, batch, decisions, memory, workspace):
         elif batch.reason[k] == REASON_PERIODIC:
             continue
         else:
-            giver = giver_back(view, out, memory, i) if again else NIL
+            giver = robot_that_returned_order(view, out, memory, i) if again else NIL
             order = next_order(view, out, memory, i) if giver == NIL else NIL
             if giver != NIL:
                 order = memory.per_robot[giver, TOOK] - 1

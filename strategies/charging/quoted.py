@@ -10,13 +10,20 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from automaton.auctions.charging_choice import choose_charging
-from automaton.auctions.market import BATTERY_FULL, FILL_UP, HIERARCHICAL, JOINT, LOOK, SAFE
-from automaton.auctions.site import site_for
+from automaton.auctions.floor_market import make_floor_market
+from automaton.auctions.market import (
+    BATTERY_FULL,
+    POLICY_FILL_UP,
+    POLICY_HIERARCHICAL,
+    POLICY_JOINT,
+    POLICY_THRESHOLD,
+    POLICY_THRESHOLD_REACHABLE,
+)
 from automaton.strategy.layer import Strategy
+from automaton.world.robot_status import BATTERY_PERCENT
 from automaton.world.state import Batch, Decisions, Memory, Workspace, World
 from strategies.charging.parameters import FillUp, Insertion, Opportunity, Threshold
 
-BATTERY_PERCENT = BATTERY_FULL // 100
 IDLE_CHECKS = 50  # ticks between two looks at idle robots
 
 
@@ -41,14 +48,14 @@ class Quoted(Strategy):
     def reset(self, view: World) -> Memory:
         """No memory; room for the list of one robot."""
         longest = view.robots.order_queue.shape[1] + 1
-        self._site = site_for(view, 1, longest, longest, self.policy(), self.queues)
+        self._market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
         return super().reset(view)
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
         """Send robots to chargers."""
-        choose_charging(view, batch, decisions.charging, self._site, workspace, self.idle_below)
+        choose_charging(view, batch, decisions.charging, self._market, workspace, self.idle_below)
 
 
 class InsertCharging(Quoted):
@@ -58,7 +65,9 @@ class InsertCharging(Quoted):
 
     def policy(self) -> dict[str, int]:
         return {
-            "policy": HIERARCHICAL if self.parameters.mode == "hierarchical" else JOINT,
+            "policy": POLICY_HIERARCHICAL
+            if self.parameters.mode == "hierarchical"
+            else POLICY_JOINT,
             "end_reach": int(self.parameters.never_strand),
             "threshold": 0,
             "target": BATTERY_FULL,
@@ -72,7 +81,7 @@ class FillUpCharging(Quoted):
 
     def policy(self) -> dict[str, int]:
         target = round(self.parameters.target * BATTERY_PERCENT)
-        return {"policy": FILL_UP, "end_reach": 1, "threshold": 0, "target": target}
+        return {"policy": POLICY_FILL_UP, "end_reach": 1, "threshold": 0, "target": target}
 
 
 class ThresholdCharging(Quoted):
@@ -82,7 +91,9 @@ class ThresholdCharging(Quoted):
 
     def policy(self) -> dict[str, int]:
         return {
-            "policy": LOOK if self.parameters.mode == "threshold-only" else SAFE,
+            "policy": POLICY_THRESHOLD
+            if self.parameters.mode == "threshold-only"
+            else POLICY_THRESHOLD_REACHABLE,
             "end_reach": 0,
             "threshold": round(self.parameters.threshold * BATTERY_PERCENT),
             "target": BATTERY_FULL,
@@ -99,4 +110,9 @@ class OpportunityCharging(InsertCharging):
         self.idle_below = round(self.parameters.start_below * BATTERY_PERCENT)
 
     def policy(self) -> dict[str, int]:
-        return {"policy": HIERARCHICAL, "end_reach": 1, "threshold": 0, "target": BATTERY_FULL}
+        return {
+            "policy": POLICY_HIERARCHICAL,
+            "end_reach": 1,
+            "threshold": 0,
+            "target": BATTERY_FULL,
+        }

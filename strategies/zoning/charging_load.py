@@ -5,7 +5,7 @@ import numpy as np
 from automaton.strategy.kernels import charging_ticks, kernel
 from automaton.world.robot_status import BATTERY_FULL
 from automaton.world.state import ACTION_MOVE, NIL
-from automaton.zoning.space import SPEED
+from automaton.zoning.workspace import ZONE_RULE_SPEED
 
 
 @kernel
@@ -14,7 +14,7 @@ def charging_minutes(view, rules, i):
     if view.rules.battery == 0:
         return 0.0
     ticks = charging_ticks(view.rules.curve, np.int64(view.robots.charge[i]), BATTERY_FULL)
-    return ticks / (rules[SPEED] * view.rules.duration[0, ACTION_MOVE])
+    return ticks / (rules[ZONE_RULE_SPEED] * view.rules.duration[0, ACTION_MOVE])
 
 
 @kernel

@@ -15,30 +15,24 @@ import numpy as np
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import CLOCK_TICK, NIL
-from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
-from automaton.zoning.paths import copy_design
-from automaton.zoning.routing import NEIGHBOURS
-from automaton.zoning.space import ADJACENT, RULES
-from automaton.zoning.transfer import find_transfers
-from strategies.zoning.able import (
-    enter,
-    hand_on,
-    heed_servers,
-    is_running,
-    queue_length,
-    serves_all,
+from automaton.zoning.annealing import (
+    ANNEALING_STEPS,
+    DEFAULT_FINAL_TEMPERATURE,
+    DEFAULT_INITIAL_TEMPERATURE,
+    first_zones,
 )
-from strategies.zoning.averaging import (
+from automaton.zoning.paths import copy_design
+from automaton.zoning.routing import ROUTING_NEIGHBOURS
+from automaton.zoning.transfer import find_transfers
+from automaton.zoning.workspace import ZONE_RULE_ADJACENT, ZONE_RULE_COUNT
+from strategies.zoning.consensus_load import (
     average,
-    look,
     next_multiple,
     own_load,
+    update_tolerance_state,
 )
-from strategies.zoning.first import try_first_zones
-from strategies.zoning.parameters import Decentralized
-from strategies.zoning.queues import first_for, queue_orders_of
-from strategies.zoning.redesign import negotiate
-from strategies.zoning.talk import (
+from strategies.zoning.initial_zones import try_first_zones
+from strategies.zoning.negotiation_messages import (
     AGE,
     AVERAGE,
     AVERAGE_EVERY,
@@ -62,9 +56,20 @@ from strategies.zoning.talk import (
     SHARE_EVERY,
     SHARES,
     SHARING,
-    find_reach,
+    find_robots_in_range,
     is_near,
 )
+from strategies.zoning.parameters import Decentralized
+from strategies.zoning.queues import first_for, queue_orders_of
+from strategies.zoning.reassignment import (
+    enter,
+    is_running,
+    queue_length,
+    reassign_orders,
+    serves_all,
+    set_zone_move_time_factors,
+)
+from strategies.zoning.redesign import negotiate
 from strategies.zoning.units import cells, rules_of_zones, ticks
 
 
@@ -100,7 +105,7 @@ def share_near(view, out, workspace, memory, i, p, age, job):
     per_robot[i, SHARE] = now + p[SHARE_EVERY]
     identity = np.int64(view.robots.identity[i])
     mine = queue_length(view, identity)
-    near = p[FIRST_RULE + ADJACENT] // (2 * MILLION)
+    near = p[FIRST_RULE + ZONE_RULE_ADJACENT] // (2 * MILLION)
     for zone in range(view.service_zones.server.shape[0]):
         server = np.int64(view.service_zones.server[zone])
         if server == NIL or server == identity or queue_length(view, zone) >= mine:
@@ -141,12 +146,13 @@ def begin(view, out, memory, workspace, rules, k, i, p):
     if identity == 0 and is_blank(design):
         reach[:] = 1
         first_zones(
-            view.service_zones.roads, rules, HOT, COLD, STEPS, p[FIRST_TRY], design, workspace, reach,
+            view.service_zones.roads, rules, DEFAULT_INITIAL_TEMPERATURE,
+            DEFAULT_FINAL_TEMPERATURE, ANNEALING_STEPS, p[FIRST_TRY], design, workspace, reach,
             view.rules.seed, 0,
         )  # fmt: skip
         out.redesigned[0] = 1
         return
-    find_reach(view, reach, i, p[RANGE])
+    find_robots_in_range(view, reach, i, p[RANGE])
     for station in range(design.zone.shape[0]):
         for zone in range(reach.shape[0]):
             if reach[zone] and design.transfer[identity, zone, station]:
@@ -161,10 +167,10 @@ def decide(view, batch, decisions, memory, workspace):
     out, zones, parts = decisions.zoning, workspace.zoning, workspace.parts
     per_robot, p, now = memory.per_robot, memory.parameters, view.clock[CLOCK_TICK]
     rules = zones.rules
-    for column in range(RULES):
+    for column in range(ZONE_RULE_COUNT):
         rules[column] = p[FIRST_RULE + column] / MILLION
     copy_design(view.service_zones.design, out.design)
-    heed_servers(view, zones)
+    set_zone_move_time_factors(view, zones)
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
@@ -175,17 +181,17 @@ def decide(view, batch, decisions, memory, workspace):
             out.again[k] = p[LOOK_EVERY]
             continue
         busy = negotiate(view, out, memory, zones, parts, rules, k, i, p)
-        queue_orders_of(view, out.design, zones, out, NEIGHBOURS, identity, p[NEAR])
-        hand_on(view, out, identity)
+        queue_orders_of(view, out.design, zones, out, ROUTING_NEIGHBOURS, identity, p[NEAR])
+        reassign_orders(view, out, identity)
         looks = now >= per_robot[i, LOOK]
         averages = not busy and (now >= per_robot[i, AVERAGE] or per_robot[i, ROUND] != NIL)
         if looks or averages:
-            degree = find_reach(view, zones.reach, i, p[RANGE])
+            degree = find_robots_in_range(view, zones.reach, i, p[RANGE])
             load = np.int64(0)
             if looks or per_robot[i, ROUND] == NIL:  # further steps of a consensus need no load
                 load = np.int64(NANO * own_load(view, rules, out.design, zones, parts, i))
             if looks:
-                look(view, memory, i, p, load)
+                update_tolerance_state(view, memory, i, p, load)
             if averages:
                 average(view, out, memory, k, i, p, degree, load)
         if p[SHARING] and per_robot[i, IN] == 0 and now >= per_robot[i, SHARE] and not busy:

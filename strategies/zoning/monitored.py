@@ -14,17 +14,22 @@ import numpy as np
 
 from automaton.strategy.layer import Strategy, memory_of
 from automaton.world.state import CLOCK_TICK, NIL, Batch, Decisions, Memory, Workspace, World
-from automaton.zoning.annealing import COLD, HOT, STEPS, first_zones
+from automaton.zoning.annealing import (
+    ANNEALING_STEPS,
+    DEFAULT_FINAL_TEMPERATURE,
+    DEFAULT_INITIAL_TEMPERATURE,
+    first_zones,
+)
 from automaton.zoning.load import balance, find_loads
 from automaton.zoning.paths import copy_design
-from automaton.zoning.routing import CENTRAL
-from automaton.zoning.space import INF, ZoneSpace
+from automaton.zoning.routing import ROUTING_CENTRAL
 from automaton.zoning.transfer import find_transfers
-from strategies.zoning.able import hand_on, heed_servers
+from automaton.zoning.workspace import INF_COST, ZoneSpace
 from strategies.zoning.charging_load import add_charging
-from strategies.zoning.first import no_first_zones
+from strategies.zoning.initial_zones import no_first_zones
 from strategies.zoning.parameters import Monitoring
 from strategies.zoning.queues import queue_orders, record_flow, share, take_over
+from strategies.zoning.reassignment import reassign_orders, set_zone_move_time_factors
 from strategies.zoning.units import rules_of_zones, ticks
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
@@ -48,7 +53,7 @@ NEW_ZONES_AT: Final = 7
 FLOW: Final = 8  # the flow of which they are made
 
 
-class Monitored(Strategy):
+class MonitoredZones(Strategy):
     """Zones that stay; robots may share orders when they are out of balance."""
 
     layer = "zoning"
@@ -79,18 +84,18 @@ class Monitored(Strategy):
         out, state = decisions.zoning, memory.shared
         now = int(view.clock[CLOCK_TICK])
         copy_design(view.service_zones.design, out.design)
-        heed_servers(view, workspace.zoning)
+        set_zone_move_time_factors(view, workspace.zoning)
         if not state[BEGUN]:
             self._begin(view, batch, out, state, workspace)
         else:
-            self._renew(view, out, memory, workspace)
+            self._apply_redesign(view, out, memory, workspace)
         redesigned = int(out.redesigned[0])
         take_over(view, out)
-        queue_orders(view, out.design, workspace.zoning, out, CENTRAL, redesigned)
-        hand_on(view, out, NIL)
+        queue_orders(view, out.design, workspace.zoning, out, ROUTING_CENTRAL, redesigned)
+        reassign_orders(view, out, NIL)
         if now >= state[NEXT_LOOK]:
-            self._look(view, out, memory, workspace)
-        self._consider(view, state)
+            self._check_balance(view, out, memory, workspace)
+        self._check_redesign(view, state)
         due = state[BAD_SINCE] and not redesigned
         if self.parameters.sharing and due and now >= state[NEXT_SHARE]:
             if self._shares(state):
@@ -111,7 +116,7 @@ class Monitored(Strategy):
             if not self._anneal_first(view, out.design, workspace):
                 raise no_first_zones(view)
         elif not out.design.transfer.any():
-            record_flow(view, INF, 1 << 40, self._flow)  # of all orders, known or not
+            record_flow(view, INF_COST, 1 << 40, self._flow)  # of all orders, known or not
             find_loads(
                 view.service_zones.roads, self._rules, self._flow, 0, out.design, workspace.zoning
             )
@@ -135,9 +140,9 @@ class Monitored(Strategy):
             first_zones(
                 view.service_zones.roads,
                 self._rules,
-                float(getattr(given, "hot", HOT)),
-                float(getattr(given, "cold", COLD)),
-                int(getattr(given, "steps", STEPS)),
+                float(getattr(given, "hot", DEFAULT_INITIAL_TEMPERATURE)),
+                float(getattr(given, "cold", DEFAULT_FINAL_TEMPERATURE)),
+                int(getattr(given, "steps", ANNEALING_STEPS)),
                 0,
                 design,
                 workspace.zoning,
@@ -147,7 +152,7 @@ class Monitored(Strategy):
             )
         )
 
-    def _look(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _check_balance(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """How balanced the zones are now, and what follows from it."""
         state, now = memory.shared, int(view.clock[CLOCK_TICK])
         row = memory.per_robot[view.robots.at_index[0]]
@@ -176,12 +181,12 @@ class Monitored(Strategy):
             if not state[BAD_SINCE]:
                 state[BAD_SINCE], state[NEXT_SHARE] = now, now
 
-    def _consider(self, view: World, state: Any) -> None:
+    def _check_redesign(self, view: World, state: Any) -> None:
         """Called after every look, and when `_due` says: are new zones needed? Here never."""
 
     def _shares(self, state: Any) -> bool:
         """Whether orders are shared at a time of sharing; here always."""
         return True
 
-    def _renew(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _apply_redesign(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""

@@ -17,15 +17,15 @@ from automaton.strategy.kernels import (
 )
 from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.routing import route
-from strategies.zoning.able import (
+from strategies.zoning.reassignment import (
+    can_zone_deliver,
+    enqueue_with_capable_zone,
     enter,
-    enter_able,
     is_free,
     is_running,
     length_then,
     queue_length,
     serves_all,
-    zone_can,
 )
 
 FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone dropped on its way
@@ -64,11 +64,11 @@ def queue_order(view, design, workspace, out, rule, order, zone):
     target = np.int64(view.orders.target[order])
     to = np.int64(view.service_zones.station_of[target])
     if at == NIL or to == NIL or design.zone[to] == NIL:
-        enter_able(view, out, order, zone, target, 0)
+        enqueue_with_capable_zone(view, out, order, zone, target, 0)
         return
     queue, station, _ = route(view.service_zones.roads, design, workspace, rule, zone, at, to)
     stop = target if station == to else slot_at(view, station)
-    enter_able(view, out, order, queue, target if stop == NIL else stop, 0)
+    enqueue_with_capable_zone(view, out, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel
@@ -83,7 +83,9 @@ def queue_orders_of(view, design, workspace, out, rule, robot, near):
         zone = owner_of(view, design, order, 0)
         if zone != NIL and view.service_zones.server[zone] == robot:
             if near > 0 and is_near_transfer(view, design, order, zone, near):
-                enter_able(view, out, order, zone, np.int64(view.orders.target[order]), 1)
+                enqueue_with_capable_zone(
+                    view, out, order, zone, np.int64(view.orders.target[order]), 1
+                )
             else:
                 queue_order(view, design, workspace, out, rule, order, zone)
 
@@ -150,7 +152,7 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
             continue
         if near > 0 and not lies_near(view, order, other, near):
             continue
-        if not zone_can(view, out, taker, order, np.int64(view.orders.target[order])):
+        if not can_zone_deliver(view, out, taker, order, np.int64(view.orders.target[order])):
             continue
         next_slot = np.int64(view.service_zones.next_slot[order])
         if not can_bring(view, robot_type, order, next_slot):

@@ -5,10 +5,8 @@ import numpy as np
 from automaton.strategy.kernels import kernel, random_between
 from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.negotiation import lead
-from strategies.zoning.able import enter_able
-from strategies.zoning.averaging import fill_parts, next_multiple, wants_redesign
-from strategies.zoning.queues import slot_at
-from strategies.zoning.talk import (
+from strategies.zoning.consensus_load import fill_parts, next_multiple, wants_redesign
+from strategies.zoning.negotiation_messages import (
     AVERAGE,
     AVERAGE_EVERY,
     CALM,
@@ -36,17 +34,19 @@ from strategies.zoning.talk import (
     SINCE,
     TURN,
     TURNS,
-    find_reach,
+    begin_message,
+    find_robots_in_range,
     is_near,
-    tell,
 )
+from strategies.zoning.queues import slot_at
+from strategies.zoning.reassignment import enqueue_with_capable_zone
 
 
 @kernel
 def join(view, out, memory, k, i, p, began):
     """Robot i takes part in the redesign that began in a tick, and stands still."""
     per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
-    tell(view, out, k, i)
+    begin_message(view, out, k, i)
     out.messages[k, REDESIGN] = began
     out.messages[k, LEADER] = NIL
     out.messages[k, TURN] = 0
@@ -63,7 +63,7 @@ def join(view, out, memory, k, i, p, began):
 def leave(view, out, memory, k, i, p):
     """The redesign is over for robot i; it looks and reckons again when it drives again."""
     per_robot = memory.per_robot
-    tell(view, out, k, i)
+    begin_message(view, out, k, i)
     out.messages[k, DONE] = 1
     goes_on = max(np.int64(view.clock[CLOCK_TICK]), out.messages[k, REDESIGN] + p[PAUSE])
     per_robot[i, CALM] = goes_on
@@ -79,7 +79,7 @@ def take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn):
     per_robot, now = memory.per_robot, view.clock[CLOCK_TICK]
     identity = np.int64(view.robots.identity[i])
     reach = workspace.reach
-    find_reach(view, reach, i, p[RANGE])
+    find_robots_in_range(view, reach, i, p[RANGE])
     seed = view.rules.seed
     if per_robot[i, LED] < p[MOST_TURNS]:
         fill_parts(view, parts)
@@ -94,7 +94,7 @@ def take_turn(view, out, memory, workspace, parts, rules, k, i, p, turn):
         out.redesigned[0] = 1
         enter_parts(view, out, parts, reach)
         per_robot[i, LED] += 1
-    tell(view, out, k, i)
+    begin_message(view, out, k, i)
     out.messages[k, TURNS] = per_robot[i, LED]
     waiting = per_robot[i, LED] < p[MOST_TURNS]
     near = 0
@@ -133,7 +133,7 @@ def enter_parts(view, out, parts, reach):
             continue
         target = np.int64(view.orders.target[order])
         stop = target if station == parts.to[n] else slot_at(view, station)
-        enter_able(view, out, order, queue, target if stop == NIL else stop, 0)
+        enqueue_with_capable_zone(view, out, order, queue, target if stop == NIL else stop, 0)
 
 
 @kernel
@@ -163,7 +163,9 @@ def negotiate(view, out, memory, workspace, parts, rules, k, i, p):
     if newest > messages[i, REDESIGN]:
         join(view, out, memory, k, i, p, newest)
         return True
-    if wants_redesign(view, memory, i, p) and find_reach(view, workspace.reach, i, p[RANGE]):
+    if wants_redesign(view, memory, i, p) and find_robots_in_range(
+        view, workspace.reach, i, p[RANGE]
+    ):
         join(view, out, memory, k, i, p, now)
         out.messages[k, LEADER] = identity
         out.messages[k, TURN] = 1

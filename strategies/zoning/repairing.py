@@ -10,10 +10,10 @@ import numpy as np
 from automaton.errors import InputError
 from automaton.units import count
 from automaton.world.state import CLOCK_TICK, NIL, Array, Memory, Workspace, World
-from automaton.zoning.annealing import REPAIRS, repair
+from automaton.zoning.annealing import MAX_REPAIRS, repair
 from automaton.zoning.genetic import evolve
-from automaton.zoning.herd import population_for
 from automaton.zoning.paths import copy_design
+from automaton.zoning.population import population_for
 from strategies.zoning.monitored import (
     AFTER_REPAIR,
     BAD_SINCE,
@@ -21,23 +21,23 @@ from strategies.zoning.monitored import (
     NEW_ZONES_AT,
     NEXT_LOOK,
     REDESIGNS,
-    Monitored,
+    MonitoredZones,
 )
 from strategies.zoning.parameters import Annealing, Genetic, Monitoring
 from strategies.zoning.queues import record_flow
 from strategies.zoning.units import ticks
 
 
-class StaticZones(Monitored):
+class StaticZones(MonitoredZones):
     """Zones that never change; out of balance, robots share orders."""
 
     Parameters = Monitoring
 
 
-class Repaired(Monitored, ABC):
+class RedesignedZones(MonitoredZones, ABC):
     """Zones that are redesigned when they have been out of balance for long."""
 
-    def _consider(self, view: World, state: Any) -> None:
+    def _check_redesign(self, view: World, state: Any) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""
         now = int(view.clock[CLOCK_TICK])
         if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
@@ -62,7 +62,7 @@ class Repaired(Monitored, ABC):
         """Not while new zones are computed, if the scenario says so."""
         return self.parameters.share_while_computing or not state[NEW_ZONES_AT]
 
-    def _renew(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
+    def _apply_redesign(self, view: World, out: Any, memory: Memory, workspace: Workspace) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
         state, now = memory.shared, int(view.clock[CLOCK_TICK])
         if not state[NEW_ZONES_AT] or now < state[NEW_ZONES_AT]:
@@ -81,7 +81,7 @@ class Repaired(Monitored, ABC):
         """Make new zones of self._flow; False if none are found, and the design is spoiled then."""
 
 
-class AnnealedZones(Repaired):
+class AnnealedZones(RedesignedZones):
     """Zones repaired by simulated annealing (Ho & Liao, modified by Keith & La)."""
 
     Parameters = Annealing
@@ -97,7 +97,7 @@ class AnnealedZones(Repaired):
                 float(given.cold),
                 given.steps,
                 given.steps,
-                REPAIRS,
+                MAX_REPAIRS,
                 design,
                 workspace.zoning,
                 self._everywhere,
@@ -107,7 +107,7 @@ class AnnealedZones(Repaired):
         )
 
 
-class BredZones(Repaired):
+class GeneticZones(RedesignedZones):
     """Zones repaired by a genetic algorithm; each goes to the robot whose pose is nearest to it."""
 
     Parameters = Genetic
@@ -136,7 +136,7 @@ class BredZones(Repaired):
             int(view.clock[CLOCK_TICK]),
         )
         if found and given.matched:
-            self._give_out(view, design)
+            self._assign_zones(view, design)
         return bool(found)
 
     def _poses_of(self, view: World) -> Array:
@@ -152,7 +152,7 @@ class BredZones(Repaired):
             )
         return np.array(given) + 1  # the border of the grid
 
-    def _give_out(self, view: World, design: Any) -> None:
+    def _assign_zones(self, view: World, design: Any) -> None:
         """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
 
         Robots of a type choose among the zones that were bred for their type.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from automaton.world.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.zoning.roads import typical_distance
-from automaton.zoning.space import zone_rules
+from automaton.zoning.workspace import zone_rules
 
 
 def seconds_of_tick(view: World) -> float:
@@ -24,7 +24,7 @@ def cells(view: World, length: float) -> float:
 
 
 def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = False):
-    """The numbers by which zones are made: (RULES,) float64 of automaton.zoning.space."""
+    """The numbers by which zones are made: (RULES,) float64 of automaton.zoning.workspace."""
     tick = seconds_of_tick(view)
     duration = view.rules.duration[0]
     between = view.service_zones.roads.between

@@ -9,15 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 
 from tui.recordings import capture_file, short_path
-from tui.render.designs import design_key
+from tui.render.image_export import as_text
 from tui.render.overlays import zone_key
-from tui.render.still import as_text
-from tui.stage import Stage
+from tui.render.service_zone_overlay import design_key
+from tui.viewer_base import ViewerBase
 
 FROM_THE_INTERNET = re.compile(r"@font-face\s*\{[^}]*\}|<!--.*?-->", re.DOTALL)
 
 
-class CaptureActions(Stage):
+class CaptureActions(ViewerBase):
     """Captures."""
 
     def action_screenshot(self) -> None:  # type: ignore[override]  # it takes no file name
@@ -38,26 +38,26 @@ class CaptureActions(Stage):
 
     def _key(self, side: int) -> str:
         """What the letters of zones mean, if they are shown: there is no legend beside a text."""
-        if self.choice.layer == "served":
-            service_zones = self.pictures.scene(self.shot, self.choice, side).service_zones
+        if self.choice.layer == "service-zones":
+            service_zones = self.pictures.scene(self.playback, self.choice, side).service_zones
             many = 0 if service_zones is None else len(service_zones.server)
             return "; ".join(design_key(many, self.glyphs)) + "\n"
-        if self.choice.layer != "zones":
+        if self.choice.layer != "traffic-zones":
             return ""
         return "; ".join(zone_key(self.pictures.floors[side], self.glyphs)) + "\n"
 
     def _tick_of(self, side: int) -> int:
-        return 0 if self.shot is None else self.shot.snapshots[side].tick
+        return 0 if self.playback is None else self.playback.snapshots[side].tick
 
     def _save(self, text: str, suffix: str) -> None:
-        tick = 0 if self.shot is None else self.shot.tick
+        tick = 0 if self.playback is None else self.playback.tick
         name = f"{self.opening.name}-{tick}"
         if self.is_web:
             self._deliver(text, f"{name}{suffix}")
             return
         try:
             path = capture_file(name, suffix, os.environ, here=not self.options.read_only)
-            write_whole(path, text)
+            write_atomically(path, text)
         except OSError as error:
             self.notify(f"cannot save the picture: {error.strerror}", severity="error")
             return
@@ -71,7 +71,7 @@ class CaptureActions(Stage):
             self.deliver_text(io.StringIO(text), save_filename=name)
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_atomically(path: Path, text: str) -> None:
     """The file is there when all of it is; raises OSError, and then leaves nothing."""
     part = path.with_name(f"{path.name}.part")
     try:

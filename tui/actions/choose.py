@@ -40,7 +40,7 @@ class ChooseActions(FindActions):
     stops: Sequence[Stop] = ()
 
     def action_why(self) -> None:
-        if not self.ready() or self.shot is None:
+        if not self.ready() or self.playback is None:
             return
         if self.choice.robot == NIL:
             longest = self._longest_waiting()
@@ -52,8 +52,8 @@ class ChooseActions(FindActions):
         self.open_panel("why")
 
     def _longest_waiting(self) -> int:
-        assert self.shot is not None
-        robots = self.shot.snapshots[self.choice.side].robots
+        assert self.playback is not None
+        robots = self.playback.snapshots[self.choice.side].robots
         kept = np.flatnonzero(is_waiting(robots.cause))
         return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
 
@@ -149,7 +149,7 @@ class ChooseActions(FindActions):
         self.titles[0] = made.title
         if self.pictures.take_zones(made.resolved):
             self.choice.zone = NIL
-        self.say_titles()
+        self.show_titles()
         self.marks = [mark for mark in self.marks if mark.tick <= made.tick]
         self.marks.append(Mark(made.tick, "branch"))
         self.notify(f"branched at tick {made.tick:,}: {' '.join(map(short, made.settings))}")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from automaton.world.state import NIL
 from tui.actions.panels import PanelActions
-from tui.render.scene import NOTHING
+from tui.render.scene import NO_CELLS
 
 if TYPE_CHECKING:
     from tui.search import Found
@@ -46,15 +46,17 @@ class FindActions(PanelActions):
 
     def _step_through(self, direction: int) -> None:
         """To the next of what was found or, if that was not the last list, to the next event."""
-        if not self.ready() or self.shot is None:
+        if not self.ready() or self.playback is None:
             return
         if self.stepping == "found" and self.found is not None:
             self._show_found(self.at_found + direction)
             return
-        rows = self.runs[self.choice.side].chronicle.events
+        rows = self.runs[self.choice.side].event_history.events
         listed = self._listed_events(len(rows))
         ticks = rows[listed, 0]
-        candidates = listed[ticks > self.shot.tick if direction > 0 else ticks < self.shot.tick]
+        candidates = listed[
+            ticks > self.playback.tick if direction > 0 else ticks < self.playback.tick
+        ]
         if not len(candidates):
             self.notify("no later event is known" if direction > 0 else "no earlier event")
             return
@@ -91,9 +93,9 @@ class FindActions(PanelActions):
         self._neighbour(-1)
 
     def _neighbour(self, step: int) -> None:
-        if not self.ready() or self.shot is None:
+        if not self.ready() or self.playback is None:
             return
-        many = len(self.shot.snapshots[self.choice.side].robots)
+        many = len(self.playback.snapshots[self.choice.side].robots)
         before = self.choice.robot
         self.choose((before + step) % many if before != NIL else (0 if step > 0 else many - 1))
         self.show_robot()
@@ -101,7 +103,7 @@ class FindActions(PanelActions):
     def action_clear(self) -> None:
         self.choose()
         self.found, self.stepping = None, "events"
-        self.choice.found = NOTHING
+        self.choice.found = NO_CELLS
         self.hovered = NIL
         self.screen.remove_class("-map-alone")
         self.leave_full_panels()
@@ -110,16 +112,16 @@ class FindActions(PanelActions):
     def choose_zone(self, zone: int) -> None:
         """Select a zone, and bring its middle on the screen unless some of it is there."""
         self.choose(zone=zone)
-        cells = self.pictures.zone_cells(self.shot, zone, self.choice.side)
+        cells = self.pictures.zone_cells(self.playback, zone, self.choice.side)
         if cells and not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
             self.show_cell(cells[len(cells) // 2])
 
     def choose_at(self, cell: int) -> None:
         """Select the robot in a cell, or the cell if there is none."""
-        if self.shot is None:
+        if self.playback is None:
             self.choose(cell=cell)
             return
-        robots = self.shot.snapshots[self.choice.side].robots
+        robots = self.playback.snapshots[self.choice.side].robots
         at = np.where(robots.cell == NIL, robots.bay, robots.cell)
         here = np.flatnonzero(at == cell)
         self.choose(int(here[0]) if len(here) else NIL, NIL if len(here) else cell)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from automaton.world.state import NIL
-from tui.render.scene import LAYERS
-from tui.stage import Stage
+from tui.render.scene import MAP_LAYERS
+from tui.viewer_base import ViewerBase
 
-MOST: Final = 5  # paths through a cell of the layer "predicted"
+MAX_PREDICTED_PATHS: Final = 5  # paths through a cell of the layer "predicted"
 
 
-class LayerActions(Stage):
+class LayerActions(ViewerBase):
     """Layers."""
 
     def action_layer_none(self) -> None:
@@ -31,10 +31,10 @@ class LayerActions(Stage):
 
     def action_layer_zones(self) -> None:
         """The zones that robots serve; again, or where they serve none: those of the floor."""
-        if self._serve_zones() and self.choice.layer != "served":
-            self.show_layer("served")
+        if self._serve_zones() and self.choice.layer != "service-zones":
+            self.show_layer("service-zones")
         elif self._zones():
-            self.show_layer("zones")
+            self.show_layer("traffic-zones")
         else:
             self.notify("this floor has no zones: all of it is intersections")
 
@@ -44,9 +44,9 @@ class LayerActions(Stage):
             self.notify_of_layer("select a robot, and the search for its way is shown")
 
     def action_layer_predicted(self) -> None:
-        """Again: where one more robot will drive, up to MOST; then one again."""
+        """Again: where one more robot will drive, up to MAX_PREDICTED_PATHS; then one again."""
         if self.choice.layer == "predicted":
-            self.choice.least = self.choice.least % MOST + 1
+            self.choice.least = self.choice.least % MAX_PREDICTED_PATHS + 1
         others = "other robots" if self.choice.robot != NIL else "robots"
         self.show_layer("predicted")
         self.notify_of_layer(f"cells through which {self.choice.least} or more {others} will drive")
@@ -57,9 +57,9 @@ class LayerActions(Stage):
         self.changed()
 
     def action_next_layer(self) -> None:
-        absent = {"zones"} if not self._zones() else set()
-        absent |= {"served"} if not self._serve_zones() else set()
-        there = [name for name in LAYERS if name not in absent]
+        absent = {"traffic-zones"} if not self._zones() else set()
+        absent |= {"service-zones"} if not self._serve_zones() else set()
+        there = [name for name in MAP_LAYERS if name not in absent]
         name = there[(there.index(self.choice.layer) + 1) % len(there)]
         if name == "explored":  # which may have to say something
             self.action_layer_explored()
@@ -73,11 +73,12 @@ class LayerActions(Stage):
     def _serve_zones(self) -> bool:
         """Whether there are zones that robots serve."""
         return (
-            self.pictures.scene(self.shot, self.choice, self.choice.side).service_zones is not None
+            self.pictures.scene(self.playback, self.choice, self.choice.side).service_zones
+            is not None
         )
 
     def show_layer(self, name: str) -> None:
-        """One of LAYERS."""
+        """One of MAP_LAYERS."""
         if self.ready() and self.player is not None:
             self.choice.layer = name
             self.player.show_layer(name)

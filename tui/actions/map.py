@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from automaton.world.state import NIL
-from tui.stage import Stage
+from tui.viewer_base import ViewerBase
 
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2
 
 
-class MapActions(Stage):
+class MapActions(ViewerBase):
     """The map."""
 
     def action_pan_left(self) -> None:
@@ -59,9 +59,9 @@ class MapActions(Stage):
             self.notify("choose a robot first: click it, or press )")
             return
         self.choice.following = not self.choice.following
-        if self.choice.following and self.shot is not None:
+        if self.choice.following and self.playback is not None:
             self.pictures.fitted = False
-            self.pictures.follow(self.shot, self.choice)
+            self.pictures.follow(self.playback, self.choice)
         self.changed()
 
     def action_maximise(self) -> None:
@@ -90,7 +90,7 @@ class MapActions(Stage):
         self.changed()
 
     def _place_of_robot(self) -> tuple[int, int] | None:
-        from tui.pictures import robot_cell
+        from tui.frame_cache import robot_cell
 
-        cell = NIL if self.shot is None else robot_cell(self.shot, self.choice)
+        cell = NIL if self.playback is None else robot_cell(self.playback, self.choice)
         return None if cell == NIL else self.pictures.camera.place_of(cell)

@@ -6,13 +6,13 @@ import math
 from typing import TYPE_CHECKING
 
 from tui.options import SPEEDS
-from tui.stage import Stage
+from tui.viewer_base import ViewerBase
 
 if TYPE_CHECKING:
     from tui.player import Player
 
 
-class TimeActions(Stage):
+class TimeActions(ViewerBase):
     """Time."""
 
     def action_play_pause(self) -> None:
@@ -55,8 +55,8 @@ class TimeActions(Stage):
         self.go_to_tick(0)
 
     def action_go_end(self) -> None:
-        if self.ready() and self.shot is not None:
-            self.go_to_tick(self.shot.head, heeding=True)
+        if self.ready() and self.playback is not None:
+            self.go_to_tick(self.playback.head, stop_at_breakpoints=True)
 
     def action_timeline_in(self) -> None:
         self.timeline.zoom(1)
@@ -74,16 +74,16 @@ class TimeActions(Stage):
 
         self.push_screen(GoToScreen(self.view()), self._go_to_chosen)
 
-    def go_to_tick(self, tick: int, heeding: bool = False) -> None:
-        """Pause there or, `heeding` breakpoints, at the first one on the way forward."""
+    def go_to_tick(self, tick: int, stop_at_breakpoints: bool = False) -> None:
+        """Pause there; with `stop_at_breakpoints` at the first one on the way forward."""
         if self.ready():
             self.goal = tick
-            self._player.seek(tick, heeding)
+            self._player.seek(tick, stop_at_breakpoints)
             self.ordered()
 
     def _go_to_chosen(self, tick: int | None) -> None:
         if tick is not None:
-            self.go_to_tick(tick, heeding=True)
+            self.go_to_tick(tick, stop_at_breakpoints=True)
 
     @property
     def _player(self) -> Player:
@@ -97,15 +97,17 @@ class TimeActions(Stage):
 
     def _has_ended(self) -> bool:
         """Whether there is nothing to be played any more; if so, says why."""
-        shot = self.shot
-        if shot is None or shot.playing or shot.tick != shot.end:
+        playback = self.playback
+        if playback is None or playback.playing or playback.tick != playback.end:
             return False
-        if shot.failed:
-            self.tell_failure()
+        if playback.failed:
+            self.notify_failure()
         elif self.opening.comparing:
-            self.notify(f"both runs have ended at tick {shot.tick:,}; r plays them backwards")
+            self.notify(f"both runs have ended at tick {playback.tick:,}; r plays them backwards")
         else:
-            self.notify(f"{self.mode(shot).text} at tick {shot.tick:,}; r plays it backwards")
+            self.notify(
+                f"{self.mode(playback).text} at tick {playback.tick:,}; r plays it backwards"
+            )
         return True
 
     def _step(self, ticks: int) -> None:

@@ -25,7 +25,7 @@ from automaton.history.snapshot import take_snapshot
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.resolve import resolve
 from automaton.world.cells import TURNTABLE
-from tui.bench.session import Session, quantile
+from tui.bench.viewer_session import Session, quantile
 from tui.render.glyphs import UNICODE
 from tui.terminal_host import Link, TerminalHost
 

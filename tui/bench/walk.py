@@ -22,7 +22,7 @@ class Walk(Run):
 
     def __init__(self, resolved: Resolved) -> None:
         super().__init__({}, StoredFrames([]), resolved)
-        self._walkers = Simulation(resolved, on_observe=self.chronicle)
+        self._walkers = Simulation(resolved, on_observe=self.event_history)
         self._walkers.world.robots.parked[:] = 0
         self._keyframes = Keyframes(self._walkers.world, self._walkers.observation, budget=0)
 
@@ -31,7 +31,7 @@ class Walk(Run):
         return True
 
     @property
-    def front(self) -> Simulation:
+    def leading_simulation(self) -> Simulation:
         return self._walkers
 
     @property

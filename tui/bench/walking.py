@@ -15,9 +15,9 @@ from pathlib import Path
 from automaton.history.run import Run
 from tui.app import Viewer
 from tui.bench.walk import Walk, walkers
-from tui.opening import Opening
 from tui.options import Options
 from tui.player import TICKS_PER_S
+from tui.run_source import Opening
 
 
 def main(argument: str) -> int:

@@ -15,19 +15,19 @@ from automaton.world.state import NIL
 from tui.cast.frame import aim, checked_size, size_for
 from tui.cast.request import Request
 from tui.cast.status import Status
-from tui.opening import recorded
-from tui.pictures import Choice, Pictures
+from tui.frame_cache import Choice, Pictures
 from tui.render.depth import DEPTHS, Depth
-from tui.render.designs import design_key
 from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes
 from tui.render.overlays import zone_key
-from tui.render.scene import LAYERS
+from tui.render.scene import MAP_LAYERS
+from tui.render.service_zone_overlay import design_key
 from tui.render.styles import Look
+from tui.run_source import recorded
 from tui.titles import title_of
 
 if TYPE_CHECKING:  # they need Numba
     from automaton.history.snapshot import Snapshot
-    from tui.shot import Shot
+    from tui.playback_state import PlaybackState
 
 
 class Film:
@@ -87,16 +87,16 @@ class Film:
             yield self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
 
     def _codes(self, snapshot: Snapshot) -> Codes:
-        shot, camera = self._shot(snapshot), self._pictures.camera
-        self._pictures.follow(shot, self._choice)
-        scene = self._pictures.scene(shot, self._choice, 0)
+        playback, camera = self._playback(snapshot), self._pictures.camera
+        self._pictures.follow(playback, self._choice)
+        scene = self._pictures.scene(playback, self._choice, 0)
         floor = self._pictures.picture(scene, self._choice, camera.rows, camera.columns)
         return np.vstack((floor, self._status.codes(snapshot, self.columns)))
 
-    def _shot(self, snapshot: Snapshot) -> Shot:
-        from tui.shot import Shot
+    def _playback(self, snapshot: Snapshot) -> PlaybackState:
+        from tui.playback_state import PlaybackState
 
-        return Shot(
+        return PlaybackState(
             runs=(),
             stops=0,
             seq=0,
@@ -111,7 +111,7 @@ class Film:
             ends=(self.last,),
             live=False,
             stopped="",
-            culprits=(),
+            breakpoint_robots=(),
             side=0,
             error="",
         )
@@ -122,7 +122,7 @@ class Film:
             raise InputError(
                 f"there is no robot {request.follow}: the last one is robot {robots - 1}"
             )
-        known = [name for name in LAYERS if name]
+        known = [name for name in MAP_LAYERS if name]
         if request.layer and request.layer not in known:
             raise InputError(f"unknown layer '{request.layer}': allowed are {alternatives(known)}")
         if request.layer == "explored" and request.follow == NIL:
@@ -136,8 +136,8 @@ class Film:
         orders = len(self.recording.header["orders"]["source"])
         tick = unit(scenario.units.tick)
         floor = self._pictures.floors[0]
-        key = zone_key(floor, self.glyphs) if request.layer == "zones" else []
-        if request.layer == "served":
+        key = zone_key(floor, self.glyphs) if request.layer == "traffic-zones" else []
+        if request.layer == "service-zones":
             serve = self._resolved.strategies["zoning"].name != NO_STRATEGY
             key = design_key(scenario.fleet.robots if serve else 0, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)

@@ -6,14 +6,14 @@ import sys
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
 from automaton.units import count
-from automaton.whole_file import written
 from tui.cast.asciicast import Frame, asciicast, duration, schedule
 from tui.cast.film import Film
 from tui.cast.request import Request
 from tui.cast.target import checked
-from tui.render.still import as_svg, as_text
+from tui.render.image_export import as_svg, as_text
 
 STANDARD_OUTPUT: Final = Path("-")
 
@@ -32,7 +32,7 @@ def make_film(recording: Path, request: Request, out: Path | None) -> None:
         said = _write(film, frames, sys.stdout.buffer)
         print(f"automaton: {said}", file=sys.stderr)
         return
-    with written(target) as file:
+    with atomic_writer(target) as file:
         said = _write(film, frames, file)
     print(f"{path}: {said}")
 
@@ -59,6 +59,6 @@ def make_picture(recording: Path, request: Request, out: Path, tick: int | None)
         drawn = as_text(codes, film.glyphs).encode()
     else:
         drawn = as_svg(codes, film.look, film.glyphs, film.title).encode()
-    with written(path) as file:
+    with atomic_writer(path) as file:
         file.write(drawn)
     print(f"{out}: tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}")

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from automaton.units import Unit, number
+from tui.fleet_summary import summarize
 from tui.render import styles
 from tui.render.glyphs import Codes, code, text
 from tui.render.styles import style
-from tui.tally import tally
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.history.snapshot import Snapshot
@@ -29,7 +29,7 @@ class Word(NamedTuple):
     """Something said in one colour."""
 
     words: str
-    ink: int
+    fg: int
     gap: int = GAP  # before it
 
 
@@ -46,7 +46,7 @@ class Status:
         key: Sequence[str] = (),  # what the signs of a layer mean, in a row of its own
     ) -> None:
         self.last, self.unit, self.chosen = last, tick, chosen
-        self.key = [Word(words, styles.DIM) for words in key]
+        self.key = [Word(words, styles.COLOUR_DIM) for words in key]
         self.robots_width, self.orders_width = len(f"{robots:,}"), len(f"{orders:,}")
         self.orders = orders
 
@@ -67,7 +67,7 @@ class Status:
     def codes(self, snapshot: Snapshot, columns: int) -> Codes:
         """(rows, columns) codes."""
         time = self._time(snapshot.tick)
-        now = tally(snapshot)
+        now = summarize(snapshot)
         fleet = self._fleet(now.working, now.waiting, now.delivered, now.circling)
         lines = [time + fleet] if sum(self.widths) <= columns else [time, fleet]
         lines += [self.key] if self.key else []
@@ -76,26 +76,28 @@ class Status:
     def _time(self, tick: int) -> list[Word]:
         last = f"{self.last:,}"
         said = [
-            Word(f"tick {tick:>{len(last)},}", styles.SELECTED),
-            Word(f"of {last}", styles.DIM, 1),
+            Word(f"tick {tick:>{len(last)},}", styles.COLOUR_SELECTED),
+            Word(f"of {last}", styles.COLOUR_DIM, 1),
         ]
         if self.unit.size != 1:
             width = max(TIME_DIGITS, len(number(self.unit.of(self.last))))
             said.append(
-                Word(f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.DIM)
+                Word(f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.COLOUR_DIM)
             )
-        return said + ([Word(self.chosen, styles.CURSOR)] if self.chosen else [])
+        return said + ([Word(self.chosen, styles.COLOUR_CURSOR)] if self.chosen else [])
 
     def _fleet(self, working: int, waiting: int, delivered: int, circling: int) -> list[Word]:
         width = self.robots_width
         done = f"{delivered:>{self.orders_width},}/{self.orders:,} delivered"
         said = [
-            Word(f"{working:>{width},} work", styles.ROBOT),
-            Word(f"{waiting:>{width},} wait", styles.WAITS if waiting else styles.DIM),
-            Word(done, styles.DONE),
+            Word(f"{working:>{width},} work", styles.COLOUR_ROBOT),
+            Word(
+                f"{waiting:>{width},} wait", styles.COLOUR_WAITING if waiting else styles.COLOUR_DIM
+            ),
+            Word(done, styles.COLOUR_DONE),
         ]
         if circling:
-            said.append(Word(f"{circling:>{width},} in a wait cycle", styles.FAULT))
+            said.append(Word(f"{circling:>{width},} in a wait cycle", styles.COLOUR_FAULT))
         return said
 
 
@@ -105,12 +107,14 @@ def _width(words: list[Word]) -> int:
 
 def _line(words: list[Word], columns: int) -> Codes:
     """(columns,) codes; words for which there is no room are left out."""
-    line = np.full(columns, code(style(styles.TEXT, styles.VOID), 0))
+    line = np.full(columns, code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0))
     end = -1  # the first word begins in column 1
     for word in words:
         begin = end + word.gap
         end = begin + len(word.words)
         if end > columns:
             break
-        line[begin:end] = code(style(word.ink, styles.VOID), np.array(text(word.words), np.uint32))
+        line[begin:end] = code(
+            style(word.fg, styles.COLOUR_VOID), np.array(text(word.words), np.uint32)
+        )
     return line

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from automaton.atomic_write import cannot_write_error
 from automaton.recording.frames import MAGIC
-from automaton.whole_file import refusal
 
 
 def checked(path: Path) -> Path:
@@ -13,15 +13,17 @@ def checked(path: Path) -> Path:
     try:
         path = path.resolve()
         if path.is_dir():
-            raise refusal("this is a folder", path)
+            raise cannot_write_error("this is a folder", path)
         if not path.parent.is_dir():
-            raise refusal("there is no such folder", path.parent)
+            raise cannot_write_error("there is no such folder", path.parent)
         if path.exists() and not path.is_file():
-            raise refusal("this is not a regular file; '-' is standard output", path)
+            raise cannot_write_error("this is not a regular file; '-' is standard output", path)
         if path.exists() and _is_recording(path):
-            raise refusal("this is a recording; --out names another file", path)
+            raise cannot_write_error("this is a recording; --out names another file", path)
     except (OSError, RuntimeError) as error:
-        raise refusal(getattr(error, "strerror", None) or "links in a circle", path) from None
+        raise cannot_write_error(
+            getattr(error, "strerror", None) or "links in a circle", path
+        ) from None
     return path
 
 

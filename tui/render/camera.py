@@ -46,9 +46,9 @@ class Rectangle(NamedTuple):
     right: int
 
 
-SQUARE: Final = Zoom("2x1", "cells", 2)
-ONE_TO_ONE: Final = Zoom("1x1", "cells")
-HALF: Final = Zoom("half", "pixels", 1, 1, 2)
+ZOOM_SQUARE: Final = Zoom("2x1", "cells", 2)
+ZOOM_ONE_TO_ONE: Final = Zoom("1x1", "cells")
+ZOOM_HALF: Final = Zoom("half", "pixels", 1, 1, 2)
 
 
 def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
@@ -84,7 +84,7 @@ class Camera:
         self.rows, self.columns = rows, columns
         self._identities = with_identities(robots)
         self.ladder = self._steps()
-        self.zoom = ONE_TO_ONE
+        self.zoom = ZOOM_ONE_TO_ONE
         self.top = self.left = 0  # character of the whole picture in the upper left corner
         self._y, self._x = self.height / 2, self.width / 2  # the centre of the view, in cells
         self.fit()
@@ -117,7 +117,7 @@ class Camera:
 
     def one_to_one(self) -> None:
         """One character for a cell, about the same centre."""
-        self.zoom = ONE_TO_ONE
+        self.zoom = ZOOM_ONE_TO_ONE
         self._settle(self._range(0), self._range(1))
 
     def zoom_in(self, at: Place | None = None) -> None:
@@ -223,7 +223,7 @@ class Camera:
 
     def _steps(self) -> tuple[Zoom, ...]:
         """The ladder for this size of the screen, nearest first."""
-        steps = [self._identities, SQUARE, ONE_TO_ONE, HALF, dots(1)]
+        steps = [self._identities, ZOOM_SQUARE, ZOOM_ONE_TO_ONE, ZOOM_HALF, dots(1)]
         k, after = 2, 3
         while not self._fits(steps[-1]):
             steps.append(dots(k))

@@ -54,11 +54,11 @@ class Canvas:
         whole = values.reshape(*self.scene.floor.looks.shape, *values.shape[1:])
         return whole[seen.top : seen.bottom, seen.left : seen.right]
 
-    def repaper(self, index: NDArray[Any], paper: int | NDArray[Any]) -> None:
+    def set_background(self, index: NDArray[Any], bg: int | NDArray[Any]) -> None:
         """Give cells another background."""
-        self.flat[index] = styles.repapered(self.flat[index], paper)
+        self.flat[index] = styles.with_background(self.flat[index], bg)
 
-    def recolour(self, index: Cells, ink: int) -> None:
+    def set_foreground(self, index: Cells, fg: int) -> None:
         """Give cells another colour on the plain background."""
         glyph = self.flat[index] & np.uint32(0xFFFF)
-        self.flat[index] = code(style(ink, styles.FLOOR), glyph)
+        self.flat[index] = code(style(fg, styles.COLOUR_FLOOR), glyph)

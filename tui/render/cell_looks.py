@@ -25,28 +25,37 @@ from automaton.world.cells import (
 )
 from tui.render import styles
 from tui.render.glyphs import GlyphSet, code
-from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, KIND_MASK, LOOKS, ONE_WAY, OUTSIDE, PASSING
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_ONE_WAY,
+    DETAIL_OUTSIDE,
+    DETAIL_PASSING,
+    DETAIL_SHIFT,
+    DETAIL_UNLIMITED,
+    KIND_MASK,
+    LOOK_COUNT,
+)
 from tui.render.styles import style
 
-INKS = {  # of a kind of cell
-    WALL: styles.WALL,
-    FLOOR: styles.FLOOR_MARK,
-    TRACK: styles.TRACK,
-    TURNTABLE: styles.TURNTABLE,
-    SHELF: styles.SHELF,
-    DESTINATION: styles.DESTINATION,
-    CHARGER: styles.CHARGER,
-    BAY: styles.BAY,
-    RACK: styles.RACK,
-    DOCK: styles.DOCK,
-    STATION: styles.STATION,
+KIND_COLOURS = {  # of a kind of cell
+    WALL: styles.COLOUR_WALL,
+    FLOOR: styles.COLOUR_FLOOR_MARK,
+    TRACK: styles.COLOUR_TRACK,
+    TURNTABLE: styles.COLOUR_TURNTABLE,
+    SHELF: styles.COLOUR_SHELF,
+    DESTINATION: styles.COLOUR_DESTINATION,
+    CHARGER: styles.COLOUR_CHARGER,
+    BAY: styles.COLOUR_BAY,
+    RACK: styles.COLOUR_RACK,
+    DOCK: styles.COLOUR_DOCK,
+    STATION: styles.COLOUR_STATION,
 }
 
 
 # From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
 # marks there, so that robots stand out.
-FAR_SHELF = styles.FLOOR_MARK
-FAR_LOAD = styles.TRACK
+FAR_SHELF = styles.COLOUR_FLOOR_MARK
+FAR_LOAD = styles.COLOUR_TRACK
 
 
 def look(kind: int, detail: int = 0) -> int:
@@ -54,28 +63,28 @@ def look(kind: int, detail: int = 0) -> int:
     return kind | detail << DETAIL_SHIFT
 
 
-def ink_of(number: int) -> int:
+def colour_of(number: int) -> int:
     """The colour of a look."""
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
-    if kind == SHELF and detail == FULL:
-        return styles.LOAD
-    if kind == WALL and detail == OUTSIDE:
-        return styles.FLOOR
+    if kind == SHELF and detail == DETAIL_FULL_SHELF:
+        return styles.COLOUR_LOAD
+    if kind == WALL and detail == DETAIL_OUTSIDE:
+        return styles.COLOUR_FLOOR
     if kind == FLOOR and detail:
-        return styles.FLOW
-    return INKS[kind]
+        return styles.COLOUR_FLOW
+    return KIND_COLOURS[kind]
 
 
 @lru_cache(maxsize=16)
 def cell_codes(glyphs: GlyphSet, width: int) -> NDArray[np.uint32]:
-    """(LOOKS, width) codes. A cell's sign stands in its first column, where its robot stands."""
-    table = np.zeros((LOOKS, width), np.uint32)
-    for number in range(LOOKS):
-        if number & KIND_MASK not in INKS:
+    """(LOOK_COUNT, width) codes. A cell's sign stands in its first column, where its robot stands."""
+    table = np.zeros((LOOK_COUNT, width), np.uint32)
+    for number in range(LOOK_COUNT):
+        if number & KIND_MASK not in KIND_COLOURS:
             continue  # more numbers than kinds
         first, rest = _characters(glyphs, number & KIND_MASK, number >> DETAIL_SHIFT)
-        ink = style(ink_of(number), styles.FLOOR)
-        table[number] = [code(ink, glyph) for glyph in [first] + [rest] * (width - 1)]
+        fg = style(colour_of(number), styles.COLOUR_FLOOR)
+        table[number] = [code(fg, glyph) for glyph in [first] + [rest] * (width - 1)]
     return table
 
 
@@ -83,10 +92,10 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
     """The first character of a cell, and what fills the others."""
     blank, line = glyphs.blank, glyphs.track[0]
     if kind == WALL:
-        return (blank, blank) if detail == OUTSIDE else (glyphs.wall, glyphs.wall)
+        return (blank, blank) if detail == DETAIL_OUTSIDE else (glyphs.wall, glyphs.wall)
     if kind == FLOOR:
-        marks = {PASSING: glyphs.passing, CROWD: glyphs.unlimited}
-        marks |= {ONE_WAY + d: glyphs.one_way[d] for d in range(4)}
+        marks = {DETAIL_PASSING: glyphs.passing, DETAIL_UNLIMITED: glyphs.unlimited}
+        marks |= {DETAIL_ONE_WAY + d: glyphs.one_way[d] for d in range(4)}
         return marks.get(detail, glyphs.floor), blank
     if kind == TRACK and not detail & ALONG_X:
         return glyphs.track[1], blank
@@ -95,7 +104,7 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
         sign = glyphs.turntable if kind == TURNTABLE else sign
         return sign, line if detail & EXIT_EAST else blank
     if kind == SHELF:
-        return glyphs.load if detail == FULL else glyphs.shelf, blank
+        return glyphs.load if detail == DETAIL_FULL_SHELF else glyphs.shelf, blank
     signs = {
         DESTINATION: glyphs.destination,
         CHARGER: glyphs.charger,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tui.render import styles
+from tui.render.braille_view import far_picture
 from tui.render.camera import Camera
-from tui.render.far import far_picture
+from tui.render.cell_view import near_picture
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.near import near_picture
 from tui.render.pixels import pixel_picture
 from tui.render.scene import SHADED, Scene
 from tui.render.styles import style
@@ -30,6 +30,6 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
     rows = min(part.shape[0], camera.rows - top)
     columns = min(part.shape[1], camera.columns - left)
     if (rows, columns) != out.shape:
-        out[:] = code(style(styles.VOID, styles.VOID), glyphs.blank)
+        out[:] = code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), glyphs.blank)
     out[top : top + rows, left : left + columns] = part[:rows, :columns]
     return out

@@ -21,9 +21,16 @@ from automaton.world.observation import CAUSES
 from automaton.world.robot_status import BATTERY_PERCENT, STATUS_TOWED
 from automaton.world.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
 from tui.render.overlays import value_words, zone_words
-from tui.render.scene import CROWD, DETAIL_SHIFT, KIND_MASK, ONE_WAY, PASSING, Scene
+from tui.render.scene import (
+    DETAIL_ONE_WAY,
+    DETAIL_PASSING,
+    DETAIL_SHIFT,
+    DETAIL_UNLIMITED,
+    KIND_MASK,
+    Scene,
+)
 
-MOST_ROBOTS = 3  # named in one line
+MAX_NAMED_ROBOTS = 3  # named in one line
 
 
 def describe(scene: Scene, cell: int) -> str:
@@ -46,11 +53,11 @@ def ground(scene: Scene, cell: int) -> str:
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == TRACK:
         return f"track along {'x' if detail & (EXIT_EAST | EXIT_WEST) else 'y'}"
-    if kind == FLOOR and ONE_WAY <= detail < ONE_WAY + 4:
-        return f"one-way floor {DIRECTIONS[detail - ONE_WAY]}"
-    if kind == FLOOR and detail == PASSING:
+    if kind == FLOOR and DETAIL_ONE_WAY <= detail < DETAIL_ONE_WAY + 4:
+        return f"one-way floor {DIRECTIONS[detail - DETAIL_ONE_WAY]}"
+    if kind == FLOOR and detail == DETAIL_PASSING:
         return "passing aisle"
-    if kind == FLOOR and detail == CROWD:
+    if kind == FLOOR and detail == DETAIL_UNLIMITED:
         return "floor for any number of robots"
     return CELL_KINDS[kind].name.replace("-", " ")
 
@@ -104,9 +111,9 @@ def _robots(scene: Scene, cell: int) -> list[str]:
     robots = scene.snapshot.robots
     at = np.where(robots.cell == NIL, robots.bay, robots.cell)
     here, coming = np.flatnonzero(at == cell).tolist(), np.flatnonzero(robots.claim == cell)
-    said = [_robot(scene, robot) for robot in here[:MOST_ROBOTS]]
-    if len(here) > MOST_ROBOTS:
-        said.append(f"and {len(here) - MOST_ROBOTS} robots more")
+    said = [_robot(scene, robot) for robot in here[:MAX_NAMED_ROBOTS]]
+    if len(here) > MAX_NAMED_ROBOTS:
+        said.append(f"and {len(here) - MAX_NAMED_ROBOTS} robots more")
     return said + [f"robot {robot} comes" for robot in coming.tolist()]
 
 

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-LEVELS: Final = 9  # level 0 is nothing at all
+HEAT_LEVELS: Final = 9  # level 0 is nothing at all
 OVERLAYS: Final = ("explored", "predicted")
 EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
-ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
+SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
 
 
 class Scale(NamedTuple):
@@ -27,17 +27,21 @@ class Scale(NamedTuple):
     def words(self, first: int, last: int) -> str:
         """The numbers of levels 1 to 8 from the first to the last, for a legend."""
         low = self.begins[first - 1]
-        high = self.end if last == LEVELS - 1 else self.begins[last] - 1
+        high = self.end if last == HEAT_LEVELS - 1 else self.begins[last] - 1
         return f"{low}" if high <= low else f"{low} to {high}"
 
 
 def scale_for(largest: int) -> Scale:
-    """The scale up to the next of ENDS: near enough for the largest number to be of the last level."""
+    """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
     power = 1
-    while ENDS[-1] * power < largest and 10 * ENDS[0] * power < largest:
+    while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
         power *= 10
-    end = next((end * power for end in ENDS if end * power >= largest), 10 * ENDS[0] * power)
-    begins = [max(n, _rounded(end * ((n - 1) / (LEVELS - 1)) ** 2)) for n in range(1, LEVELS)]
+    end = next(
+        (end * power for end in SCALE_ENDS if end * power >= largest), 10 * SCALE_ENDS[0] * power
+    )
+    begins = [
+        max(n, _rounded(end * ((n - 1) / (HEAT_LEVELS - 1)) ** 2)) for n in range(1, HEAT_LEVELS)
+    ]
     return Scale(tuple(begins), end)
 
 

@@ -21,7 +21,7 @@ from typing import Any, Final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.spelling import spelled
+from tui.render.ascii_fallback import to_ascii
 
 Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
 GLYPH_BITS: Final = 16
@@ -129,4 +129,4 @@ def code(style: int | NDArray[Any], glyph: int | NDArray[Any]) -> np.uint32 | Co
 
 def text(words: str) -> tuple[int, ...]:
     """The glyphs of a text, which are those of ASCII."""
-    return tuple(spelled(words).encode("ascii"))
+    return tuple(to_ascii(words).encode("ascii"))

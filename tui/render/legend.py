@@ -11,13 +11,22 @@ from automaton.world.robot_status import BATTERY_PERCENT
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom
-from tui.render.cell_looks import FAR_SHELF, cell_codes, ink_of, look
-from tui.render.field import LEVELS, OVERLAYS
+from tui.render.cell_looks import FAR_SHELF, cell_codes, colour_of, look
+from tui.render.cell_view import flow_codes, heat_codes
+from tui.render.field import HEAT_LEVELS, OVERLAYS
 from tui.render.glyphs import GlyphSet, code
-from tui.render.near import flow_codes, heat_codes
 from tui.render.overlays import overlay_meanings, zone_entries
 from tui.render.pixels import DRIVEN
-from tui.render.scene import CROWD, DETAIL_SHIFT, FULL, HEAT, KIND_MASK, OUTSIDE, PASSING, Scene
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_OUTSIDE,
+    DETAIL_PASSING,
+    DETAIL_SHIFT,
+    DETAIL_UNLIMITED,
+    HEAT,
+    KIND_MASK,
+    Scene,
+)
 from tui.render.styles import style
 
 UNITS = {
@@ -28,7 +37,7 @@ UNITS = {
 }
 
 
-WORST = 10  # cells of a layer that are listed
+MAX_WORST_CELLS = 10  # cells of a layer that are listed
 
 
 class Entry(NamedTuple):
@@ -52,7 +61,7 @@ def worst_cells(scene: Scene) -> list[tuple[int, int]]:
     """Cells with the greatest numbers of a heat layer, and the numbers."""
     if scene.layer not in HEAT or scene.values is None:
         return []
-    order = np.argsort(-scene.values, kind="stable")[:WORST]
+    order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
     return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
 
 
@@ -60,79 +69,82 @@ def _robots(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     shapes = fleet.shapes(glyphs)
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
-        ink = style(int(fleet.INKS[state]), styles.FLOOR)
-        return tuple(int(code(ink, shapes[shape, d])) for d in directions)
+        fg = style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR)
+        return tuple(int(code(fg, shapes[shape, d])) for d in directions)
 
     ways = (0, 1, 2, 3)
     entries = [
-        Entry(signs(fleet.EMPTY, fleet.HOLLOW, ways), "robot, and the way it faces"),
-        Entry(signs(fleet.LOADED, fleet.FILLED, ways), "robot with a load"),
-        Entry(signs(fleet.WAITS, fleet.HOLLOW, (0,)), "waits"),
-        Entry(signs(fleet.DEADLOCK, fleet.HOLLOW, (0,)), "waits in a wait cycle"),
-        Entry(signs(fleet.PARKED, fleet.SQUARE, (0,)), "parked"),
+        Entry(signs(fleet.DRAW_EMPTY, fleet.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
+        Entry(signs(fleet.DRAW_LOADED, fleet.SHAPE_FILLED, ways), "robot with a load"),
+        Entry(signs(fleet.DRAW_WAITING, fleet.SHAPE_HOLLOW, (0,)), "waits"),
+        Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
+        Entry(signs(fleet.DRAW_PARKED, fleet.SHAPE_SQUARE, (0,)), "parked"),
     ]
     if scene.floor.battery:
         low = f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %"
         entries += [
-            Entry(signs(fleet.CHARGING, fleet.PLUG, (0,)), "charges"),
-            Entry(signs(fleet.LOW, fleet.THIN, ways), low),
-            Entry(signs(fleet.LOW, fleet.BOXED, ways), f"{low}, with a load"),
-            Entry(signs(fleet.DEADLOCK, fleet.VOID, (0,)), "battery empty, down"),
+            Entry(signs(fleet.DRAW_CHARGING, fleet.SHAPE_PLUG, (0,)), "charges"),
+            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_THIN, ways), low),
+            Entry(signs(fleet.DRAW_LOW_BATTERY, fleet.SHAPE_BOXED, ways), f"{low}, with a load"),
+            Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_VOID, (0,)), "battery empty, down"),
         ]
     if scene.floor.faults:
-        entries.append(Entry(signs(fleet.DEADLOCK, fleet.CROSS, (0,)), "broken down"))
+        entries.append(Entry(signs(fleet.DRAW_DEADLOCK, fleet.SHAPE_CROSS, (0,)), "broken down"))
     if scene.floor.loads_may_lie:
-        left = int(code(style(styles.LOADED, styles.FLOOR), glyphs.left_load))
+        left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(Entry((left,), "load that a robot had to leave"))
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable()] != 1).any():
-        several = style(styles.FLOOR, styles.ROBOT)
+        several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
         entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
-    claim = int(code(style(styles.DIM, styles.FLOOR), glyphs.arrow[0]))
+    claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
     return [*entries, Entry((claim,), "held by a robot that is moving in")]
 
 
 def _far_robots(scene: Scene, sign: int) -> list[Entry]:
     worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
     names = {
-        fleet.DEADLOCK: worst,
-        fleet.WAITS: "waiting",
-        fleet.LOW: f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %",
-        fleet.LOADED: "with a load",
-        fleet.EMPTY: "empty",
-        fleet.CHARGING: "charging",
-        fleet.PARKED: "parked robots",
+        fleet.DRAW_DEADLOCK: worst,
+        fleet.DRAW_WAITING: "waiting",
+        fleet.DRAW_LOW_BATTERY: f"battery below {fleet.LOW_CHARGE // BATTERY_PERCENT} %",
+        fleet.DRAW_LOADED: "with a load",
+        fleet.DRAW_EMPTY: "empty",
+        fleet.DRAW_CHARGING: "charging",
+        fleet.DRAW_PARKED: "parked robots",
     }
     entries = []
     for state in names:
-        if state not in (fleet.CHARGING, fleet.LOW) or scene.floor.battery:
-            shown = int(code(style(int(fleet.INKS[state]), styles.FLOOR), sign))
+        if state not in (fleet.DRAW_CHARGING, fleet.DRAW_LOW_BATTERY) or scene.floor.battery:
+            shown = int(code(style(int(fleet.STATE_COLOURS[state]), styles.COLOUR_FLOOR), sign))
             entries.append(Entry((shown,), names[state]))
     return entries
 
 
 def _overlays(scene: Scene, glyphs: GlyphSet, near: bool) -> list[Entry]:
-    def paper(ink: int) -> tuple[int, ...]:
-        return (int(code(style(styles.ROBOT, ink), glyphs.robot[0])),)
+    def bg(fg: int) -> tuple[int, ...]:
+        return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
 
     entries = []
     if scene.selected >= 0:
-        entries.append(Entry(paper(styles.SELECTED), f"robot {scene.selected}, selected"))
-        route = style(styles.ROUTE, styles.FLOOR)
+        entries.append(Entry(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
+        route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
         entries.append(Entry((int(code(route, glyphs.route)),), "its route"))
         if near:
             entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
     if scene.zone >= 0:
         entries.append(
-            Entry((int(code(style(styles.FLOOR, styles.MARKED), glyphs.blank)),), scene.zone_name)
+            Entry(
+                (int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank)),),
+                scene.zone_name,
+            )
         )
     if len(scene.marked):
-        entries.append(Entry(paper(styles.MARKED), "found"))
+        entries.append(Entry(bg(styles.COLOUR_MARKED), "found"))
     return entries
 
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     """Levels with their numbers, or the zones."""
-    if scene.traffic_zones is not None or scene.layer == "served":
+    if scene.traffic_zones is not None or scene.layer == "service-zones":
         return [Entry(*entry) for entry in zone_entries(scene, glyphs)]
     if scene.layer in OVERLAYS:
         said = overlay_meanings(scene)
@@ -142,7 +154,7 @@ def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     if scene.values is None:
         return []
     lines: dict[tuple[int, ...], list[int]] = {}
-    for level in range(1, LEVELS):
+    for level in range(1, HEAT_LEVELS):
         heat = (int(heat_codes(glyphs)[level]),)
         arrows = tuple(flow_codes(glyphs)[level].tolist())
         lines.setdefault(heat if scene.layer in HEAT else arrows, []).append(level)
@@ -158,8 +170,8 @@ def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     lines: dict[str, list[int]] = {}
     numbers = set(np.unique(scene.floor.looks).tolist())
     if look(SHELF) in numbers:
-        numbers.add(look(SHELF, FULL))
-    for number in sorted(numbers - {look(WALL, OUTSIDE)}):
+        numbers.add(look(SHELF, DETAIL_FULL_SHELF))
+    for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
         signs = lines.setdefault(_meaning(number), [])
         if int(codes[number, 0]) not in signs:
             signs.append(int(codes[number, 0]))
@@ -170,8 +182,8 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
     kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
-        ink = FAR_SHELF if kind in (SHELF, RACK) else ink_of(look(kind))
-        return int(code(style(ink, styles.FLOOR), glyphs.braille[255]))
+        fg = FAR_SHELF if kind in (SHELF, RACK) else colour_of(look(kind))
+        return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
 
     return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
 
@@ -179,13 +191,14 @@ def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
 def _meaning(number: int) -> str:
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == SHELF:
-        return "shelf with a load" if detail == FULL else "empty shelf"
+        return "shelf with a load" if detail == DETAIL_FULL_SHELF else "empty shelf"
     if kind == TRACK:
         return "track, driven along"
     if kind == FLOOR and detail:
-        return {PASSING: "two robots pass here", CROWD: "any number of robots"}.get(
-            detail, "one-way floor"
-        )
+        return {
+            DETAIL_PASSING: "two robots pass here",
+            DETAIL_UNLIMITED: "any number of robots",
+        }.get(detail, "one-way floor")
     return {"turntable": "turntable: robots turn here"}.get(
         CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
     )

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from tui.render import styles
 from tui.render.blocks import part_of
+from tui.render.braille_view import draw_dots
 from tui.render.camera import Camera, Rectangle
 from tui.render.compose import compose
-from tui.render.far import draw_dots
 from tui.render.glyphs import Codes, GlyphSet
-from tui.render.scene import NOTHING, Scene
+from tui.render.scene import NO_CELLS, Scene
 
 BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: nothing of the frame
 
@@ -29,7 +29,7 @@ class Minimap:
 
     def picture(self, scene: Scene, main: Camera, glyphs: GlyphSet) -> Codes:
         """(rows, columns) codes; a frame goes round what `main` shows."""
-        codes = compose(scene.with_(layer="", route=NOTHING, cursor=None), self.camera, glyphs)
+        codes = compose(scene.with_(layer="", route=NO_CELLS, cursor=None), self.camera, glyphs)
         key = main.visible(), self.camera.key, glyphs
         if self._framed is None or self._framed[0] != key:
             self._framed = key, self._frame(main, glyphs, codes.shape)
@@ -40,7 +40,9 @@ class Minimap:
         """The frame alone."""
         part = part_of(self.camera)
         inside = np.full((part.bottom - part.top, part.right - part.left), BLANK, np.uint32)
-        draw_dots(inside, part, self.camera, glyphs, edge(main.visible(), main), styles.CURSOR)
+        draw_dots(
+            inside, part, self.camera, glyphs, edge(main.visible(), main), styles.COLOUR_CURSOR
+        )
         frame = np.full(shape, BLANK, np.uint32)
         top, left = part.top - self.camera.top, part.left - self.camera.left
         frame[top : top + inside.shape[0], left : left + inside.shape[1]] = inside

@@ -14,15 +14,20 @@ from automaton.world.cells import FLOOR, TRACK
 from automaton.world.state import NIL
 from tui.render import styles
 from tui.render.canvas import Canvas
-from tui.render.designs import TRANSFER_INK, design_entries, draw_stations, station_words
 from tui.render.field import EXPLORED, ON_PATH, PREDICTED
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
 from tui.render.scene import Floor, Scene
+from tui.render.service_zone_overlay import (
+    TRANSFER_COLOUR,
+    design_entries,
+    draw_stations,
+    station_words,
+)
 from tui.render.styles import style
-from tui.render.zone_tints import LETTERS, TINTS
+from tui.render.traffic_zone_tints import TINT_CODES, TINTS
 
-TINT_INKS: Final = np.array(TINTS, np.uint32)
-TINT_LETTERS: Final = np.array(LETTERS, np.uint32)
+TINT_COLOURS: Final = np.array(TINTS, np.uint32)
+TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
 
 
 def overlay_meanings(scene: Scene) -> list[tuple[int, str]]:
@@ -60,15 +65,15 @@ def value_words(scene: Scene, value: int) -> list[str]:
 
 
 def zone_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
-    """Signs and meanings of the layer "zones"."""
-    if scene.layer == "served":
+    """Signs and meanings of the layer "traffic-zones"."""
+    if scene.layer == "service-zones":
         return design_entries(scene, glyphs)
     traffic_zones = scene.floor.traffic_zones
     if traffic_zones is None or not traffic_zones.count:
         return [((), "zones: this floor has none, all of it is intersections")]
     used = np.unique(scene.floor.tints[scene.floor.tints != NIL])
-    inks = TINT_INKS[used]
-    signs = code(style(inks, inks), TINT_LETTERS[used]).tolist()
+    foregrounds = TINT_COLOURS[used]
+    signs = code(style(foregrounds, foregrounds), TINT_LETTERS[used]).tolist()
     said = f"{traffic_zones.count:,} zones, {traffic_zones.mode}; those that touch differ"
     entries = [(tuple(signs[:4]), said)]
     entries += [(tuple(signs[4:]), "more of them")] if signs[4:] else []
@@ -96,7 +101,7 @@ def zone_key(floor: Floor, glyphs: GlyphSet) -> list[str]:
 
 def crossing_sign(glyphs: GlyphSet) -> int:
     """An intersection while zones are shown."""
-    return int(code(style(styles.DIM, styles.FLOOR), glyphs.crossing))
+    return int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.crossing))
 
 
 def zone_words(scene: Scene, cell: int) -> list[str]:
@@ -122,17 +127,17 @@ def draw_zone_signs(canvas: Canvas) -> None:
     looks = canvas.cells(canvas.scene.floor.looks.reshape(-1)).reshape(-1)
     index = np.flatnonzero(tints != NIL)
     tint = tints[index]
-    canvas.repaper(index, TINT_INKS[tint][:, None])
-    letters, inks = TINT_LETTERS[tint], TINT_INKS[tint]
+    canvas.set_background(index, TINT_COLOURS[tint][:, None])
+    letters, foregrounds = TINT_LETTERS[tint], TINT_COLOURS[tint]
     plain = (looks[index] if scene.served is None else looks[index] & 15) == FLOOR
     rails = looks[index] & 15 == TRACK
-    canvas.flat[index[plain], 0] = code(style(inks, inks), letters)[plain]
-    tracks = style(np.full(len(index), styles.TRACK), inks)
+    canvas.flat[index[plain], 0] = code(style(foregrounds, foregrounds), letters)[plain]
+    tracks = style(np.full(len(index), styles.COLOUR_TRACK), foregrounds)
     canvas.flat[index[rails], 0] = code(tracks, letters)[rails]
     if canvas.width > 1:
         beside = canvas.flat[index, 1] & GLYPHS == canvas.glyphs.blank
         signed = beside & ~plain & ~rails
-        canvas.flat[index[signed], 1] = code(style(inks, inks), letters)[signed]
+        canvas.flat[index[signed], 1] = code(style(foregrounds, foregrounds), letters)[signed]
     if scene.served is not None:
         draw_stations(canvas, scene.served)
         return
@@ -149,7 +154,7 @@ def draw_zone_signs(canvas: Canvas) -> None:
 def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
     """Pixels in the tints of their zones."""
     inside = tints != NIL
-    pixels[inside] = TINT_INKS[tints[inside]]
+    pixels[inside] = TINT_COLOURS[tints[inside]]
 
 
 def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> Codes:
@@ -159,18 +164,21 @@ def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> C
     stations bear their signs.
     """
     top = pixels[0::2]
-    whole = (top == pixels[1::2]) & np.isin(top, TINT_INKS)
+    whole = (top == pixels[1::2]) & np.isin(top, TINT_COLOURS)
     if thin:
         bottom = pixels[1::2]
-        whole = np.isin(top, TINT_INKS) | np.isin(bottom, TINT_INKS)
-        top = np.where(np.isin(top, TINT_INKS), top, bottom)
+        whole = np.isin(top, TINT_COLOURS) | np.isin(bottom, TINT_COLOURS)
+        top = np.where(np.isin(top, TINT_COLOURS), top, bottom)
     letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
-    letter_of[TINT_INKS] = TINT_LETTERS
-    ink = top[whole].astype(np.uint32)
+    letter_of[TINT_COLOURS] = TINT_LETTERS
+    fg = top[whole].astype(np.uint32)
     signed = codes.copy()
-    signed[whole] = (style(ink, ink) << np.uint32(GLYPH_BITS)) | letter_of[ink]
+    signed[whole] = (style(fg, fg) << np.uint32(GLYPH_BITS)) | letter_of[fg]
     if thin:
-        for sign, its_ink in ((GlyphSet.station, styles.DIM), (GlyphSet.transfer, TRANSFER_INK)):
-            here = (pixels[0::2] == its_ink) | (pixels[1::2] == its_ink)
-            signed[here] = code(style(its_ink, styles.FLOOR), sign)
+        for sign, its_fg in (
+            (GlyphSet.station, styles.COLOUR_DIM),
+            (GlyphSet.transfer, TRANSFER_COLOUR),
+        ):
+            here = (pixels[0::2] == its_fg) | (pixels[1::2] == its_fg)
+            signed[here] = code(style(its_fg, styles.COLOUR_FLOOR), sign)
     return signed

@@ -31,29 +31,29 @@ from automaton.world.state import NIL
 from tui.render import robots as fleet
 from tui.render import styles
 from tui.render.blocks import Part, blocks, part_of
+from tui.render.braille_view import draw_over
 from tui.render.camera import Camera, Rectangle
-from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, INKS, ink_of, look
-from tui.render.designs import TRANSFER_INK
-from tui.render.far import draw_over
+from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, KIND_COLOURS, colour_of, look
+from tui.render.cell_view import heat_codes
 from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.near import heat_codes
 from tui.render.overlays import paint_tints, sign_tints
-from tui.render.scene import KIND_MASK, LOOKS, Floor, Scene
+from tui.render.scene import KIND_MASK, LOOK_COUNT, Floor, Scene
+from tui.render.service_zone_overlay import TRANSFER_COLOUR
 from tui.render.shelves import full_shelves
 from tui.render.styles import style
 
 Colours = NDArray[np.uint8]
 # These show in a pixel of many cells, the last one first.
-STATIONS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
+STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 
-HEATS = range(styles.HEAT_1, styles.HEAT_8 + 1)
-LAID = (*HEATS, *range(styles.ZONE_0, styles.ZONE_7 + 1))
+HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
+LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))
 # Colours of what stands on the floor, and the braille dots of its upper and lower half.
 DOTTED = (
-    *(FAR_SHELF, FAR_LOAD, styles.WALL, styles.BAY, styles.CHARGER),
-    *(styles.DESTINATION, styles.DOCK, styles.STATION),
+    *(FAR_SHELF, FAR_LOAD, styles.COLOUR_WALL, styles.COLOUR_BAY, styles.COLOUR_CHARGER),
+    *(styles.COLOUR_DESTINATION, styles.COLOUR_DOCK, styles.COLOUR_STATION),
 )
 TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
 TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
@@ -68,7 +68,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     if k == 1:
         canvas.flat[full_shelves(scene, camera.visible())] = FAR_LOAD
     laid = draw_layer(canvas, scene)
-    canvas.paint(scene.zone_cells, styles.MARKED)
+    canvas.paint(scene.zone_cells, styles.COLOUR_MARKED)
     if laid:
         codes = paired(pixels, glyphs)
         if scene.tinted:
@@ -76,10 +76,10 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
         return codes
     if scene.snapshot is not None:
-        canvas.paint(np.asarray(scene.route, np.int32), styles.ROUTE)
+        canvas.paint(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
         draw_robots(canvas, scene)
     if scene.cursor is not None:
-        canvas.paint(np.array([scene.cursor], np.int32), styles.CURSOR)
+        canvas.paint(np.array([scene.cursor], np.int32), styles.COLOUR_CURSOR)
     return paired(pixels, glyphs)
 
 
@@ -91,9 +91,9 @@ def paired(pixels: Colours, glyphs: GlyphSet) -> Codes:
 
 
 def grounds(pixels: Colours) -> Colours:
-    """(rows / 2, columns) the paper for what stands on a layer: of two heats the greater."""
-    papers = np.where(np.isin(pixels, LAID), pixels, np.uint8(styles.FLOOR))
-    return np.maximum(papers[0::2], papers[1::2])
+    """(rows / 2, columns) the background for what stands on a layer: of two heats the greater."""
+    backgrounds = np.where(np.isin(pixels, LAYER_COLOURS), pixels, np.uint8(styles.COLOUR_FLOOR))
+    return np.maximum(backgrounds[0::2], backgrounds[1::2])
 
 
 @lru_cache(maxsize=3)
@@ -103,7 +103,7 @@ def pairs(glyphs: GlyphSet) -> Codes:
     What stands on the floor is dotted, what lies over it or moves is solid: that tells robots from
     shelves where there are no colours. Beside something solid the other half is plain floor.
     """
-    colours, floor = len(styles.COLOURS), styles.FLOOR
+    colours, floor = len(styles.COLOURS), styles.COLOUR_FLOOR
     upper, lower = np.divmod(np.arange(colours * colours), colours)
     standing = np.isin(np.arange(colours), [floor, *DOTTED])
     top = np.where(standing[upper] & ~standing[lower], floor, upper)
@@ -111,9 +111,9 @@ def pairs(glyphs: GlyphSet) -> Codes:
     codes = code(style(top, bottom), glyphs.upper_half)
     codes = np.where(top == floor, code(style(bottom, floor), glyphs.lower_half), codes)
     codes = np.where(top == bottom, code(style(top, floor), glyphs.full), codes)
-    ink = np.maximum(upper, lower)  # the table of colours ends with what matters most
+    fg = np.maximum(upper, lower)  # the table of colours ends with what matters most
     pattern = _dots(TOP_DOTS, TOP_PAIR)[upper] | _dots(BOTTOM_DOTS, BOTTOM_PAIR)[lower]
-    dotted = code(style(ink, floor), np.array(glyphs.braille)[pattern])
+    dotted = code(style(fg, floor), np.array(glyphs.braille)[pattern])
     codes = np.where(standing[upper] & standing[lower], dotted, codes).astype(np.uint32)
     return _shades(codes, upper, lower, glyphs) if glyphs.shaded else codes
 
@@ -123,7 +123,8 @@ def _shades(
 ) -> Codes:
     """Pairs of heat by the shade of the greater level, which stands for the whole character."""
     levels = [
-        np.where(np.isin(half, list(HEATS)), half - styles.HEAT_0, 0) for half in (upper, lower)
+        np.where(np.isin(half, list(HEATS)), half - styles.COLOUR_HEAT_0, 0)
+        for half in (upper, lower)
     ]
     level = np.maximum(*levels)
     return np.where(level > 0, heat_codes(glyphs)[level], codes)
@@ -143,25 +144,25 @@ def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
     rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
     kind = floor.floor_plan.kind[rows, columns]
     if k == 1:
-        inks = np.array([_pixel_ink(number) for number in range(LOOKS)], np.uint8)
-        pixels = inks[floor.looks[rows, columns]]
+        foregrounds = np.array([_pixel_colour(number) for number in range(LOOK_COUNT)], np.uint8)
+        pixels = foregrounds[floor.looks[rows, columns]]
     else:
         area = blocks(np.ones(kind.shape, np.uint8), k)
-        pixels = np.full(area.shape, styles.FLOOR, np.uint8)
+        pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
         inner = floor.looks[rows, columns] == look(WALL)
         solid = (kind == SHELF) | (kind == RACK) | inner
         pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
-        for station in STATIONS:
-            pixels[blocks(kind == station, k) > 0] = INKS[station]
-    return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.FLOOR)
+        for station in STATION_KINDS:
+            pixels[blocks(kind == station, k) > 0] = KIND_COLOURS[station]
+    return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)
 
 
-def _pixel_ink(number: int) -> int:
+def _pixel_colour(number: int) -> int:
     """Floor and rails are dark: only what stands on the floor has a colour."""
     kind = number & KIND_MASK
-    if kind in DRIVEN or kind not in INKS:
-        return styles.FLOOR
-    return FAR_SHELF if kind in (SHELF, RACK) else ink_of(number)
+    if kind in DRIVEN or kind not in KIND_COLOURS:
+        return styles.COLOUR_FLOOR
+    return FAR_SHELF if kind in (SHELF, RACK) else colour_of(number)
 
 
 class _Pixels:
@@ -182,8 +183,8 @@ class _Pixels:
         which = np.flatnonzero(inside)
         return (y * columns + x)[which], which
 
-    def paint(self, cells: NDArray[np.int32], ink: int) -> None:
-        self.flat[self.at(cells)[0]] = ink
+    def paint(self, cells: NDArray[np.int32], fg: int) -> None:
+        self.flat[self.at(cells)[0]] = fg
 
     def reduced(self, values: NDArray[Any], rest: int) -> NDArray[Any]:
         """(rows, columns of pixels) the largest value in each pixel, `rest` beyond the floor."""
@@ -207,11 +208,11 @@ def draw_layer(canvas: _Pixels, scene: Scene) -> bool:
     elif scene.values is not None:
         levels = scene.levels(canvas.reduced(scene.values, 0))
         hot = levels > 0
-        canvas.pixels[hot] = styles.HEAT_0 + levels[hot]
+        canvas.pixels[hot] = styles.COLOUR_HEAT_0 + levels[hot]
     if scene.served is not None:
         cells, _, shared = stations_of(scene.served.roads, scene.served.design)
-        canvas.paint(cells[~shared].astype(np.int32), styles.DIM)
-        canvas.paint(cells[shared].astype(np.int32), TRANSFER_INK)
+        canvas.paint(cells[~shared].astype(np.int32), styles.COLOUR_DIM)
+        canvas.paint(cells[shared].astype(np.int32), TRANSFER_COLOUR)
     return scene.tinted or scene.values is not None
 
 
@@ -220,8 +221,8 @@ def draw_robots(canvas: _Pixels, scene: Scene) -> None:
     seen = fleet.robots_of(scene)
     index, which = canvas.at(seen.cell)
     order = np.argsort(seen.state[which], kind="stable")
-    canvas.flat[index[order]] = fleet.INKS[seen.state[which[order]]]
+    canvas.flat[index[order]] = fleet.STATE_COLOURS[seen.state[which[order]]]
     chosen = np.asarray(scene.marked, np.int32)
-    canvas.paint(seen.cell[chosen], styles.MARKED)
+    canvas.paint(seen.cell[chosen], styles.COLOUR_MARKED)
     if scene.selected != NIL:
-        canvas.paint(seen.cell[[scene.selected]], styles.SELECTED)
+        canvas.paint(seen.cell[[scene.selected]], styles.COLOUR_SELECTED)

@@ -17,31 +17,37 @@ from tui.render.glyphs import GlyphSet
 from tui.render.scene import Scene
 
 # States of a robot, the worse the higher: the worst one gives a shared character its colour.
-PARKED: Final = 0
-CHARGING: Final = 1
-EMPTY: Final = 2
-LOADED: Final = 3
-LOW: Final = 4  # its battery is
-WAITS: Final = 5
-DEADLOCK: Final = 6  # and down
-SELECTED: Final = 7
-INKS: Final = np.array(
+DRAW_PARKED: Final = 0
+DRAW_CHARGING: Final = 1
+DRAW_EMPTY: Final = 2
+DRAW_LOADED: Final = 3
+DRAW_LOW_BATTERY: Final = 4  # its battery is
+DRAW_WAITING: Final = 5
+DRAW_DEADLOCK: Final = 6  # and down
+DRAW_SELECTED: Final = 7
+STATE_COLOURS: Final = np.array(
     [
-        *(styles.PARKED, styles.CHARGING, styles.ROBOT, styles.LOADED, styles.LOW),
-        *(styles.WAITS, styles.FAULT, styles.SELECTED),
+        *(
+            styles.COLOUR_PARKED,
+            styles.COLOUR_CHARGING,
+            styles.COLOUR_ROBOT,
+            styles.COLOUR_LOADED,
+            styles.COLOUR_LOW_BATTERY,
+        ),
+        *(styles.COLOUR_WAITING, styles.COLOUR_FAULT, styles.COLOUR_SELECTED),
     ],
     np.uint32,
 )
 
 # Shapes of a robot in its heading.
-HOLLOW: Final = 0
-FILLED: Final = 1
-SQUARE: Final = 2
-PLUG: Final = 3  # charges
-VOID: Final = 4  # battery empty
-CROSS: Final = 5  # broken
-THIN: Final = 6  # battery low
-BOXED: Final = 7  # battery low, with a load
+SHAPE_HOLLOW: Final = 0
+SHAPE_FILLED: Final = 1
+SHAPE_SQUARE: Final = 2
+SHAPE_PLUG: Final = 3  # charges
+SHAPE_VOID: Final = 4  # battery empty
+SHAPE_CROSS: Final = 5  # broken
+SHAPE_THIN: Final = 6  # battery low
+SHAPE_BOXED: Final = 7  # battery low, with a load
 LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
 
@@ -60,12 +66,12 @@ def robots_of(scene: Scene) -> Robots:
     fleet = scene.snapshot.robots
     loaded = fleet.load != NIL
     parked = fleet.parked != 0
-    state = np.where(loaded, np.uint8(LOADED), np.uint8(EMPTY))
-    state[fleet.cause != 0] = WAITS
-    state[parked] = PARKED
-    state[fleet.wait_cycle_ticks != 0] = DEADLOCK
+    state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
+    state[fleet.cause != 0] = DRAW_WAITING
+    state[parked] = DRAW_PARKED
+    state[fleet.wait_cycle_ticks != 0] = DRAW_DEADLOCK
     shape = loaded.astype(np.uint8)
-    shape[parked] = SQUARE
+    shape[parked] = SHAPE_SQUARE
     if scene.floor.battery:
         draw_batteries(scene, state, shape)
     if scene.floor.loads_may_lie:
@@ -79,19 +85,19 @@ def draw_batteries(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uin
     assert scene.snapshot is not None
     fleet = scene.snapshot.robots
     plugged = charging(fleet)
-    state[plugged], shape[plugged] = CHARGING, PLUG
+    state[plugged], shape[plugged] = DRAW_CHARGING, SHAPE_PLUG
     low = (fleet.charge < LOW_CHARGE) & ~plugged
-    state[low] = np.maximum(state[low], LOW)
-    shape[low] = np.where(fleet.load[low] != NIL, BOXED, THIN)
+    state[low] = np.maximum(state[low], DRAW_LOW_BATTERY)
+    shape[low] = np.where(fleet.load[low] != NIL, SHAPE_BOXED, SHAPE_THIN)
 
 
 def draw_out_of_order(scene: Scene, state: NDArray[np.uint8], shape: NDArray[np.uint8]) -> None:
     """Robots that are down, and such as were towed, which show in a parking bay alone."""
     assert scene.snapshot is not None
     status = scene.snapshot.robots.status
-    for code, sign in ((DRAINED, VOID), (STATUS_FAILED, CROSS)):
-        state[status == code], shape[status == code] = DEADLOCK, sign
-    state[status >= STATUS_TOWED], shape[status >= STATUS_TOWED] = PARKED, CROSS
+    for code, sign in ((DRAINED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
+        state[status == code], shape[status == code] = DRAW_DEADLOCK, sign
+    state[status >= STATUS_TOWED], shape[status >= STATUS_TOWED] = DRAW_PARKED, SHAPE_CROSS
 
 
 def directions(scene: Scene) -> NDArray[np.uint8]:

@@ -27,8 +27,8 @@ from automaton.world.floor_plan import DRIVABLE, FloorPlan
 from automaton.world.state import NIL
 from automaton.world.traffic_zones import TrafficZones
 from tui.render.field import OVERLAYS, Scale, levels_of, overlay_levels, scale_for
-from tui.render.served_tints import design_tints, zone_cells_of
-from tui.render.zone_tints import tints_of
+from tui.render.service_zone_tints import design_tints, zone_cells_of
+from tui.render.traffic_zone_tints import tints_of
 
 if TYPE_CHECKING:  # it needs Numba, pictures do not
     from automaton.history.snapshot import Snapshot
@@ -36,18 +36,18 @@ if TYPE_CHECKING:  # it needs Numba, pictures do not
 
 HEAT: Final = ("visits", "waiting", "congestion")
 SHADED: Final = (*HEAT, *OVERLAYS)  # levels as papers
-LAYERS: Final = ("", *HEAT, "flow", "served", "zones", *OVERLAYS)
+MAP_LAYERS: Final = ("", *HEAT, "flow", "service-zones", "traffic-zones", *OVERLAYS)
 
 # What a cell looks like: its kind, and a detail in the bits above.
 DETAIL_SHIFT: Final = 4
 KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
-LOOKS: Final = 16 << DETAIL_SHIFT
-OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
-ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
-PASSING: Final = 5
-CROWD: Final = 6  # any number of robots
-FULL: Final = 1  # detail of a shelf: it holds a load
-NOTHING: Final = np.zeros(0, np.int32)
+LOOK_COUNT: Final = 16 << DETAIL_SHIFT
+DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
+DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+DETAIL_PASSING: Final = 5
+DETAIL_UNLIMITED: Final = 6  # any number of robots
+DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
+NO_CELLS: Final = np.zeros(0, np.int32)
 
 
 def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
@@ -62,11 +62,11 @@ def looks_of(floor_plan: FloorPlan) -> NDArray[np.uint8]:
     if (
         len(np.unique(floor_plan.capacity[kind == FLOOR])) > 1
     ):  # else there is nothing to tell apart
-        detail[(kind == FLOOR) & (floor_plan.capacity == 2)] = PASSING
-        detail[(kind == FLOOR) & (floor_plan.capacity == UNLIMITED)] = CROWD
+        detail[(kind == FLOOR) & (floor_plan.capacity == 2)] = DETAIL_PASSING
+        detail[(kind == FLOOR) & (floor_plan.capacity == UNLIMITED)] = DETAIL_UNLIMITED
     for direction in range(4):
-        detail[(kind == FLOOR) & _one_way(exits, direction)] = ONE_WAY + direction
-    detail[(kind == WALL) & ~_beside_something(kind)] = OUTSIDE
+        detail[(kind == FLOOR) & _one_way(exits, direction)] = DETAIL_ONE_WAY + direction
+    detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
     return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
 
 
@@ -112,7 +112,7 @@ class Floor:
 
     @cached_property
     def tints(self) -> NDArray[np.int8]:
-        """(C,) the tint of each cell's zone, of tui.render.zone_tints, or NIL."""
+        """(C,) the tint of each cell's zone, of tui.render.traffic_zone_tints, or NIL."""
         if self.traffic_zones is None:
             return np.full(self.floor_plan.kind.size, NIL, np.int8)
         return tints_of(self.traffic_zones, *self.floor_plan.kind.shape)
@@ -137,10 +137,10 @@ class Scene:
     floor: Floor
     snapshot: Snapshot | None = None  # None: the floor alone
     selected: int = NIL  # robot
-    route: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # its cells, stand last
+    route: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # its cells, stand last
     cursor: int | None = None  # cell
-    layer: str = ""  # of LAYERS
-    marked: NDArray[np.int32] = field(default_factory=lambda: NOTHING)  # robots
+    layer: str = ""  # of MAP_LAYERS
+    marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
     zone: int = NIL  # whose cells are marked
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
@@ -187,7 +187,7 @@ class Scene:
     def left_loads(self) -> NDArray[np.int32]:
         """(k,) the cells in which loads lie that robots had to leave."""
         if self.snapshot is None:
-            return NOTHING
+            return NO_CELLS
         slots = self.snapshot.slots
         first = len(self.floor.slots_cell)  # the spare slots come behind those of the floor
         cells: NDArray[np.int32] = slots.cell[first:][slots.content[first:] != NIL]
@@ -196,7 +196,7 @@ class Scene:
     @property
     def traffic_zones(self) -> TrafficZones | None:
         """The zones of the floor, while their layer is shown."""
-        return self.floor.traffic_zones if self.layer == "zones" else None
+        return self.floor.traffic_zones if self.layer == "traffic-zones" else None
 
     @property
     def service_zones(self) -> ServiceZones | None:
@@ -214,11 +214,11 @@ class Scene:
     @property
     def served(self) -> ServiceZones | None:
         """The zones that robots serve, while their layer is shown."""
-        return self.service_zones if self.layer == "served" else None
+        return self.service_zones if self.layer == "service-zones" else None
 
     @cached_property
     def tints(self) -> NDArray[np.int8]:
-        """(C,) the tint of each cell, of tui.render.zone_tints, or NIL."""
+        """(C,) the tint of each cell, of tui.render.traffic_zone_tints, or NIL."""
         if self.served is None:
             return self.floor.tints
         return design_tints(self.floor.floor_plan, self.floor.slots_cell, self.served)
@@ -232,10 +232,10 @@ class Scene:
     def zone_cells(self) -> NDArray[np.int32]:
         """(k,) the cells of the zone that is marked: of one that robots serve, if they do."""
         if self.zone == NIL:
-            return NOTHING
+            return NO_CELLS
         if self.service_zones is not None:
             return zone_cells_of(self.floor.floor_plan, self.service_zones, self.zone)
         if self.floor.traffic_zones is None:
-            return NOTHING
+            return NO_CELLS
         cells = np.flatnonzero((self.floor.traffic_zones.of == self.zone).any(axis=1))
         return cells.astype(np.int32)

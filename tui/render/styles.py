@@ -1,6 +1,6 @@
 """Colours with a meaning, and how a terminal is told to show a pair of them.
 
-A style is an ink on a paper, both rows of one table. Colours are those of Okabe and Ito, which
+A style is a foreground on a background, both rows of one table. Colours are those of Okabe and Ito, which
 colour-blind people tell apart; floor, walls and shelves are greys; heat has the hues of cividis.
 Every colour has a value for dark and for light themes, in true colour, among 256 and among 16,
 chosen by hand: an automatic choice would merge orange with vermillion. Shape is always the second
@@ -53,62 +53,62 @@ def _row(
 
 
 # From the ground up: what comes later in the table is painted earlier, and stands out more.
-# Grounds. Heat leaves out the middle greys, on which no ink is legible.
-FLOOR: Final = _row("floor", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
-VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 7))
-HEAT_0: Final = _row("heat 0", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
-HEAT_1: Final = _row("heat 1", (0x00224E, 17, 4), (0xFBF3C0, 230, 11))
-HEAT_2: Final = _row("heat 2", (0x17325F, 18, 4), (0xF3E48E, 229, 11))
-HEAT_3: Final = _row("heat 3", (0x33426B, 238, 8), (0xE3CF6C, 222, 3))
-HEAT_4: Final = _row("heat 4", (0x465070, 240, 8), (0xCDBA66, 179, 3))
-HEAT_5: Final = _row("heat 5", (0xBDB066, 143, 3), (0x4F5A75, 240, 8))
-HEAT_6: Final = _row("heat 6", (0xD2C25C, 179, 3), (0x3B496C, 238, 8))
-HEAT_7: Final = _row("heat 7", (0xE8D54C, 185, 11), (0x20386A, 18, 4))
-HEAT_8: Final = _row("heat 8", (0xFEEB62, 228, 11), (0x00224E, 17, 4))
-ZONE_0: Final = _row("zone 0", (0x14305C, 17, 4), (0xD6DFFA, 189, 12))
-ZONE_1: Final = _row("zone 1", (0x4D3F00, 58, 3), (0xFAF3C4, 230, 11))
-ZONE_2: Final = _row("zone 2", (0x00504A, 23, 6), (0xC9F5F2, 195, 14))
-ZONE_3: Final = _row("zone 3", (0x55205C, 53, 5), (0xFAD6F4, 225, 13))
-ZONE_4: Final = _row("zone 4", (0x3A3A3A, 237, 8), (0xDADADA, 253, 7))
-ZONE_5: Final = _row("zone 5", (0x5E1C14, 52, 1), (0xFCD5CE, 224, 9))
-ZONE_6: Final = _row("zone 6", (0x12430F, 22, 2), (0xD3F2CB, 194, 10))
-ZONE_7: Final = _row("zone 7", (0x4B4B80, 60, 7), (0xAFC9F0, 153, 6))
-FLOOR_MARK: Final = _row("floor mark", (0x444444, 238, 8), (0xBCBCBC, 250, 7))
+# Grounds. Heat leaves out the middle greys, on which no foreground is legible.
+COLOUR_FLOOR: Final = _row("floor", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
+COLOUR_VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 7))
+COLOUR_HEAT_0: Final = _row("heat 0", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
+COLOUR_HEAT_1: Final = _row("heat 1", (0x00224E, 17, 4), (0xFBF3C0, 230, 11))
+COLOUR_HEAT_2: Final = _row("heat 2", (0x17325F, 18, 4), (0xF3E48E, 229, 11))
+COLOUR_HEAT_3: Final = _row("heat 3", (0x33426B, 238, 8), (0xE3CF6C, 222, 3))
+COLOUR_HEAT_4: Final = _row("heat 4", (0x465070, 240, 8), (0xCDBA66, 179, 3))
+COLOUR_HEAT_5: Final = _row("heat 5", (0xBDB066, 143, 3), (0x4F5A75, 240, 8))
+COLOUR_HEAT_6: Final = _row("heat 6", (0xD2C25C, 179, 3), (0x3B496C, 238, 8))
+COLOUR_HEAT_7: Final = _row("heat 7", (0xE8D54C, 185, 11), (0x20386A, 18, 4))
+COLOUR_HEAT_8: Final = _row("heat 8", (0xFEEB62, 228, 11), (0x00224E, 17, 4))
+COLOUR_ZONE_0: Final = _row("zone 0", (0x14305C, 17, 4), (0xD6DFFA, 189, 12))
+COLOUR_ZONE_1: Final = _row("zone 1", (0x4D3F00, 58, 3), (0xFAF3C4, 230, 11))
+COLOUR_ZONE_2: Final = _row("zone 2", (0x00504A, 23, 6), (0xC9F5F2, 195, 14))
+COLOUR_ZONE_3: Final = _row("zone 3", (0x55205C, 53, 5), (0xFAD6F4, 225, 13))
+COLOUR_ZONE_4: Final = _row("zone 4", (0x3A3A3A, 237, 8), (0xDADADA, 253, 7))
+COLOUR_ZONE_5: Final = _row("zone 5", (0x5E1C14, 52, 1), (0xFCD5CE, 224, 9))
+COLOUR_ZONE_6: Final = _row("zone 6", (0x12430F, 22, 2), (0xD3F2CB, 194, 10))
+COLOUR_ZONE_7: Final = _row("zone 7", (0x4B4B80, 60, 7), (0xAFC9F0, 153, 6))
+COLOUR_FLOOR_MARK: Final = _row("floor mark", (0x444444, 238, 8), (0xBCBCBC, 250, 7))
 # Cells.
-TRACK: Final = _row("track", (0x6C6C6C, 242, 8), (0x8A8A8A, 245, 8))
-FLOW: Final = _row("direction", (0x5F8787, 66, 6), (0x5F8787, 66, 8))
-WALL: Final = _row("wall", (0x585858, 240, 8), (0x585858, 240, 8))
-RACK: Final = _row("rack", (0x767676, 243, 8), (0x767676, 243, 8))
-SHELF: Final = _row("shelf", (0x8A8A8A, 245, 7), (0x808080, 244, 8))
-BAY: Final = _row("bay", (0x7A7AA8, 103, 8), (0x7474A0, 61, 8))
-TURNTABLE: Final = _row("turntable", (0xA8648C, 132, 5), (0x96648A, 96, 5))
-CHARGER: Final = _row("charger", (0xAFAF5F, 143, 2), (0x75750A, 100, 6))
-DESTINATION: Final = _row("destination", (0x2C7FD0, 26, 12), (0x2A2AA8, 19, 12))
-DOCK: Final = _row("dock", (0x5FA35F, 71, 2), (0x4A7F4A, 65, 2))
-STATION: Final = _row("station", (0xB87878, 131, 5), (0xA05050, 131, 5))
-LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
+COLOUR_TRACK: Final = _row("track", (0x6C6C6C, 242, 8), (0x8A8A8A, 245, 8))
+COLOUR_FLOW: Final = _row("direction", (0x5F8787, 66, 6), (0x5F8787, 66, 8))
+COLOUR_WALL: Final = _row("wall", (0x585858, 240, 8), (0x585858, 240, 8))
+COLOUR_RACK: Final = _row("rack", (0x767676, 243, 8), (0x767676, 243, 8))
+COLOUR_SHELF: Final = _row("shelf", (0x8A8A8A, 245, 7), (0x808080, 244, 8))
+COLOUR_BAY: Final = _row("bay", (0x7A7AA8, 103, 8), (0x7474A0, 61, 8))
+COLOUR_TURNTABLE: Final = _row("turntable", (0xA8648C, 132, 5), (0x96648A, 96, 5))
+COLOUR_CHARGER: Final = _row("charger", (0xAFAF5F, 143, 2), (0x75750A, 100, 6))
+COLOUR_DESTINATION: Final = _row("destination", (0x2C7FD0, 26, 12), (0x2A2AA8, 19, 12))
+COLOUR_DOCK: Final = _row("dock", (0x5FA35F, 71, 2), (0x4A7F4A, 65, 2))
+COLOUR_STATION: Final = _row("station", (0xB87878, 131, 5), (0xA05050, 131, 5))
+COLOUR_LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
 # What is written and laid over.
-DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x6C6C6C, 242, 8))
-TEXT: Final = _row("text", (0xD0D0D0, 252, 7), (0x262626, 235, 0))
-DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 2))
-ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
-MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
+COLOUR_DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x6C6C6C, 242, 8))
+COLOUR_TEXT: Final = _row("text", (0xD0D0D0, 252, 7), (0x262626, 235, 0))
+COLOUR_DONE: Final = _row("done", (0x009E73, 36, 2), (0x007A58, 23, 2))
+COLOUR_ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
+COLOUR_MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
 # Robots.
-PARKED: Final = _row("parked", (0x5F87AF, 67, 6), (0x5F7F9F, 67, 8))
-CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x4E7A00, 64, 2))
-ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x0072B2, 25, 4))
-LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0xA85F00, 130, 5))
-LOW: Final = _row("low battery", (0xE06FD0, 170, 1), (0x6A2BD9, 56, 12))
-WAITS: Final = _row("waiting robot", (0xFFC8D8, 224, 13), (0xA0107A, 126, 9))
-FAULT: Final = _row("fault", (0xFF5F1F, 202, 9), (0xC8102E, 160, 1), bold=True)
-CURSOR: Final = _row("cursor", (0x5FFFD7, 86, 10), (0x20D8B0, 43, 10))
-SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13), bold=True)
+COLOUR_PARKED: Final = _row("parked", (0x5F87AF, 67, 6), (0x5F7F9F, 67, 8))
+COLOUR_CHARGING: Final = _row("charging", (0xF0E442, 227, 10), (0x4E7A00, 64, 2))
+COLOUR_ROBOT: Final = _row("robot", (0x56B4E9, 74, 14), (0x0072B2, 25, 4))
+COLOUR_LOADED: Final = _row("loaded robot", (0xE69F00, 214, 11), (0xA85F00, 130, 5))
+COLOUR_LOW_BATTERY: Final = _row("low battery", (0xE06FD0, 170, 1), (0x6A2BD9, 56, 12))
+COLOUR_WAITING: Final = _row("waiting robot", (0xFFC8D8, 224, 13), (0xA0107A, 126, 9))
+COLOUR_FAULT: Final = _row("fault", (0xFF5F1F, 202, 9), (0xC8102E, 160, 1), bold=True)
+COLOUR_CURSOR: Final = _row("cursor", (0x5FFFD7, 86, 10), (0x20D8B0, 43, 10))
+COLOUR_SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13), bold=True)
 
 COLOURS: Final = tuple(_rows)
-STYLES: Final = len(COLOURS) ** 2
-# Grounds keep their value as ink; all others adapt to these papers, see `Look`.
-GROUNDS: Final = range(FLOOR, TRACK)
-PAPERS: Final = (*GROUNDS, MARKED, CURSOR, SELECTED)
+STYLE_COUNT: Final = len(COLOURS) ** 2
+# Grounds keep their value as foreground; all others adapt to these backgrounds, see `Look`.
+GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_TRACK)
+BACKGROUNDS: Final = (*GROUNDS, COLOUR_MARKED, COLOUR_CURSOR, COLOUR_SELECTED)
 
 LEGIBLE: Final = 2.0  # contrast of a large sign with what is behind it
 
@@ -120,24 +120,24 @@ XTERM: Final = (
 
 
 @overload
-def style(ink: int, paper: int) -> int: ...
+def style(fg: int, bg: int) -> int: ...
 @overload
-def style(ink: NDArray[Any], paper: int | NDArray[Any]) -> NDArray[np.uint32]: ...
+def style(fg: NDArray[Any], bg: int | NDArray[Any]) -> NDArray[np.uint32]: ...
 @overload
-def style(ink: int, paper: NDArray[Any]) -> NDArray[np.uint32]: ...
-def style(ink: int | NDArray[Any], paper: int | NDArray[Any]) -> int | NDArray[np.uint32]:
-    """The number of an ink on a paper; style 0 is the plain floor."""
-    if isinstance(ink, int) and isinstance(paper, int):
-        return ink * len(COLOURS) + paper
-    styles: NDArray[np.uint32] = np.asarray(ink, np.uint32) * np.uint32(len(COLOURS))
-    return styles + np.asarray(paper, np.uint32)
+def style(fg: int, bg: NDArray[Any]) -> NDArray[np.uint32]: ...
+def style(fg: int | NDArray[Any], bg: int | NDArray[Any]) -> int | NDArray[np.uint32]:
+    """The number of a foreground on a background; style 0 is the plain floor."""
+    if isinstance(fg, int) and isinstance(bg, int):
+        return fg * len(COLOURS) + bg
+    styles: NDArray[np.uint32] = np.asarray(fg, np.uint32) * np.uint32(len(COLOURS))
+    return styles + np.asarray(bg, np.uint32)
 
 
-def repapered(codes: Codes, paper: int | NDArray[Any]) -> Codes:
-    """The same glyphs in the same inks on another paper."""
+def with_background(codes: Codes, bg: int | NDArray[Any]) -> Codes:
+    """The same glyphs in the same foregrounds on another background."""
     styles = codes >> np.uint32(GLYPH_BITS)
-    ink = styles - styles % np.uint32(len(COLOURS))
-    return ((ink + np.asarray(paper, np.uint32)) << np.uint32(GLYPH_BITS)) | (codes & GLYPHS)
+    fg = styles - styles % np.uint32(len(COLOURS))
+    return ((fg + np.asarray(bg, np.uint32)) << np.uint32(GLYPH_BITS)) | (codes & GLYPHS)
 
 
 class Attributes(NamedTuple):
@@ -151,18 +151,18 @@ class Attributes(NamedTuple):
 class Look:
     """How styles are shown at one depth in one theme.
 
-    An ink that would lose half its contrast on a paper takes its value of the other theme, if that
-    is better: on a hot cell of a dark theme, which is bright, a robot is as dark as on white. Where
-    neither is legible it takes that of text, so that at least its shape is seen.
+    A foreground that would lose half its contrast on a background takes its value of the other
+    theme, if that is better: on a hot cell of a dark theme, which is bright, a robot is as dark as
+    on white. Where neither is legible it takes that of text, so that at least its shape is seen.
     """
 
     def __init__(self, depth: Depth, theme: Theme = "dark") -> None:
         self.depth = depth
         self.theme = theme
-        ink, paper = np.divmod(np.arange(STYLES, dtype=np.int32), np.int32(len(COLOURS)))
-        # (STYLES,) the order of painting: the style that shows what matters most comes first.
-        self.rank: NDArray[np.int32] = (len(COLOURS) - np.maximum(ink, paper)) * STYLES
-        self.rank += np.arange(STYLES, dtype=np.int32)
+        fg, bg = np.divmod(np.arange(STYLE_COUNT, dtype=np.int32), np.int32(len(COLOURS)))
+        # (STYLE_COUNT,) the order of painting: the style that shows what matters most comes first.
+        self.rank: NDArray[np.int32] = (len(COLOURS) - np.maximum(fg, bg)) * STYLE_COUNT
+        self.rank += np.arange(STYLE_COUNT, dtype=np.int32)
         self._sgr: dict[int, str] = {}
         self._rich: dict[int, Style] = {}
 
@@ -181,28 +181,28 @@ class Look:
         return made
 
     def css(self, style: int) -> tuple[str, str, bool]:
-        """Ink, paper and weight for a page or a drawing."""
+        """Foreground, background and weight for a page or a drawing."""
         attributes = self.attributes(style)
         if self.depth == Depth.NONE:
-            ink, paper = _own(COLOURS[TEXT], self.theme).true, _own(COLOURS[0], self.theme).true
+            fg, bg = _own(COLOURS[COLOUR_TEXT], self.theme).true, _own(COLOURS[0], self.theme).true
         else:
-            ink, paper = (rgb(value, self.depth) for value in self.pair(style))
+            fg, bg = (rgb(value, self.depth) for value in self.pair(style))
         if attributes.reverse:
-            ink, paper = paper, ink
-        return f"#{ink:06x}", f"#{paper:06x}", attributes.bold
+            fg, bg = bg, fg
+        return f"#{fg:06x}", f"#{bg:06x}", attributes.bold
 
     def pair(self, style: int) -> tuple[int, int]:
-        """The values of ink and paper at this depth."""
-        ink, paper = divmod(style, len(COLOURS))
+        """The values of foreground and background at this depth."""
+        fg, bg = divmod(style, len(COLOURS))
         index = 3 - self.depth  # of the depth in `Shades`
-        below = _own(COLOURS[paper], self.theme)[index]
-        own = _own(COLOURS[ink], self.theme)[index]
-        if ink in GROUNDS or paper not in PAPERS:
+        below = _own(COLOURS[bg], self.theme)[index]
+        own = _own(COLOURS[fg], self.theme)[index]
+        if fg in GROUNDS or bg not in BACKGROUNDS:
             return own, below
-        floor = _own(COLOURS[FLOOR], self.theme)[index]
+        floor = _own(COLOURS[COLOUR_FLOOR], self.theme)[index]
         if contrast(own, below, self.depth) >= max(contrast(own, floor, self.depth) / 2, LEGIBLE):
             return own, below
-        for colour in (COLOURS[ink], COLOURS[TEXT]):
+        for colour in (COLOURS[fg], COLOURS[COLOUR_TEXT]):
             both = colour.dark[index], colour.light[index]
             best = max(both, key=lambda value: contrast(value, below, self.depth))
             if contrast(best, below, self.depth) >= LEGIBLE:
@@ -215,23 +215,25 @@ class Look:
         A dark digit on a robot's colour is reversed; so are the selection, the cursor and faults.
         On the floor, what waits is underlined at every depth: its colour alone would tell it.
         """
-        ink, paper = divmod(style, len(COLOURS))
-        bold = COLOURS[ink].bold
+        fg, bg = divmod(style, len(COLOURS))
+        bold = COLOURS[fg].bold
         if self.depth != Depth.NONE:
-            return Attributes(bold, underline=ink in (WAITS, FAULT) and paper != VOID)
-        cut_out = ink in GROUNDS and paper not in GROUNDS
+            return Attributes(
+                bold, underline=fg in (COLOUR_WAITING, COLOUR_FAULT) and bg != COLOUR_VOID
+            )
+        cut_out = fg in GROUNDS and bg not in GROUNDS
         return Attributes(
-            bold=bold or ink == LOADED or paper == MARKED,
-            underline=ink == WAITS or paper in (SELECTED, MARKED),
-            reverse=cut_out or ink == FAULT or paper in (SELECTED, CURSOR),
+            bold=bold or fg == COLOUR_LOADED or bg == COLOUR_MARKED,
+            underline=fg == COLOUR_WAITING or bg in (COLOUR_SELECTED, COLOUR_MARKED),
+            reverse=cut_out or fg == COLOUR_FAULT or bg in (COLOUR_SELECTED, COLOUR_CURSOR),
         )
 
     def _made_sgr(self, style: int) -> str:
         attributes = self.attributes(style)
         numbers = [0] + [n for n, is_on in zip((1, 4, 7), attributes, strict=True) if is_on]
         if self.depth != Depth.NONE:
-            ink, paper = self.pair(style)
-            numbers += _parameters(ink, self.depth, 38) + _parameters(paper, self.depth, 48)
+            fg, bg = self.pair(style)
+            numbers += _parameters(fg, self.depth, 38) + _parameters(bg, self.depth, 48)
         return f"\x1b[{';'.join(map(str, numbers))}m"
 
     def _made_rich(self, style: int) -> Style:
@@ -244,8 +246,8 @@ class Look:
             colours = [Color.from_rgb(*_bytes(value)) for value in self.pair(style)]
         elif self.depth != Depth.NONE:
             colours = [Color.from_ansi(value) for value in self.pair(style)]
-        ink, paper = colours
-        return Style(color=ink, bgcolor=paper, bold=bold, underline=underline, reverse=reverse)
+        fg, bg = colours
+        return Style(color=fg, bgcolor=bg, bold=bold, underline=underline, reverse=reverse)
 
 
 def _own(colour: Colour, theme: Theme) -> Shades:
@@ -253,7 +255,7 @@ def _own(colour: Colour, theme: Theme) -> Shades:
 
 
 def _parameters(value: int, depth: Depth, place: int) -> list[int]:
-    """The numbers that set a colour; place 38 is the ink, 48 the paper."""
+    """The numbers that set a colour; place 38 is the foreground, 48 the background."""
     if depth == Depth.TRUE:
         return [place, 2, *_bytes(value)]
     if depth == Depth.INDEXED:

@@ -75,7 +75,7 @@ class BranchScreen(Dialog[tuple[str, ...]]):
         self._view = view
 
     def heading(self) -> str:
-        return f"Branch at tick {self._view.shot.tick:,}: the same past, another future"
+        return f"Branch at tick {self._view.playback.tick:,}: the same past, another future"
 
     def inside(self) -> ComposeResult:
         yield Static("New settings, one KEY=VALUE in each line:", classes="hint")

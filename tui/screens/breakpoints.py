@@ -49,9 +49,9 @@ class StopList(Rows):
         self.stops = list(stops)
 
     def on_mount(self) -> None:
-        self.tell()
+        self.set_content()
 
-    def tell(self) -> None:
+    def set_content(self) -> None:
         """Show the list as it is now."""
         self.update_rows(max(1, len(self.stops)))
         self.refresh()
@@ -72,7 +72,7 @@ class StopList(Rows):
         if self.stops:
             stop = self.stops[index]
             self.stops[index] = stop._replace(on=not stop.on)
-            self.tell()
+            self.set_content()
 
     def follow(self, link: Link, column: int = 0) -> None:
         self.remove_at(link[1])
@@ -84,7 +84,7 @@ class StopList(Rows):
     def remove_at(self, index: int) -> None:
         if index < len(self.stops):
             del self.stops[index]
-            self.tell()
+            self.set_content()
 
 
 class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
@@ -123,7 +123,7 @@ class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
             return False
         if read.text not in [stop.text for stop in self._list.stops]:
             self._list.stops.append(Stop(read.text))
-            self._list.tell()
+            self._list.set_content()
         return True
 
     def accept(self) -> None:

@@ -18,10 +18,10 @@ from tui.screens.dialog import Dialog
 from tui.search import Found, find
 from tui.view import View
 from tui.widgets.lines import Line, cell_link, dim, line
-from tui.widgets.partition_facts import partition_of
 from tui.widgets.robot_columns import doing
 from tui.widgets.rows import Rows
-from tui.widgets.zone_facts import robots_in
+from tui.widgets.service_zone_facts import partition_of
+from tui.widgets.traffic_zone_facts import robots_in
 
 EXAMPLES: Final = (
     "17, robot 17, load 7, order 7, 12,4, station 11, zone 9, "
@@ -46,7 +46,7 @@ class MatchList(Rows, can_focus=False):
     def shows_cursor(self) -> bool:
         return True
 
-    def tell(self, found: Found) -> None:
+    def set_content(self, found: Found) -> None:
         """List these matches."""
         self.found, self.cursor = found, 0
         self.scroll_to(y=0, animate=False)
@@ -113,7 +113,7 @@ class FindScreen(Dialog[Found]):
                 found = find(text, self._view)
             except InputError as error:
                 wrong = str(error)
-        self.query_one(MatchList).tell(found)
+        self.query_one(MatchList).set_content(found)
         told = found.many if found else "nothing matches now" if text.strip() else ""
         self.query_one("#many", Static).update("" if wrong else told)
         self.complain(wrong)

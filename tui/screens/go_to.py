@@ -58,11 +58,15 @@ class GoToScreen(Dialog[int]):
         self._unit = unit(view.run.resolved.scenario.units.tick)
 
     def inside(self) -> ComposeResult:
-        shot = self._view.shot
-        last = f"ends at {shot.end:,}" if shot.end is not None else f"has come to {shot.head:,}"
+        playback = self._view.playback
+        last = (
+            f"ends at {playback.end:,}"
+            if playback.end is not None
+            else f"has come to {playback.head:,}"
+        )
         yield Input(placeholder=examples(self._unit), compact=True)
         yield Static(
-            f"now {shot.tick:,}; the run {last}; write {examples(self._unit)}",
+            f"now {playback.tick:,}; the run {last}; write {examples(self._unit)}",
             classes="hint",
             markup=False,
         )
@@ -75,10 +79,10 @@ class GoToScreen(Dialog[int]):
 
     def accept(self) -> None:
         """Close with the tick."""
-        shot = self._view.shot
+        playback = self._view.playback
         text = self.query_one(Input).value
         try:
-            tick = tick_of(text, shot.tick, shot.head, shot.end, self._unit)
+            tick = tick_of(text, playback.tick, playback.head, playback.end, self._unit)
         except InputError as error:
             self.complain(str(error))
             return

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-KEPT = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
-KEPT_PREFIXES = ("XDG_", "PYTHON", "NUMBA_", "AUTOMATON_")
+ALLOWED_VARIABLES = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
+ALLOWED_PREFIXES = ("XDG_", "PYTHON", "NUMBA_", "AUTOMATON_")
 PROTOCOL = {  # set by textual-serve
     "TEXTUAL_DRIVER",
     "TEXTUAL_FPS",
@@ -21,10 +21,10 @@ TERMINAL = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF
 
 def clean(environment: Mapping[str, str]) -> dict[str, str]:
     """What of `environment` a session may see: no passwords, no keys, no agent's socket."""
-    allowed = KEPT | PROTOCOL
+    allowed = ALLOWED_VARIABLES | PROTOCOL
     kept = {
         name: value
         for name, value in environment.items()
-        if name in allowed or name.startswith(KEPT_PREFIXES)
+        if name in allowed or name.startswith(ALLOWED_PREFIXES)
     }
     return kept | TERMINAL

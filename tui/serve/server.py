@@ -15,11 +15,12 @@ from aiohttp import WSMsgType, web
 from textual_serve.server import Server, to_int
 
 from tui.serve.access import Access
-from tui.serve.session import GRACE_S, Session, bounded
+from tui.serve.browser_session import TERMINATE_GRACE_S, BrowserSession, bounded
 
 HERE = Path(__file__).parent
-PATIENCE_S = GRACE_S + 1.0  # how long a new session waits for one that is ending: a reloaded page
-SHUTDOWN_S = 3 * GRACE_S
+# how long a new session waits for one that is ending: a reloaded page
+SESSION_SLOT_TIMEOUT_S = TERMINATE_GRACE_S + 1.0
+SHUTDOWN_S = 3 * TERMINATE_GRACE_S
 HEARTBEAT_S = 15.0  # a browser that vanished without a word is noticed by then
 LONGEST_MESSAGE = 1 << 16  # bytes from the browser: keys, and what is pasted
 HEAD_S = 10.0  # in which the head of a request must have come
@@ -90,7 +91,7 @@ class ViewerServer(Server):
         self._idle_s = idle_s
         self._read_only = read_only
         self._places = asyncio.Semaphore(sessions)
-        self._sessions: set[Session] = set()
+        self._sessions: set[BrowserSession] = set()
         self._closing = False
 
     async def _make_app(self) -> web.Application:
@@ -129,7 +130,7 @@ class ViewerServer(Server):
         """A session, if there is a place for one."""
         self._access.check_origin(request)
         try:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(SESSION_SLOT_TIMEOUT_S):
                 await self._places.acquire()
         except TimeoutError:
             text = f"All sessions are taken: this server runs at most {self._limit} at once.\n"
@@ -144,7 +145,7 @@ class ViewerServer(Server):
             raise web.HTTPServiceUnavailable(text="This server is closing.\n")
         websocket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=LONGEST_MESSAGE)
         await websocket.prepare(request)
-        session = Session(self._argv, websocket, self.download_manager, self._read_only)
+        session = BrowserSession(self._argv, websocket, self.download_manager, self._read_only)
         width, height = (
             bounded(to_int(request.query.get(name, ""), default))
             for name, default in (("width", 80), ("height", 24))
@@ -161,7 +162,7 @@ class ViewerServer(Server):
             self._sessions.discard(session)
         return websocket
 
-    async def _converse(self, websocket: web.WebSocketResponse, session: Session) -> None:
+    async def _converse(self, websocket: web.WebSocketResponse, session: BrowserSession) -> None:
         now = asyncio.get_running_loop().time
         async with asyncio.timeout(self._idle_s) as patience:
             async for message in websocket:

@@ -30,12 +30,12 @@ from tui.widgets.lines import (
     several,
     title,
 )
-from tui.widgets.partition_facts import order_zone, part_of_order, station_facts
+from tui.widgets.service_zone_facts import order_zone, part_of_order, station_facts
+from tui.widgets.traffic_zone_facts import zone_facts
 from tui.widgets.types import closed_to
-from tui.widgets.zone_facts import zone_facts
 
 Parts = list[str | Span]
-STATES: Final = {
+ORDER_STATE_WORDS: Final = {
     ORDER_WAITING: "waits to be picked up",
     ORDER_CARRIED: "under way",
     ORDER_DELIVERED: "delivered",
@@ -169,7 +169,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     """Everything about one order and its load."""
     orders = view.snapshot.orders
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
-    lines = [line(title(f"order {order} "), STATES[state])]
+    lines = [line(title(f"order {order} "), ORDER_STATE_WORDS[state])]
     done = state == ORDER_DELIVERED
     facts: list[tuple[str, Parts]] = [
         ("from", _place(view, int(orders.source[order]))),

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.history.charging import charging, charging_at, line_before, sent_to, up_to
+from automaton.history.charging import charger_queue, charging, charging_at, sent_to, up_to
 from automaton.history.explanation import out_of_order
 from automaton.units import count, percent
 from automaton.world.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILING
@@ -17,8 +17,8 @@ from tui.widgets.lines import Line, Span, fact, line, linked, robot_link
 from tui.widgets.signs import Signs, bar
 
 Parts = list[str | Span]
-BAR: Final = 16  # columns of a full battery
-LINES: Final = 12  # robots of a line that are told one by one
+BAR_WIDTH: Final = 16  # columns of a full battery
+MAX_QUEUE_LINES: Final = 12  # robots of a line that are told one by one
 
 
 def has_batteries(view: View) -> bool:
@@ -38,7 +38,7 @@ def battery(view: View, robot: int, signs: Signs) -> Parts:
         return []
     charge = int(view.snapshot.robots.charge[robot])
     look = "warn" if charge < LOW_CHARGE else "plain"
-    drawn = bar(charge / BATTERY_FULL, BAR, signs).replace(" ", signs.off)
+    drawn = bar(charge / BATTERY_FULL, BAR_WIDTH, signs).replace(" ", signs.off)
     return [Span(drawn, look), f" {percent(charge / BATTERY_FULL)}"]
 
 
@@ -51,7 +51,7 @@ def charging_plan(view: View, robot: int) -> Parts:
     if charging(fleet)[robot]:
         return [up_to(snapshot, robot)]
     told = f"up to {percent(int(fleet.charge_target[robot]) / BATTERY_FULL, 0)}"
-    in_line = line_before(snapshot, cell)
+    in_line = charger_queue(snapshot, cell)
     if robot in in_line:
         told += f", place {in_line.index(robot) + 1} of {len(in_line)} in the queue"
     elif ahead := len(in_line) + len(charging_at(snapshot, cell)):
@@ -87,12 +87,12 @@ def charger_lines(view: View, cell: int, width: int) -> list[Line]:
         lines += fact("charges", robot_link(robot), words, width=width)
     if not there:
         lines += fact("charges", "no robot", width=width)
-    in_line = line_before(snapshot, cell)
-    for place, robot in enumerate(in_line[:LINES]):
+    in_line = charger_queue(snapshot, cell)
+    for place, robot in enumerate(in_line[:MAX_QUEUE_LINES]):
         lines += fact("" if place else "queue", *_arriving(view, robot), width=width)
-    if len(in_line) > LINES:
-        lines += fact("", f"and {len(in_line) - LINES:,} more", width=width)
-    for place, robot in enumerate(sent_to(snapshot, cell)[:LINES]):
+    if len(in_line) > MAX_QUEUE_LINES:
+        lines += fact("", f"and {len(in_line) - MAX_QUEUE_LINES:,} more", width=width)
+    for place, robot in enumerate(sent_to(snapshot, cell)[:MAX_QUEUE_LINES]):
         far = f", {count(int(snapshot.robots.route_length[robot]), 'cell')} away"
         lines += fact("" if place else "sent here", *_arriving(view, robot), far, width=width)
     return lines

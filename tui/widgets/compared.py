@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from automaton.metrics import GLOSSARY
+from automaton.metrics import METRIC_CATALOGUE
 from automaton.units import number
 from tui.view import View
 from tui.widgets.lines import Line, Span, dim, line, title, wrapped
@@ -17,25 +17,28 @@ from tui.widgets.signs import Signs
 GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}
 HEADLINES: Final = ("delivered", "throughput", "blocked_share", "utilization", "makespan")
 NEITHER: Final = {"legs_per_order", "retreats", "ticks_per_operation"}
-NAME: Final = 28
+METRIC_COLUMNS: Final = 28
 UNEQUAL: Final = "not compared: one run has ended before this tick"
 ONE_LINE: Final = 52  # columns that a metric needs for its name and values
 
 
 def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
     """A table of all metrics, the most telling first; narrow panels give each metric two lines."""
-    first, second = (figures.metrics for figures in view.shot.figures)
+    first, second = (figures.metrics for figures in view.playback.figures)
     judged = comparable(view)
     narrow = width < ONE_LINE
-    column = max(1, (width - (0 if narrow else NAME)) // 3 - 1)  # a hidden panel has no width
+    # a hidden panel has no width
+    column = max(1, (width - (0 if narrow else METRIC_COLUMNS)) // 3 - 1)
     names = [signs.here * (at == view.side) + name for at, name in enumerate("AB")]
     heads = [f"{name:>{column}} " for name in names]
     last = "B - A" if judged else ""
-    head = line(title(("" if narrow else " " * NAME) + "".join(heads) + f"{last:>{column}}"))
+    head = line(
+        title(("" if narrow else " " * METRIC_COLUMNS) + "".join(heads) + f"{last:>{column}}")
+    )
     lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
-    rest = [name for name in GLOSSARY if name not in HEADLINES]
+    rest = [name for name in METRIC_CATALOGUE if name not in HEADLINES]
     for name in (name for name in (*HEADLINES, *rest) if name in first and name in second):
-        unit = GLOSSARY[name][0]
+        unit = METRIC_CATALOGUE[name][0]
         a, b = float(first[name]), float(second[name])
         best = better(name, a, b) if judged else ""
         values = line(
@@ -47,7 +50,7 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
             said = f" {unit}" if unit != "share" else ""
             lines += [line(name, dim(said)), values]
         else:
-            lines.append((Span(name.ljust(NAME)), *values))
+            lines.append((Span(name.ljust(METRIC_COLUMNS)), *values))
     told = f"{signs.better} better; shares in %" if judged else "shares in %"
     return [
         *lines,
@@ -59,20 +62,20 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
 
 def comparable(view: View) -> bool:
     """Whether one run can be called better than the other now."""
-    both = zip(view.shot.snapshots, view.shot.figures, strict=True)
+    both = zip(view.playback.snapshots, view.playback.figures, strict=True)
     finished = all(shown.finished and shown.tick == figures.tick for shown, figures in both)
     return finished or _together(view)
 
 
 def _together(view: View) -> bool:
-    one, other = (figures.tick for figures in view.shot.figures)
+    one, other = (figures.tick for figures in view.playback.figures)
     return one == other
 
 
 def _ticks(view: View, narrow: bool, column: int) -> Line:
     """Of which ticks the metrics are."""
-    ticks = "".join(f"{figures.tick:>{column},} " for figures in view.shot.figures)
-    return line(dim(("" if narrow else "at tick".ljust(NAME)) + ticks))
+    ticks = "".join(f"{figures.tick:>{column},} " for figures in view.playback.figures)
+    return line(dim(("" if narrow else "at tick".ljust(METRIC_COLUMNS)) + ticks))
 
 
 def _value(value: float, unit: str, column: int, sign: str) -> Span:

@@ -11,18 +11,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.history.chronicle import Curve
+from automaton.history.event_history import Curve
 from automaton.units import number
 from automaton.world.observation import DELIVERED_ORDERS, WAITING_ROBOTS
 
 Values = NDArray[np.float64]
-LABELS: Final = 7  # columns for labels, the blank behind them included
+LABEL_WIDTH: Final = 7  # columns for labels, the blank behind them included
 SAMPLES: Final = 64  # of the rows between two points, at most so many are looked at
 NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
 # Bits of a braille pattern, from the lowest dot up, of the left and the right column.
 RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
 STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
-STEPS: Final = " .:|"  # the filling of a character in ASCII
+CURVE_CHARACTERS: Final = " .:|"  # the filling of a character in ASCII
 
 
 def edges(ticks: int, points: int) -> NDArray[np.int64]:
@@ -63,24 +63,28 @@ def now_throughput(curve: Curve) -> float:
 
 def points_for(width: int, dots: bool) -> int:
     """How many points a curve of so many columns has."""
-    return max(1, (width - LABELS) * (2 if dots else 1))
+    return max(1, (width - LABEL_WIDTH) * (2 if dots else 1))
 
 
 def drawn(values: Values, rows: int, dots: bool) -> list[str]:
     """Rows of characters, labels included; the greatest value fills all rows."""
     top = nice(float(values.max(initial=0.0)))
-    levels = 4 if dots else len(STEPS) - 1
+    levels = 4 if dots else len(CURVE_CHARACTERS) - 1
     heights = np.round(values / top * rows * levels).astype(np.int64)
     heights = np.maximum(heights, (values > 0).astype(np.int64))
     bodies = [_row(heights - (rows - 1 - row) * levels, dots) for row in range(rows)]
     labels = [number(top), *[""] * (rows - 2), "0"]
-    return [f"{label:>{LABELS - 1}} {body}" for label, body in zip(labels, bodies, strict=True)]
+    return [
+        f"{label:>{LABEL_WIDTH - 1}} {body}" for label, body in zip(labels, bodies, strict=True)
+    ]
 
 
 def _row(heights: NDArray[np.int64], dots: bool) -> str:
     """One row of characters from what reaches into it."""
     if not dots:
-        return "".join(STEPS[level] for level in np.clip(heights, 0, len(STEPS) - 1))
+        return "".join(
+            CURVE_CHARACTERS[level] for level in np.clip(heights, 0, len(CURVE_CHARACTERS) - 1)
+        )
     filled = np.concatenate((np.zeros((2, 1), np.int64), RISING), axis=1)
     levels = np.clip(heights, 0, 4).reshape(-1, 2)
     patterns = filled[0, levels[:, 0]] | filled[1, levels[:, 1]]

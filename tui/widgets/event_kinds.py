@@ -35,7 +35,7 @@ class KindBoxes(Rows):
         self._boxes: list[tuple[str, bool]] = []
         self._lines: list[Line] = []
 
-    def tell(self, boxes: Sequence[tuple[str, bool]]) -> None:
+    def set_content(self, boxes: Sequence[tuple[str, bool]]) -> None:
         """These words, each ticked or not."""
         self._boxes = list(boxes)
         spans: list[Span | str] = []
@@ -78,4 +78,4 @@ class KindBoxes(Rows):
 
     def on_resize(self) -> None:
         super().on_resize()
-        self.tell(self._boxes)
+        self.set_content(self._boxes)

@@ -7,14 +7,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.history.chronicle import Event
+from automaton.history.event_history import Event
 from automaton.world import observation as codes
 from automaton.world.observation import EVENT_NAMES
 from automaton.world.robot_status import BATTERY_PERCENT
 from automaton.world.state import NIL, Array
 from tui.widgets.lines import Line, Span, line
 
-KINDS: Final = {  # what can be picked in the list of events: name and codes
+EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and codes
     "deliveries": (codes.EVENT_DELIVERED,),
     "deadlocks": (codes.EVENT_WAIT_CYCLE, codes.EVENT_DEADLOCK),
     "retreats": (codes.EVENT_RETREATED,),
@@ -48,8 +48,8 @@ TEXTS: Final = {
     codes.EVENT_PART_FINISHED: "part {subject} is finished",
     codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
 }
-ROBOT: Final = 6  # columns for the number of a robot
-LOOKS: Final = {
+ROBOT_COLUMN_WIDTH: Final = 6  # columns for the number of a robot
+EVENT_LOOKS: Final = {
     codes.EVENT_DELIVERED: "good",
     codes.EVENT_DEADLOCK: "fault",
     codes.EVENT_DEPLETED: "fault",
@@ -83,21 +83,21 @@ def event_line(event: Event, who: bool = True, tick_width: int = 7) -> Line:
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
     number = "" if event.robot == NIL else event.robot
-    robot = f"{number:>{ROBOT}}" if who else ""
-    look = LOOKS.get(event.code, "plain")
+    robot = f"{number:>{ROBOT_COLUMN_WIDTH}}" if who else ""
+    look = EVENT_LOOKS.get(event.code, "plain")
     return line(gap, tick, robot, Span(f" {event_words(event)}", look))
 
 
 class Wanted(NamedTuple):
     """Which events are asked for."""
 
-    kinds: frozenset[str] = frozenset(KINDS)
+    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
     robot: int = NIL  # NIL: any
     words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
 
     def mask(self, events: Array) -> Array:
         """(N,) bool: whether each of (N, 5) events is asked for."""
-        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in KINDS[kind]])
+        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
         if self.robot != NIL:
             holds &= events[:, 2] == self.robot
         rest = self.words.lower()
@@ -105,7 +105,9 @@ class Wanted(NamedTuple):
             column = 2 if name == "robot" else 3
             holds &= events[:, column] == int(number)
             if column == 3:
-                holds &= np.isin(events[:, 1], KINDS["parts"] if name == "part" else SUBJECTS)
+                holds &= np.isin(
+                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
+                )
         for word in re.sub(r"(robot|load|order|part)\s*\d+", " ", rest).split():
             holds &= self._called(word, events)
         return holds
@@ -115,7 +117,7 @@ class Wanted(NamedTuple):
         if word.isdigit():
             numbered: Array = events[:, 2] == int(word)
             return numbered
-        kinds = {code: name for name, several in KINDS.items() for code in several}
+        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
         hits = [
             code
             for code, text in TEXTS.items()

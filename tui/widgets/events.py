@@ -10,33 +10,33 @@ from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.widgets import Input
 
-from automaton.history.chronicle import EVENT_COLUMNS, Chronicle, Log, event_of
+from automaton.history.event_history import EVENT_COLUMNS, EventHistory, Log, event_of
 from automaton.units import count
 from automaton.world.state import NIL, Array
 from tui.view import RobotChosen, TickChosen, View
 from tui.widgets.event_kinds import KindBoxes
-from tui.widgets.event_rows import KINDS, ROBOT, Wanted, event_line
+from tui.widgets.event_rows import EVENT_GROUPS, ROBOT_COLUMN_WIDTH, Wanted, event_line
 from tui.widgets.lines import Line, Link, Span, dim, line, title
-from tui.widgets.partition_facts import partition_of, parts_finished
 from tui.widgets.rows import Rows
+from tui.widgets.service_zone_facts import partition_of, parts_finished
 from tui.widgets.signs import UNICODE, Signs
 
-NONE: Final = np.zeros(0, np.int64)
+NO_ROWS: Final = np.zeros(0, np.int64)
 
 
 class Matches:
-    """Which events of a chronicle are asked for; what has been looked at is not looked at again."""
+    """Which events of a run match the filter; events that were tested are not tested again."""
 
     def __init__(self) -> None:
-        self._of: tuple[Chronicle | None, Wanted, int] = (None, Wanted(), 0)
+        self._of: tuple[EventHistory | None, Wanted, int] = (None, Wanted(), 0)
         self._seen = 0
-        self._found: Array = NONE
+        self._found: Array = NO_ROWS
 
-    def of(self, chronicle: Chronicle, log: Log, wanted: Wanted) -> Array:
-        """(M,) int64 indices of events in the chronicle's log, ascending."""
-        of = (chronicle, wanted, log.dropped)
-        if chronicle is not self._of[0] or of[1:] != self._of[1:]:
-            self._of, self._seen, self._found = of, 0, NONE
+    def of(self, event_history: EventHistory, log: Log, wanted: Wanted) -> Array:
+        """(M,) int64 indices of events in the event history's log, ascending."""
+        of = (event_history, wanted, log.dropped)
+        if event_history is not self._of[0] or of[1:] != self._of[1:]:
+            self._of, self._seen, self._found = of, 0, NO_ROWS
         events = log.rows
         if len(events) > self._seen:
             fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))
@@ -65,7 +65,7 @@ def kinds_of(view: View) -> list[str]:
     """The kinds of events that can be picked: of parts and of zones only where there are any."""
     absent = {"parts"} if parts_finished(view) is None else set()
     absent |= {"zones"} if partition_of(view) is None else set()
-    return [name for name in KINDS if name not in absent]
+    return [name for name in EVENT_GROUPS if name not in absent]
 
 
 class EventList(Rows):
@@ -85,11 +85,11 @@ class EventList(Rows):
         self.boxes = boxes
         self.view: View | None = None
         self.kept = Log(np.zeros((0, EVENT_COLUMNS), np.int32), 0)
-        self.kinds = frozenset(KINDS)
+        self.kinds = frozenset(EVENT_GROUPS)
         self.words = ""
         self.only_selected = False
         self._matches = Matches()
-        self._found: Array = NONE
+        self._found: Array = NO_ROWS
         self._present = 0  # how many of them lie up to the present tick
         self._followed = True  # the present was in sight when it was shown last
 
@@ -99,21 +99,23 @@ class EventList(Rows):
 
     def matching(self, view: View) -> Array:
         """(M,) int64: indices of the events that are asked for."""
-        return self._matches.of(view.run.chronicle, view.run.chronicle.log, self.wanted(view))
+        return self._matches.of(
+            view.run.event_history, view.run.event_history.log, self.wanted(view)
+        )
 
     def show(self, view: View) -> None:
         """List the events; the present stays in sight unless the list was scrolled away from it."""
         before = self._present
         self._followed = self.view is None or self.in_sight(max(0, before - 1))
         here = self.view is None or self.cursor == max(0, before - 1)
-        chronicle = view.run.chronicle
-        self.view, self.kept = view, chronicle.log  # it may go on meanwhile
-        self._found = self._matches.of(chronicle, self.kept, self.wanted(view))
+        event_history = view.run.event_history
+        self.view, self.kept = view, event_history.log  # it may go on meanwhile
+        self._found = self._matches.of(event_history, self.kept, self.wanted(view))
         known = self.kept.index_at(view.snapshot.tick)
         self._present = int(np.searchsorted(self._found, known))
         if here:
             self.cursor = max(0, self._present - 1)
-        self.boxes.tell(self._boxes(view))
+        self.boxes.set_content(self._boxes(view))
         self.heading = [self._heading(view)]
         if self.kept.dropped:
             self.heading.append(line(dim(f"{self.kept.dropped:,} older are not kept")))
@@ -131,7 +133,9 @@ class EventList(Rows):
         """What is in the columns, and how many events there are."""
         found, all_of = len(self._found), len(self.kept.rows)
         told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
-        return line(title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT}} "), dim(told))
+        return line(
+            title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT_COLUMN_WIDTH}} "), dim(told)
+        )
 
     def row(self, index: int) -> Line:
         assert self.view is not None
@@ -164,7 +168,7 @@ class EventList(Rows):
 
     def tick(self, box: int) -> None:
         """A box of `_boxes` was ticked, or its tick taken away."""
-        kinds = list(KINDS) if self.view is None else kinds_of(self.view)
+        kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
         if box < len(kinds):
             self.ask_for(self.kinds ^ {kinds[box]})
         else:
@@ -179,8 +183,8 @@ class EventList(Rows):
 
     def action_kind(self, step: int) -> None:
         """All kinds, then one after the other alone."""
-        kinds = list(KINDS) if self.view is None else kinds_of(self.view)
-        each = [frozenset(KINDS), *(frozenset({name}) for name in kinds)]
+        kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
+        each = [frozenset(EVENT_GROUPS), *(frozenset({name}) for name in kinds)]
         at = each.index(self.kinds) if self.kinds in each else 0
         self.ask_for(each[(at + step) % len(each)])
 

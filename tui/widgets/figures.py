@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from automaton.history.charging import charging, in_line
-from automaton.history.chronicle import Curve
-from automaton.metrics import GLOSSARY
+from automaton.history.charging import charging, is_queueing
+from automaton.history.event_history import Curve
+from automaton.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from automaton.world.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
 from automaton.world.robot_status import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED
@@ -22,16 +22,16 @@ from tui.widgets import lost as lost_time
 from tui.widgets.charge_facts import battery_figures, may_fail
 from tui.widgets.compared import compared_lines
 from tui.widgets.lines import Line, Link, Span, dim, fact, length, line, term, title
-from tui.widgets.partition_facts import partition_of, parts_finished
+from tui.widgets.service_zone_facts import partition_of, parts_finished
 from tui.widgets.signs import bar
 from tui.widgets.text_panel import TextPanel
-from tui.widgets.zone_facts import zone_link
+from tui.widgets.traffic_zone_facts import zone_link
 
-NAME: Final = 13  # columns for the name of a metric
-FIGURE: Final = 5  # columns of a metric, one digit behind the point
+NAME_COLUMNS: Final = 13  # columns for the name of a metric
+VALUE_COLUMNS: Final = 5  # columns of a metric, one digit behind the point
 CAUSE: Final = 19  # columns for the name of a cause
-ROWS: Final = 3  # of a curve
-ZONES: Final = 5  # that are listed
+CURVE_ROWS: Final = 3  # of a curve
+MAX_SLOW_ZONES_LISTED: Final = 5  # that are listed
 UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # the same where there is little room
 
@@ -41,7 +41,7 @@ class Figures(TextPanel):
 
     ends: Sequence[int] = ()  # after which lines the panel may end
 
-    def written(self, view: View, width: int) -> list[Line]:
+    def panel_lines(self, view: View, width: int) -> list[Line]:
         if len(view.runs) > 1:
             throughput, waiting = self._curves(view, width)
             lines = [*compared_lines(view, width, self.signs), (), *throughput, *waiting]
@@ -63,14 +63,14 @@ class Figures(TextPanel):
         return max((end for end in self.ends if end <= most), default=most)
 
     def _now(self, view: View, width: int) -> list[Line]:
-        metrics = view.shot.figures[view.side].metrics
+        metrics = view.playback.figures[view.side].metrics
         curve_now = _known(view)
         orders = view.snapshot.orders.state
         done = int(np.count_nonzero(orders == ORDER_DELIVERED))
         share = done / max(1, len(orders))
-        room = max(0, width - NAME - len(f"{done:,} of {len(orders):,} "))
+        room = max(0, width - NAME_COLUMNS - len(f"{done:,} of {len(orders):,} "))
         rate, now = float(metrics["throughput"]), curve.now_throughput(curve_now)
-        unit = UNIT if width >= NAME + len(f"100.0 {UNIT}") else SHORT_UNIT
+        unit = UNIT if width >= NAME_COLUMNS + len(f"100.0 {UNIT}") else SHORT_UNIT
         return [
             _figure("delivered", f"{done:,} of {len(orders):,} ", bar(share, room, self.signs)),
             _figure("throughput", f"{_short(rate)} {unit}"),
@@ -92,40 +92,40 @@ class Figures(TextPanel):
         if partition_of(view) is not None:
             changed = count(view.snapshot.redesigns, "time")
             lines.append(_figure("zones", f"redesigned {changed}"))
-        metrics = view.shot.figures[view.side].metrics
+        metrics = view.playback.figures[view.side].metrics
         if metrics.get("ticks_watched"):
             share = metrics["ticks_in_balance"] / metrics["ticks_watched"]
-            lines.append(_figure("  in balance", f"{percent(share):>{FIGURE + 2}}"))
+            lines.append(_figure("  in balance", f"{percent(share):>{VALUE_COLUMNS + 2}}"))
         return lines
 
     def _energy(self, view: View, width: int) -> list[Line]:
         """Batteries now, what was used so far, and what charging takes of the time."""
         charge = battery_figures(view)
-        metrics = view.shot.figures[view.side].metrics
+        metrics = view.playback.figures[view.side].metrics
         if charge is None or "energy" not in metrics:
             return []
         fleet = view.snapshot.robots
-        there, waiting = charging(fleet), np.count_nonzero(in_line(fleet))
+        there, waiting = charging(fleet), np.count_nonzero(is_queueing(fleet))
         look = "warn" if charge[0] * BATTERY_FULL < LOW_CHARGE else "plain"
         least, mean = percent(charge[0], 0), percent(charge[1], 0)
         chargers = f"{np.count_nonzero(there):,}, {waiting:,} queue"
-        link = ("share", list(GLOSSARY).index("energy"))
+        link = ("share", list(METRIC_CATALOGUE).index("energy"))
         used = f"{_short(float(metrics['energy']))} batteries"
         return [
             _figure("at chargers", chargers),
             *self._share("charging_share", "charging", view, width),
             (*line(dim("mean battery "), f"{mean}, "), Span(f"least {least}", look)),
-            line(*term("energy", link, NAME), used),
-            *self.explanation(link, GLOSSARY["energy"][1], width),
+            line(*term("energy", link, NAME_COLUMNS), used),
+            *self.explanation(link, METRIC_CATALOGUE["energy"][1], width),
         ]
 
     def _share(self, name: str, label: str, view: View, width: int) -> list[Line]:
         """A share of time, and what counts."""
-        link = ("share", list(GLOSSARY).index(name))
-        share = percent(float(view.shot.figures[view.side].metrics[name]))
-        value = f"{share:>{FIGURE + 2}}"
-        told = self.explanation(link, GLOSSARY[name][1], width)
-        return [line(*term(label, link, NAME), value), *told]
+        link = ("share", list(METRIC_CATALOGUE).index(name))
+        share = percent(float(view.playback.figures[view.side].metrics[name]))
+        value = f"{share:>{VALUE_COLUMNS + 2}}"
+        told = self.explanation(link, METRIC_CATALOGUE[name][1], width)
+        return [line(*term(label, link, NAME_COLUMNS), value), *told]
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""
@@ -136,13 +136,13 @@ class Figures(TextPanel):
         throughput = self._curve(name, curve.throughput(known, points), known.ticks)
         waiting = self._curve("waiting robots", curve.waiting(known, points), known.ticks)
         last = f"tick {known.ticks:,}"
-        axis = "0".ljust(max(1, width - curve.LABELS - len(last))) + last
-        return throughput, [*waiting, line(dim(" " * curve.LABELS + axis))]
+        axis = "0".ljust(max(1, width - curve.LABEL_WIDTH - len(last))) + last
+        return throughput, [*waiting, line(dim(" " * curve.LABEL_WIDTH + axis))]
 
     def _curve(self, name: str, values: curve.Values, ticks: int) -> list[Line]:
         lines = [line(title(name))]
-        for text in curve.drawn(values, ROWS, self.signs.dots):
-            label, body = text[: curve.LABELS], text[curve.LABELS :]
+        for text in curve.drawn(values, CURVE_ROWS, self.signs.dots):
+            label, body = text[: curve.LABEL_WIDTH], text[curve.LABEL_WIDTH :]
             lines.append(line(dim(label), Span(body, "plain", ("curve", ticks))))
         return lines
 
@@ -166,9 +166,9 @@ class Figures(TextPanel):
 
     def _all(self, view: View, width: int) -> list[Line]:
         """Every metric with its unit."""
-        metrics = view.shot.figures[view.side].metrics
+        metrics = view.playback.figures[view.side].metrics
         lines = [line(title("all metrics"))]
-        for at, (name, (unit, meaning)) in enumerate(GLOSSARY.items()):
+        for at, (name, (unit, meaning)) in enumerate(METRIC_CATALOGUE.items()):
             if name not in metrics:
                 continue
             value = percent(float(metrics[name])) if unit == "share" else number(metrics[name])
@@ -183,7 +183,7 @@ class Figures(TextPanel):
         """A click on a curve leads to its tick."""
         kind, ticks = link
         if kind == "curve":
-            room = max(1, self.width - curve.LABELS - 1)
+            room = max(1, self.width - curve.LABEL_WIDTH - 1)
             self.post_message(TickChosen(round(ticks * min(1.0, column / room))))
         elif kind in ("cause", "metric", "share"):
             self.explain(link)
@@ -194,7 +194,11 @@ class Figures(TextPanel):
 def slow_zones(view: View) -> list[Line]:
     """The zones that slowed moves most so far, and by how many ticks."""
     lost = view.snapshot.lost_in_zone
-    worst = [zone for zone in np.argsort(-lost, kind="stable")[:ZONES].tolist() if lost[zone]]
+    worst = [
+        zone
+        for zone in np.argsort(-lost, kind="stable")[:MAX_SLOW_ZONES_LISTED].tolist()
+        if lost[zone]
+    ]
     if not worst:
         return []
     wide, served = len(str(max(worst))), partition_of(view) is not None
@@ -207,7 +211,7 @@ def slow_zones(view: View) -> list[Line]:
 
 
 def _known(view: View) -> Curve:
-    return view.run.chronicle.curve.until(view.snapshot.tick)
+    return view.run.event_history.curve.until(view.snapshot.tick)
 
 
 def _out_of_order(view: View, width: int) -> list[Line]:
@@ -218,15 +222,15 @@ def _out_of_order(view: View, width: int) -> list[Line]:
     standing = int(np.count_nonzero((status == STATUS_DEPLETED) | (status == STATUS_FAILED)))
     towed = int(np.count_nonzero(status >= STATUS_TOWED))
     out = Span(count(standing, "robot"), "fault" if standing else "plain")
-    return fact("down", out, f", {towed:,} towed", width=width, label=NAME)
+    return fact("down", out, f", {towed:,} towed", width=width, label=NAME_COLUMNS)
 
 
 def _figure(name: str, *parts: str) -> Line:
-    return (dim(name.ljust(NAME)), *line(*parts))
+    return (dim(name.ljust(NAME_COLUMNS)), *line(*parts))
 
 
 def _short(value: float) -> str:
-    return f"{value:>{FIGURE},.1f}"
+    return f"{value:>{VALUE_COLUMNS},.1f}"
 
 
 def _robots(view: View, width: int) -> list[Line]:
@@ -241,11 +245,11 @@ def _robots(view: View, width: int) -> list[Line]:
     look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
     said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
     said += [Span(f"{idle:,} idle")] if idle else []
-    fits = length(said) + 2 * (len(said) - 1) <= width - NAME
+    fits = length(said) + 2 * (len(said) - 1) <= width - NAME_COLUMNS
     step = len(said) if fits else 2
     rows = [said[at : at + step] for at in range(0, len(said), step)]
     names = ["robots", *[""] * (len(rows) - 1)]
     return [
-        (dim(name.ljust(NAME)), *[part for span in row for part in (span, Span(", "))][:-1])
+        (dim(name.ljust(NAME_COLUMNS)), *[part for span in row for part in (span, Span(", "))][:-1])
         for name, row in zip(names, rows, strict=True)
     ]

@@ -10,7 +10,7 @@ from tui.widgets.cell_facts import cell_lines, order_lines
 from tui.widgets.lines import Line, Link, dim, line, robot_link, title, wrapped
 from tui.widgets.robot_facts import robot_lines
 from tui.widgets.text_panel import TextPanel
-from tui.widgets.zone_facts import zone_lines
+from tui.widgets.traffic_zone_facts import zone_lines
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
@@ -34,7 +34,7 @@ class Inspector(TextPanel):
     order = NIL
     _chosen = (NIL, NIL, NIL)
 
-    def written(self, view: View, width: int) -> list[Line]:
+    def panel_lines(self, view: View, width: int) -> list[Line]:
         chosen = (view.robot, view.cell, view.zone)
         if chosen != self._chosen:
             self._chosen, self.order = chosen, NIL
@@ -49,8 +49,8 @@ class Inspector(TextPanel):
         told = [made for text in GUIDE for made in wrapped(line(dim(text)), width)]
         return [line(title("nothing is selected")), *told]
 
-    def about(self, view: View) -> tuple[object, ...]:
-        return (*super().about(view), self.order)
+    def cache_key(self, view: View) -> tuple[object, ...]:
+        return (*super().cache_key(view), self.order)
 
     def tell_order(self, order: int) -> None:
         """Show an order, until another robot or cell is chosen."""

@@ -12,7 +12,7 @@ from tui.widgets.lines import Line, Span, cell_link, line, title, wrapped
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.text_panel import TextPanel
 
-SIGNS = 9  # columns for the signs
+SIGN_COLUMNS = 9  # columns for the signs
 
 
 class Legend(TextPanel):
@@ -25,10 +25,10 @@ class Legend(TextPanel):
         self.look, self.glyphs = look, glyphs
         self._of: tuple[Scene, Zoom] | None = None
 
-    def written(self, view: View, width: int) -> list[Line]:
+    def panel_lines(self, view: View, width: int) -> list[Line]:
         return self._entries()
 
-    def about(self, view: View) -> tuple[object, ...]:
+    def cache_key(self, view: View) -> tuple[object, ...]:
         return (self._of, id(self.look))
 
     def show_floor(self, scene: Scene, zoom: Zoom) -> None:
@@ -36,7 +36,7 @@ class Legend(TextPanel):
         self._of = (scene, zoom)
         self.write(self._entries())
 
-    def dress(self, look: Look, glyphs: GlyphSet) -> None:
+    def set_appearance(self, look: Look, glyphs: GlyphSet) -> None:
         """Other colours or characters."""
         self.look, self.glyphs = look, glyphs
         self.write(self._entries())
@@ -55,13 +55,13 @@ class Legend(TextPanel):
     def _entry(self, entry: Entry, width: int) -> list[Line]:
         """The signs, and the meaning beside them."""
         signs: list[Span | str] = []
-        for code in entry.signs[: SIGNS // 2]:
+        for code in entry.signs[: SIGN_COLUMNS // 2]:
             style, glyph = code >> GLYPH_BITS, code & int(GLYPHS)
             signs += [Span(self.glyphs.characters[glyph], self.look.rich(style)), " "]
-        gap = " " * (SIGNS - len(signs))
-        meaning = wrapped(line(entry.meaning), width - SIGNS)
+        gap = " " * (SIGN_COLUMNS - len(signs))
+        meaning = wrapped(line(entry.meaning), width - SIGN_COLUMNS)
         first = (*line(*signs, gap), *meaning[0])
-        return [first, *((Span(" " * SIGNS), *rest) for rest in meaning[1:])]
+        return [first, *((Span(" " * SIGN_COLUMNS), *rest) for rest in meaning[1:])]
 
     def on_resize(self) -> None:
         super().on_resize()

@@ -17,7 +17,7 @@ class Word(NamedTuple):
     """Something said in a line."""
 
     glyphs: tuple[int, ...]
-    ink: int = styles.TEXT
+    fg: int = styles.COLOUR_TEXT
     action: str = ""  # what a click on it does
     rank: int = 0  # on a narrow screen words of the highest rank go first
 
@@ -27,9 +27,9 @@ class Word(NamedTuple):
         return bytes(self.glyphs).decode("ascii")
 
 
-def word(words: str, ink: int = styles.TEXT, action: str = "", rank: int = 0) -> Word:
+def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int = 0) -> Word:
     """A word of ASCII."""
-    return Word(text(words), ink, action, rank)
+    return Word(text(words), fg, action, rank)
 
 
 class Line(MapView, can_focus=False):
@@ -38,14 +38,16 @@ class Line(MapView, can_focus=False):
     DEFAULT_CSS = "Line { height: 1; width: 1fr; }"
     GAP = 2
 
-    def say(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
+    def set_words(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
         """Show these; whether anything changed."""
         width = self.size.width
         if not width:
             return False
         left, right = _fitting(left, right, width, self.GAP)
         self._places: list[tuple[int, int, str]] = []
-        codes = np.full((1, width), code(style(styles.TEXT, styles.VOID), 0), np.uint32)
+        codes = np.full(
+            (1, width), code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0), np.uint32
+        )
         at = 0
         for one in left:
             at = self._put(codes, at, one) + self.GAP
@@ -59,7 +61,9 @@ class Line(MapView, can_focus=False):
 
     def _put(self, codes: Codes, at: int, one: Word) -> int:
         row = codes[0, max(at, 0) : at + len(one.glyphs)]
-        row[:] = code(style(one.ink, styles.VOID), np.array(one.glyphs[: len(row)], np.uint32))
+        row[:] = code(
+            style(one.fg, styles.COLOUR_VOID), np.array(one.glyphs[: len(row)], np.uint32)
+        )
         self._places.append((at, at + len(one.glyphs), one.action))
         return at + len(one.glyphs)
 

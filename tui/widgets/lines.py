@@ -11,18 +11,18 @@ from rich.style import Style
 from automaton.world.floor_plan import FloorPlan
 
 Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own word, number)
-LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
+SPAN_LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
 MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
 PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
 LABEL = 11  # columns of the name of a fact
-MOST = 12  # links that are named one by one
+MAX_LISTED_LINKS = 12  # links that are named one by one
 
 
 class Span(NamedTuple):
     """Some text in one look."""
 
     text: str
-    look: str | Style = "plain"  # of LOOKS, or a style of its own
+    look: str | Style = "plain"  # of SPAN_LOOKS, or a style of its own
     link: Link | None = None
 
 
@@ -77,12 +77,12 @@ def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
 
 
 def several(links: list[Span]) -> list[str | Span]:
-    """Links as a list; beyond MOST only how many."""
+    """Links as a list; beyond MAX_LISTED_LINKS only how many."""
     parts: list[str | Span] = []
-    for link in links[:MOST]:
+    for link in links[:MAX_LISTED_LINKS]:
         parts += [link, ", "]
-    if len(links) > MOST:
-        return [*parts[:-1], f" and {len(links) - MOST:,} more"]
+    if len(links) > MAX_LISTED_LINKS:
+        return [*parts[:-1], f" and {len(links) - MAX_LISTED_LINKS:,} more"]
     return parts[:-1]
 
 

@@ -14,19 +14,19 @@ from automaton.world.observation import CAUSES
 from tui.widgets.lines import Line, Span, dim, line
 from tui.widgets.signs import Signs, bar
 
-LETTERS: Final = ".QHWDIVLBwFRopriPebsz"  # by cause; capitals count as blocked
-BLOCKED: Final = "warn"
+CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebsz"  # by cause; capitals count as blocked
+BLOCKED_LOOK: Final = "warn"
 OTHER: Final = "plain"
 
 
 def look_of(cause: int) -> str:
     """Its colour."""
-    return BLOCKED if CAUSES[cause].blocked else OTHER
+    return BLOCKED_LOOK if CAUSES[cause].blocked else OTHER
 
 
 def letter(cause: int) -> Span:
     """The letter of a cause, and a blank."""
-    return Span(f"{LETTERS[cause]} ", look_of(cause))
+    return Span(f"{CAUSE_LETTERS[cause]} ", look_of(cause))
 
 
 def drawn(cause: int, share: float, width: int, signs: Signs) -> Span:
@@ -39,7 +39,7 @@ def split(shares: Sequence[tuple[int, float]], width: int) -> Line:
     spans, left = [], width
     for cause, share in shares:
         columns = min(left, max(1, round(share * width)))
-        spans.append(Span(LETTERS[cause] * columns, look_of(cause)))
+        spans.append(Span(CAUSE_LETTERS[cause] * columns, look_of(cause)))
         left -= columns
     return (*spans, dim("." * left))
 

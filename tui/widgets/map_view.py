@@ -18,7 +18,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from tui.presenter import Presenter, row_strip
-from tui.render.still import runs
+from tui.render.image_export import runs
 
 if TYPE_CHECKING:
     from tui.render.glyphs import Codes, GlyphSet
@@ -117,7 +117,7 @@ class MapView(Widget, can_focus=True):
     def glyphs(self) -> GlyphSet:
         return self._glyphs
 
-    def dress(self, look: Look, glyphs: GlyphSet) -> None:
+    def set_appearance(self, look: Look, glyphs: GlyphSet) -> None:
         """Other colours or characters, for the same codes."""
         self._look, self._glyphs = look, glyphs
         self._presenter.match(look)

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.history.charging import in_line
+from automaton.history.charging import is_queueing
 from automaton.history.snapshot import Fleet
 from automaton.units import percent
 from automaton.world.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting
@@ -22,18 +22,18 @@ from automaton.world.state import ACTION_NAMES, NIL, Array
 from automaton.world.types import type_of_each
 from tui.view import View
 from tui.widgets.charge_facts import has_batteries
-from tui.widgets.partition_facts import partition_of, queued
+from tui.widgets.service_zone_facts import partition_of, queued
 from tui.widgets.types import has_types, type_of
 
-OUT_OF_ORDER: Final = {
+DOWN_WORDS: Final = {
     STATUS_DEPLETED: "empty",
     STATUS_FAILED: "broken",
     STATUS_TOWED: "towed",
     STATUS_REMOVED: "towed",
 }
-DOING: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
-PARKED: Final = "parked"
-SHORT: Final = {
+ACTION_WORDS: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
+PARKED_WORD: Final = "parked"
+SHORT_CAUSES: Final = {
     "driving ahead": "driving",
     "following conflict": "following",
     "illegal decision": "illegal",
@@ -59,26 +59,26 @@ class Column(NamedTuple):
 
 def doing(fleet: Fleet, robot: int) -> str:
     """What a robot does, in a word."""
-    if int(fleet.status[robot]) in OUT_OF_ORDER:
-        return OUT_OF_ORDER[int(fleet.status[robot])]
+    if int(fleet.status[robot]) in DOWN_WORDS:
+        return DOWN_WORDS[int(fleet.status[robot])]
     if fleet.parked[robot]:
-        return PARKED
-    if in_line(fleet)[robot]:
+        return PARKED_WORD
+    if is_queueing(fleet)[robot]:
         return "queues"
     if is_waiting(fleet.cause[robot]):
         return "waits"
-    return DOING[min(int(fleet.action[robot]), len(DOING) - 1)]
+    return ACTION_WORDS[min(int(fleet.action[robot]), len(ACTION_WORDS) - 1)]
 
 
 def _doing_keys(view: View) -> Array:
-    """In the order of DOING: idle, at work, waiting; then parked, last down and towed."""
+    """In the order of ACTION_WORDS: idle, at work, waiting; then parked, last down and towed."""
     fleet = view.snapshot.robots
-    keys = np.minimum(fleet.action, len(DOING) - 1).astype(np.int64)
+    keys = np.minimum(fleet.action, len(ACTION_WORDS) - 1).astype(np.int64)
     keys[is_waiting(fleet.cause)] = ACTION_NAMES.index("wait")
-    keys[in_line(fleet)] = len(DOING)
-    keys[fleet.parked != 0] = len(DOING) + 1
+    keys[is_queueing(fleet)] = len(ACTION_WORDS)
+    keys[fleet.parked != 0] = len(ACTION_WORDS) + 1
     out = fleet.status >= STATUS_DEPLETED
-    keys[out] = len(DOING) + fleet.status[out]
+    keys[out] = len(ACTION_WORDS) + fleet.status[out]
     return keys
 
 
@@ -90,7 +90,7 @@ def _waited(view: View) -> Array:
 
 def _cause(view: View, robot: int) -> str:
     name = CAUSES[int(view.snapshot.robots.cause[robot])].name
-    return SHORT.get(name, name)
+    return SHORT_CAUSES.get(name, name)
 
 
 def _cell(view: View, robot: int) -> str:
@@ -112,7 +112,7 @@ def _or_blank(value: int, absent: int) -> str:
     return "" if value == absent else f"{value:,}"
 
 
-COLUMNS: Final = (
+ROBOT_TABLE_COLUMNS: Final = (
     Column("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
     Column(
         "type",
@@ -183,15 +183,15 @@ COLUMNS: Final = (
     Column(
         "active",
         6,
-        lambda v: v.shot.figures[v.side].active,
-        lambda v, r: percent(float(v.shot.figures[v.side].active[r]), 0),
+        lambda v: v.playback.figures[v.side].active,
+        lambda v, r: percent(float(v.playback.figures[v.side].active[r]), 0),
         True,
     ),
     Column(
         "ops",
         6,
-        lambda v: v.shot.figures[v.side].operations,
-        lambda v, r: f"{int(v.shot.figures[v.side].operations[r]):,}",
+        lambda v: v.playback.figures[v.side].operations,
+        lambda v, r: f"{int(v.playback.figures[v.side].operations[r]):,}",
         True,
     ),
 )

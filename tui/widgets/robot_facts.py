@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.history.chronicle import Event
+from automaton.history.event_history import Event
 from automaton.history.explanation import doing
 from automaton.units import count, percent
 from automaton.world.cells import CELL_KINDS, DIRECTIONS
@@ -36,11 +36,11 @@ from tui.widgets.lines import (
     title,
     wrapped,
 )
-from tui.widgets.partition_facts import robot_zone
+from tui.widgets.service_zone_facts import robot_zone
 from tui.widgets.signs import UNICODE, Signs
 from tui.widgets.types import type_of
 
-HEADINGS: Final = {  # what a robot's heading means, by kinematics
+HEADING_NAMES: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),
     "differential": DIRECTIONS,
     "omni": ("none: it never turns",),
@@ -137,7 +137,7 @@ def _kind(view: View, cell: int) -> int:
 
 
 def _heading(view: View, robot: int) -> str:
-    names = HEADINGS[view.run.resolved.scenario.fleet.kinematics]
+    names = HEADING_NAMES[view.run.resolved.scenario.fleet.kinematics]
     return names[int(view.snapshot.robots.heading[robot])]
 
 
@@ -204,7 +204,7 @@ def _route(view: View, robot: int) -> list[str | Span]:
 
 def _so_far(view: View, robot: int) -> list[str | Span]:
     """Its work since the start, as of the last reading of the figures."""
-    figures = view.shot.figures[view.side]
+    figures = view.playback.figures[view.side]
     slowed = int(view.snapshot.robots.lost[robot, CAUSE_REDUCED_SPEED])
     return [
         f"{count(int(figures.operations[robot]), 'operation')}, "
@@ -214,8 +214,8 @@ def _so_far(view: View, robot: int) -> list[str | Span]:
 
 
 def _last_events(view: View, robot: int) -> list[Line]:
-    chronicle = view.run.chronicle
-    events = chronicle.events[: chronicle.index_at(view.snapshot.tick)]
+    event_history = view.run.event_history
+    events = event_history.events[: event_history.index_at(view.snapshot.tick)]
     indices = last_of(events, robot, LAST_EVENTS)
     if not len(indices):
         return [line(title("no events yet"))]

@@ -11,7 +11,7 @@ from automaton.world.robot_status import STATUS_DEPLETED, STATUS_FAILED
 from automaton.world.state import Array
 from tui.view import RobotChosen, View
 from tui.widgets.lines import Line, Link, Span, line
-from tui.widgets.robot_columns import COLUMNS, Column, ordered
+from tui.widgets.robot_columns import ROBOT_TABLE_COLUMNS, Column, ordered
 from tui.widgets.rows import Rows
 from tui.widgets.signs import UNICODE, Signs
 
@@ -30,7 +30,7 @@ class Robots(Rows):
     def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
         self.view: View | None = None
-        self.columns: list[Column] = [COLUMNS[0]]
+        self.columns: list[Column] = [ROBOT_TABLE_COLUMNS[0]]
         self.column, self.greatest_first = 0, False
         self.first = 1  # the first column beside the number
         self.order: Array = np.zeros(0, np.int64)
@@ -50,7 +50,7 @@ class Robots(Rows):
     def _enter_columns(self, view: View) -> None:
         """Columns with something to say; one that was there stays."""
         sorted_by, before = self.columns[self.column], self.columns
-        self.columns = [one for one in COLUMNS if one in before or one.there(view)]
+        self.columns = [one for one in ROBOT_TABLE_COLUMNS if one in before or one.there(view)]
         self.column = self.columns.index(sorted_by)
 
     def shown(self) -> list[int]:

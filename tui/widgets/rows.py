@@ -14,10 +14,10 @@ from textual.strip import Strip
 
 from automaton.world.state import NIL
 from tui.view import CellChosen, RobotChosen, TickChosen, ZoneChosen
-from tui.widgets.lines import LOOKS, Line, Link, Span, length
+from tui.widgets.lines import SPAN_LOOKS, Line, Link, Span, length
 from tui.widgets.signs import UNICODE, Signs
 
-MESSAGES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
+MESSAGE_CLASSES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
 
 
 NARROWEST = 20  # columns for which lines are made
@@ -27,7 +27,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
     """Subclasses say what is in a row, and what choosing one means."""
 
     ALLOW_SELECT = False
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"rows--{look}" for look in LOOKS}
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"rows--{look}" for look in SPAN_LOOKS}
     DEFAULT_CSS = """
     Rows {
         height: 1fr; padding: 0 0 0 1; scrollbar-size-vertical: 1; scrollbar-gutter: stable;
@@ -70,7 +70,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
     def follow(self, link: Link, column: int = 0) -> None:
         """A part of a line that leads somewhere was clicked, so many columns from its left end."""
         kind, number = link
-        self.post_message(MESSAGES[kind](number))
+        self.post_message(MESSAGE_CLASSES[kind](number))
 
     @property
     def width(self) -> int:

@@ -11,65 +11,76 @@ from typing import TYPE_CHECKING
 
 from automaton.units import Unit, number
 from automaton.world.state import NIL
+from tui.fleet_summary import summarize
 from tui.render import styles
 from tui.render.glyphs import ASCII, GlyphSet
-from tui.tally import tally
 from tui.widgets.line import Word, word
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.pace import Figures
-    from tui.shot import Shot
+    from tui.frame_pacing import Figures
+    from tui.playback_state import PlaybackState
 
-NEAR = 0.9  # of the speed that was asked for counts as reached
+NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
 
 
-def time_words(shot: Shot, side: int, factor: float, tick: Unit, glyphs: GlyphSet) -> list[Word]:
+def time_words(
+    playback: PlaybackState, side: int, factor: float, tick: Unit, glyphs: GlyphSet
+) -> list[Word]:
     """Whether it plays, how fast, and which tick of a run is shown."""
     arrows = glyphs.robot if glyphs is ASCII else glyphs.loaded
     signs = {1: arrows[0], -1: arrows[2]}
-    plays = (signs[shot.playing],) if shot.playing else word("||").glyphs
-    shown, end = shot.snapshots[side].tick, shot.ends[side]
-    last = shot.head if end is None else end
+    plays = (signs[playback.playing],) if playback.playing else word("||").glyphs
+    shown, end = playback.snapshots[side].tick, playback.ends[side]
+    last = playback.head if end is None else end
     rest = "" if shown == last else f"of {last:,}"
     return [
-        Word(plays, styles.DONE if shot.playing else styles.LOADED, "play_pause"),
-        word(_speed(shot, factor), styles.TEXT, "faster"),
-        word(f"tick {shown:,}", styles.SELECTED, "go_to"),
-        *([word(rest, styles.DIM, "go_end", 3)] if rest else []),
+        Word(plays, styles.COLOUR_DONE if playback.playing else styles.COLOUR_LOADED, "play_pause"),
+        word(_speed(playback, factor), styles.COLOUR_TEXT, "faster"),
+        word(f"tick {shown:,}", styles.COLOUR_SELECTED, "go_to"),
+        *([word(rest, styles.COLOUR_DIM, "go_end", 3)] if rest else []),
         *_time(shown, tick),
     ]
 
 
-def mode_word(shot: Shot, side: int, name: str, recorded: bool = False, whole: bool = True) -> Word:
+def mode_word(
+    playback: PlaybackState, side: int, name: str, recorded: bool = False, whole: bool = True
+) -> Word:
     """Where in which kind of run we are; how it ended goes from no screen, however narrow."""
-    if shot.failed:
-        return word("failed", styles.FAULT, "play_pause")
-    if shot.ended(side):
-        return word(end_of(shot, side, recorded, whole), styles.DONE if whole else styles.WAITS)
+    if playback.failed:
+        return word("failed", styles.COLOUR_FAULT, "play_pause")
+    if playback.ended(side):
+        return word(
+            end_of(playback, side, recorded, whole),
+            styles.COLOUR_DONE if whole else styles.COLOUR_WAITING,
+        )
     if recorded:
-        return word(name, styles.DIM, "", 5) if whole else word("cut short", styles.WAITS)
-    if shot.tick < shot.head:
-        return word("past", styles.LOADED, "go_end", 5)
-    return word(name, styles.DONE, "", 5)
+        return (
+            word(name, styles.COLOUR_DIM, "", 5)
+            if whole
+            else word("cut short", styles.COLOUR_WAITING)
+        )
+    if playback.tick < playback.head:
+        return word("past", styles.COLOUR_LOADED, "go_end", 5)
+    return word(name, styles.COLOUR_DONE, "", 5)
 
 
-def end_of(shot: Shot, side: int, recorded: bool, whole: bool) -> str:
+def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> str:
     """How the run ended that is at its end."""
-    if shot.snapshots[side].finished:
+    if playback.snapshots[side].finished:
         return "finished"
     if not whole:
         return "cut short"
     return "ended" if recorded else "limit reached"
 
 
-def _speed(shot: Shot, factor: float) -> str:
+def _speed(playback: PlaybackState, factor: float) -> str:
     """Asked and, if it is less, achieved."""
-    achieved = f"{shot.achieved:,.0f}/s"
+    achieved = f"{playback.achieved:,.0f}/s"
     if math.isinf(factor):
-        return f"max {achieved}" if shot.achieved else "max"
-    asked = f"x{factor:g} {shot.asked:g}/s"
-    late = shot.playing and 0 < shot.achieved < NEAR * shot.asked
+        return f"max {achieved}" if playback.achieved else "max"
+    asked = f"x{factor:g} {playback.asked:g}/s"
+    late = playback.playing and 0 < playback.achieved < NEARLY_DONE * playback.asked
     return f"{asked} ({achieved})" if late else asked
 
 
@@ -77,34 +88,41 @@ def _time(ticks: int, tick: Unit) -> list[Word]:
     """The time in the scenario's unit, unless a tick is that unit."""
     if tick.size == 1:
         return []
-    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.DIM, rank=6)]
+    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
 
 
 def fleet_words(snapshot: Snapshot) -> list[Word]:
     """How many robots work and wait, and how many orders are done."""
-    now = tally(snapshot)
+    now = summarize(snapshot)
     said = [
-        word(f"{now.working:,} work", styles.ROBOT, "robots", 2),
-        word(f"{now.waiting:,} wait", styles.WAITS if now.waiting else styles.DIM, "robots", 1),
-        word(f"{now.delivered:,}/{now.orders:,} delivered", styles.DONE, "events", 1),
+        word(f"{now.working:,} work", styles.COLOUR_ROBOT, "robots", 2),
+        word(
+            f"{now.waiting:,} wait",
+            styles.COLOUR_WAITING if now.waiting else styles.COLOUR_DIM,
+            "robots",
+            1,
+        ),
+        word(f"{now.delivered:,}/{now.orders:,} delivered", styles.COLOUR_DONE, "events", 1),
     ]
     if now.circling:
-        said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.FAULT, "why", 4))
+        said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.COLOUR_FAULT, "why", 4))
     return said
 
 
 def head_words(own: str, common: str, width: int) -> list[Word]:
     """Over one of two maps: what is its own, and if there is room what both have."""
     words = own if len(own) <= width else f"{own[: max(0, width - 3)]}..."
-    return [word(words), *([word(common, styles.DIM, rank=1)] if common else [])]
+    return [word(words), *([word(common, styles.COLOUR_DIM, rank=1)] if common else [])]
 
 
-def end_words(shot: Shot | None, side: int) -> list[Word]:
+def end_words(playback: PlaybackState | None, side: int) -> list[Word]:
     """At the right of a head, when its run has ended; the other one may go on."""
-    ended = shot is not None and shot.ended(side)
-    text = f"ended at tick {shot.snapshots[side].tick:,}" if shot is not None and ended else ""
+    ended = playback is not None and playback.ended(side)
+    text = (
+        f"ended at tick {playback.snapshots[side].tick:,}" if playback is not None and ended else ""
+    )
     # Nothing at the very end keeps a gap: the other head may follow at once.
-    return [*([word(text, styles.WAITS)] if text else []), word("")]
+    return [*([word(text, styles.COLOUR_WAITING)] if text else []), word("")]
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
@@ -112,9 +130,11 @@ def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list
     said = []
     if robot != NIL:
         text = f"{'follows ' if following else ''}robot {robot}"
-        said.append(word(text, styles.CURSOR if following else styles.TEXT, "follow", rank))
+        said.append(
+            word(text, styles.COLOUR_CURSOR if following else styles.COLOUR_TEXT, "follow", rank)
+        )
     if layer:
-        said.append(word(layer, styles.LOADED, "next_layer", rank + 1))
+        said.append(word(layer, styles.COLOUR_LOADED, "next_layer", rank + 1))
     return said
 
 
@@ -123,7 +143,7 @@ def link_words(figures: Figures) -> list[Word]:
     trip = "-" if math.isnan(figures.round_trip) else f"{1000 * figures.round_trip:.0f} ms"
     trip = trip if figures.answers else "no answer"
     return [
-        word(f"{figures.kilobytes:.1f} KB/s", styles.DIM),
-        word(f"rtt {trip}", styles.DIM),
-        word(f"fps {figures.fps:.0f} of {figures.allowed}", styles.DIM),
+        word(f"{figures.kilobytes:.1f} KB/s", styles.COLOUR_DIM),
+        word(f"rtt {trip}", styles.COLOUR_DIM),
+        word(f"fps {figures.fps:.0f} of {figures.allowed}", styles.COLOUR_DIM),
     ]

@@ -71,7 +71,7 @@ class TabStrip(Rows):
     def on_mount(self) -> None:
         self.update_rows(1)
 
-    def tell(self, name: str) -> None:
+    def set_content(self, name: str) -> None:
         """Mark the open panel."""
         self.open = name
         self.update_rows(1)
@@ -147,7 +147,7 @@ class PanelColumn(Container):
         """Show this in the figures and in the open panel, as far as they are in sight."""
         self._view = view = _within(view)
         chosen = (view.robot, view.cell, view.zone)
-        key = (id(view.run), view.shot.seq, *chosen, view.side, view.layer)
+        key = (id(view.run), view.playback.seq, *chosen, view.side, view.layer)
         self._fit_figures()
         if not self.is_mounted or not self.size or key == self._key:
             return
@@ -173,7 +173,7 @@ class PanelColumn(Container):
         """Open a panel of TABS; "figures" are always open."""
         if name in TABS:
             self.query_one(ContentSwitcher).current = name
-            self.tabs.tell(name)
+            self.tabs.set_content(name)
         self._key = ()
         if self._view is not None:
             self.show(self._view)
@@ -187,7 +187,7 @@ class PanelColumn(Container):
 
     def dress(self, look: Look, glyphs: GlyphSet) -> None:
         """Other colours or characters on the map."""
-        self.legend.dress(look, glyphs)
+        self.legend.set_appearance(look, glyphs)
 
     def on_tab_strip_opened(self, message: TabStrip.Opened) -> None:
         message.stop()

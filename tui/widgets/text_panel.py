@@ -19,22 +19,22 @@ class TextPanel(Rows):
         self._key: tuple[object, ...] = ()
         self._link = 0  # index of the link under the cursor, among all links
 
-    def written(self, view: View, width: int) -> list[Line]:
+    def panel_lines(self, view: View, width: int) -> list[Line]:
         """What there is to be said."""
         raise NotImplementedError
 
-    def about(self, view: View) -> tuple[object, ...]:
+    def cache_key(self, view: View) -> tuple[object, ...]:
         """What the lines depend on."""
         chosen = (view.robot, view.cell, view.zone)
-        return (id(view.run), view.shot.seq, *chosen, view.side, view.layer)
+        return (id(view.run), view.playback.seq, *chosen, view.side, view.layer)
 
     def show(self, view: View) -> None:
         """Tell of this."""
         self.view = view
-        key = (*self.about(view), self.width)
+        key = (*self.cache_key(view), self.width)
         if key != self._key:
             self._key = key
-            self.write(self.written(view, self.width))
+            self.write(self.panel_lines(view, self.width))
 
     def write(self, lines: list[Line]) -> None:
         """Show these lines."""
@@ -46,7 +46,7 @@ class TextPanel(Rows):
         """Explain a word where it stands, or no more."""
         self.explained = None if link == self.explained else link
         if self.view is not None:
-            self.write(self.written(self.view, self.width))
+            self.write(self.panel_lines(self.view, self.width))
 
     def explanation(self, link: Link, text: str, width: int) -> list[Line]:
         """Lines for below a word, if it is to be explained."""

@@ -25,16 +25,17 @@ from tui.widgets.map_view import MapView
 from tui.widgets.track import Part, Track, track_of
 
 if TYPE_CHECKING:  # it needs Numba
-    from automaton.history.chronicle import Curve
+    from automaton.history.event_history import Curve
 
-LEVELS: Final = 4  # dots in a column of braille
+DOT_LEVELS: Final = 4  # dots in a column of braille
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below
 RIGHT_DOTS: Final = np.array([0, 0x80, 0xA0, 0xB0, 0xB8])
 SHORTEST: Final = 50  # ticks in the whole row at least
-ROUND: Final = (10, 15, 20, 30, 50, 75)  # where the row of a run of unknown length ends, times 10^k
+# where the row of a run of unknown length ends, times 10^k
+NICE_LENGTHS: Final = (10, 15, 20, 30, 50, 75)
 
 
-KINDS: Final = (
+MARK_KINDS: Final = (
     "redesign",
     "branch",
     "difference",
@@ -47,7 +48,7 @@ class Mark(NamedTuple):
     """Something at a tick that deserves a sign."""
 
     tick: int
-    kind: str  # of KINDS
+    kind: str  # of MARK_KINDS
 
 
 class Past(NamedTuple):
@@ -97,7 +98,7 @@ class Timeline(MapView, can_focus=True):
         assert self.past is not None
         return track_of(self.part, span(self.past), self.size.width)
 
-    def tell(self, past: Past) -> bool:
+    def set_content(self, past: Past) -> bool:
         """Show this; whether anything changed.
 
         A part in which the present was goes on with it; one that was chosen elsewhere stays.
@@ -125,14 +126,14 @@ class Timeline(MapView, can_focus=True):
             at, part = self.past.tick, part.following(self.past.tick, end)
         part = part.zoomed(steps, at, end)
         self.part = part if steps and part.ticks < end else None
-        self.tell(self.past)
+        self.set_content(self.past)
 
     def action_scrub(self, ticks: int) -> None:
         self.post_message(self.Moved(ticks))
 
     def on_focus(self) -> None:
         if self.past is not None:
-            self.tell(self.past)
+            self.set_content(self.past)
 
     on_blur = on_focus
 
@@ -168,9 +169,9 @@ def span(past: Past) -> int:
         return max(past.end, 1)
     head = max(past.head, SHORTEST)
     power: int = 10 ** max(0, len(str(head)) - 2)
-    while all(end * power < head for end in ROUND):
+    while all(end * power < head for end in NICE_LENGTHS):
         power *= 10
-    return next(end * power for end in ROUND if end * power >= head)
+    return next(end * power for end in NICE_LENGTHS if end * power >= head)
 
 
 def picture(past: Past, track: Track, glyphs: GlyphSet, focused: bool) -> Codes:
@@ -178,15 +179,17 @@ def picture(past: Past, track: Track, glyphs: GlyphSet, focused: bool) -> Codes:
     here, head = (track.column_of(tick) for tick in (past.tick, past.head))
     columns = np.arange(track.left, track.left + track.columns)
     gone = (columns <= here) & (past.tick >= track.part.first)
-    ink = np.where(gone, styles.TEXT, styles.DIM)
+    fg = np.where(gone, styles.COLOUR_TEXT, styles.COLOUR_DIM)
     known = (columns <= head) & (past.head >= track.part.first)
     glyph = np.where(known, throughput(past, track, glyphs), glyphs.floor)
-    codes = np.full(track.width, code(style(styles.TEXT, styles.VOID), glyphs.blank), np.uint32)
-    codes[columns] = code(style(ink, styles.VOID), glyph)
+    codes = np.full(
+        track.width, code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), glyphs.blank), np.uint32
+    )
+    codes[columns] = code(style(fg, styles.COLOUR_VOID), glyph)
     for column, sign in _signs(past, track, glyphs):
         codes[column] = sign
     at = codes[here : here + (past.tick in track.part)]
-    at[:] = styles.repapered(at, styles.CURSOR if focused else styles.SELECTED)
+    at[:] = styles.with_background(at, styles.COLOUR_CURSOR if focused else styles.COLOUR_SELECTED)
     return _labelled(codes, track, glyphs).reshape(1, -1)
 
 
@@ -194,10 +197,10 @@ def _labelled(codes: Codes, track: Track, glyphs: GlyphSet) -> Codes:
     """The numbers of the first and the last tick; bright where they are not those of the run."""
     more = {ord("<"): glyphs.one_way[2], ord(">"): glyphs.one_way[0]}
     zoomed = track.more_before or track.more_after
-    ink = style(styles.LOADED if zoomed else styles.DIM, styles.VOID)
+    fg = style(styles.COLOUR_LOADED if zoomed else styles.COLOUR_DIM, styles.COLOUR_VOID)
     for label, place in zip(track.labels, (0, -len(track.labels[1])), strict=True):
         signs = np.array([more.get(glyph, glyph) for glyph in text(label)], np.uint32)
-        codes[place : place + len(signs) or None] = code(ink, signs)
+        codes[place : place + len(signs) or None] = code(fg, signs)
     return codes
 
 
@@ -206,7 +209,7 @@ def throughput(past: Past, track: Track, glyphs: GlyphSet) -> NDArray[np.intp]:
     edges = track.edges(2 * track.columns)
     deliveries = np.diff(past.curve.at(edges, DELIVERED_ORDERS))
     most = max(1, int(deliveries.max(initial=0)))
-    heights = -(-deliveries * (LEVELS - 1) // most) + 1
+    heights = -(-deliveries * (DOT_LEVELS - 1) // most) + 1
     left, right = heights[0::2], heights[1::2]
     dots: NDArray[np.intp] = np.array(glyphs.braille)[LEFT_DOTS[left] | RIGHT_DOTS[right]]
     return dots
@@ -215,20 +218,20 @@ def throughput(past: Past, track: Track, glyphs: GlyphSet) -> NDArray[np.intp]:
 def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np.uint32]]:
     """Column and code of each mark, or of several that share a column."""
     looks = {
-        "deadlock": (glyphs.fault, styles.FAULT),
-        "stop": (glyphs.stand, styles.CURSOR),
-        "redesign": (ord("z"), styles.STATION),
-        "branch": (ord("Y"), styles.LOADED),
-        "difference": (ord("x"), styles.ROUTE),
+        "deadlock": (glyphs.fault, styles.COLOUR_FAULT),
+        "stop": (glyphs.stand, styles.COLOUR_CURSOR),
+        "redesign": (ord("z"), styles.COLOUR_STATION),
+        "branch": (ord("Y"), styles.COLOUR_LOADED),
+        "difference": (ord("x"), styles.COLOUR_ROUTE),
     }
     there: dict[int, list[str]] = {}
     for mark in dict.fromkeys(past.marks):
         if track.part.first <= mark.tick <= track.part.last:
             there.setdefault(track.column_of(mark.tick), []).append(mark.kind)
     for column, kinds in there.items():
-        sign, ink = looks[max(kinds, key=KINDS.index)]
+        sign, fg = looks[max(kinds, key=MARK_KINDS.index)]
         if len(kinds) == 1:
-            yield column, code(style(ink, styles.VOID), sign)
+            yield column, code(style(fg, styles.COLOUR_VOID), sign)
         else:
             many = glyphs.digits[len(kinds)] if len(kinds) < 10 else ord("+")
-            yield column, code(style(styles.VOID, ink), many)
+            yield column, code(style(styles.COLOUR_VOID, fg), many)

@@ -6,11 +6,11 @@ from typing import Final
 
 from textual.widgets import Static
 
-COLUMNS: Final = 60
-ROWS: Final = 16
+MIN_TERMINAL_COLUMNS: Final = 60
+MIN_TERMINAL_ROWS: Final = 16
 # From how many columns and rows on a screen bears which class: one of each.
-ACROSS: Final = [(0, "-tight"), (COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
-DOWN: Final = [(0, "-flat"), (ROWS, "-short"), (24, "-low"), (30, "-high")]
+ACROSS: Final = [(0, "-tight"), (MIN_TERMINAL_COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
+DOWN: Final = [(0, "-flat"), (MIN_TERMINAL_ROWS, "-short"), (24, "-low"), (30, "-high")]
 
 
 class TooSmall(Static):
@@ -22,7 +22,9 @@ class TooSmall(Static):
 
     def measure(self, columns: int, rows: int) -> None:
         """Say how large the terminal is."""
-        self.update(f"automaton needs {COLUMNS}x{ROWS}, has {columns}x{rows}")
+        self.update(
+            f"automaton needs {MIN_TERMINAL_COLUMNS}x{MIN_TERMINAL_ROWS}, has {columns}x{rows}"
+        )
 
 
 def size_classes(columns: int, rows: int) -> dict[str, bool]:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-NEAREST: Final = 16  # ticks that are shown at least
+MIN_TICKS_SHOWN: Final = 16  # ticks that are shown at least
 MARGIN: Final = 8  # a part that is left by the present moves on so that this share lies behind it
 
 
@@ -37,7 +37,7 @@ class Part(NamedTuple):
     def zoomed(self, steps: int, at: int, end: int) -> Part:
         """Half as long for each step, or twice; the tick `at` stays where it is."""
         ticks = self.ticks >> steps if steps > 0 else self.ticks << -steps
-        ticks = min(max(ticks, NEAREST), end)
+        ticks = min(max(ticks, MIN_TICKS_SHOWN), end)
         before = (at - self.first) * ticks // max(1, self.ticks)
         return Part(at - before, at - before + ticks).within(end)
 

@@ -15,17 +15,17 @@ from tui.widgets import lost as lost_time
 from tui.widgets.lines import Line, Link, Span, dim, line, linked, robot_link, term, title, wrapped
 from tui.widgets.text_panel import TextPanel
 
-MOST: Final = 40  # robots in the list to pick from
-NAME: Final = 21  # columns for the letter and the name of a cause
-PERCENT: Final = 6
-FIRST: Final = 12  # links of a chain that are told from its beginning
-LAST: Final = 4
+MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
+NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
+PERCENT_WIDTH: Final = 6
+FIRST_LINKS: Final = 12  # links of a chain that are told from its beginning
+LAST_LINKS: Final = 4
 
 
 class Why(TextPanel):
     """The selected robot, or the robots that have waited longest."""
 
-    def written(self, view: View, width: int) -> list[Line]:
+    def panel_lines(self, view: View, width: int) -> list[Line]:
         if view.robot == NIL:
             return longest_waits(view, width)
         found = explain(view.snapshot, view.floor_plan, view.robot)
@@ -46,11 +46,11 @@ class Why(TextPanel):
         shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
         lines = [*wrapped(line(title(head)), width), lost_time.split(shares, width)]
         digits = len(f"{total:,}") + 1
-        room = max(0, width - NAME - digits - PERCENT)
+        room = max(0, width - NAME_WIDTH - digits - PERCENT_WIDTH)
         for cause, share in shares:
             link = ("cause", cause)
-            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME - 2))
-            figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT}}"
+            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME_WIDTH - 2))
+            figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT_WIDTH}}"
             lines.append(line(*name, lost_time.drawn(cause, share, room, self.signs), figures))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
         return [*lines, lost_time.key(causes, self.signs)]
@@ -65,15 +65,15 @@ class Why(TextPanel):
 
 def _told(links: int) -> list[int]:
     """Which links of a chain are told; NIL stands for those of a long one that are left out."""
-    if links <= FIRST + LAST + 1:
+    if links <= FIRST_LINKS + LAST_LINKS + 1:
         return list(range(links))
-    return [*range(FIRST), NIL, *range(links - LAST, links)]
+    return [*range(FIRST_LINKS), NIL, *range(links - LAST_LINKS, links)]
 
 
 def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
     """One robot of the chain: how long, why, and by which rule."""
     if at == NIL:
-        return [line(dim(f"... {len(found.chain) - FIRST - LAST:,} more robots ..."))]
+        return [line(dim(f"... {len(found.chain) - FIRST_LINKS - LAST_LINKS:,} more robots ..."))]
     link = found.chain[at]
     in_circle = found.cycle != NIL and at >= found.cycle
     if not link.cause:  # the last one does not wait
@@ -108,7 +108,7 @@ def longest_waits(view: View, width: int) -> list[Line]:
     ordered = waiting[np.argsort(fleet.since[waiting], kind="stable")].tolist()
     head = "wait, longest first" if len(ordered) > 1 else "waits"
     lines = [line(title(f"{count(len(ordered), 'robot')} {head}"))]
-    for robot in ordered[:MOST]:
+    for robot in ordered[:MAX_WAITING_LISTED]:
         ticks = now - int(fleet.since[robot])
         look = "fault" if fleet.wait_cycle_ticks[robot] else "plain"
         cause = CAUSES[int(fleet.cause[robot])].name

@@ -9,7 +9,7 @@ Zones may be closed: a robot may not enter a cell in a direction whose zone is m
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.frontier import (
     LARGER_G,
     LARGER_G_HEAP,

@@ -7,7 +7,7 @@ start, pick-up or drop-off; each A that still leaves a way gives a candidate, an
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.frontier import OPEN_COST
 from automaton.kernels.routes.replay import delay_of

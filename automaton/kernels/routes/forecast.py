@@ -8,7 +8,7 @@ one that has nothing to do stays.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.plans import (
     DROPS,
     PICKS,

@@ -11,7 +11,7 @@ ever found below the level, so the order is that of one heap over everything:
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import splitmix64
 from automaton.world.state import NIL
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.astar import search
 from automaton.kernels.routes.replay import add_zones
 from automaton.strategy.kernels import random_between

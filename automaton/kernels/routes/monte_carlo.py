@@ -10,7 +10,7 @@ Two readings of a slow zone with others in it:
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.astar import search, write_steps
 from automaton.kernels.routes.avoidance import PLAIN, choose_threshold, close_zones
 from automaton.kernels.routes.frontier import OPEN_COST

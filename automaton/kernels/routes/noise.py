@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.replay import WORD
 from automaton.strategy.kernels import random_bits, splitmix64
 

@@ -7,7 +7,7 @@ stands.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.astar import astar
 from automaton.kernels.routes.frontier import LARGER_G
 from automaton.kernels.routes.zone_forecast import (

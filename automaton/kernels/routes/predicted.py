@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.astar import astar
 from automaton.strategy.kernels import dropoff_cell, first_cell
 from automaton.world.state import GOAL_PICK, NIL

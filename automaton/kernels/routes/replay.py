@@ -6,7 +6,7 @@ of this follows the path that the last search left in space.came.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.strategy.kernels import STARTED, parent_of
 from automaton.world.state import ACTION_MOVE, NIL
 

@@ -8,7 +8,7 @@ task.
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.forecast import begin_step, ticks_of_step
 from automaton.kernels.routes.plans import DROPS, PICKS, append, append_path, zone_of
 from automaton.kernels.routes.zone_forecast import (

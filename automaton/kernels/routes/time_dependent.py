@@ -9,7 +9,7 @@ The estimate is the Manhattan distance; ties go to the pose nearer to the target
 
 import numpy as np
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.kernels.routes.forecast import ticks_of_move
 from automaton.kernels.routes.plans import begin_plan, zone_of
 from automaton.kernels.routes.zone_forecast import FREE, HEADING, PLACE, occupancy

@@ -10,7 +10,7 @@ A visit is zone << 32 | first tick << 16 | tick in which it is over. A count goe
 that would go beyond stays there until all are forgotten.
 """
 
-from automaton.compiled import kernel
+from automaton.jit import kernel
 from automaton.world.state import NIL
 
 HORIZON = 0  # entries of memory.parameters; a strategy's own come behind them

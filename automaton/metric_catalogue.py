@@ -1,0 +1,71 @@
+"""The metrics of a run: their units and meanings. Importing this needs nothing."""
+
+from __future__ import annotations
+
+# Name, unit and meaning of every metric of a run, in the order in which they are shown.
+METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
+    "makespan": (
+        "ticks",
+        "ticks of the run: until all orders are delivered and all robots parked, or until it stops",
+    ),
+    "operations_per_robot": ("operations", "operations per robot"),
+    "operations": ("operations", "operations of all robots"),
+    "empty_moves_share": ("share", "moves without load / moves"),
+    "empty_operations_share": ("share", "moves, turns and waits without load / operations"),
+    "empty_ticks_share": ("share", "ticks of moves, turns and waits without load / active ticks"),
+    "delivered": ("orders", "orders at their targets"),
+    "throughput": ("orders/1000 ticks", "deliveries per time"),
+    "ticks_per_operation": ("ticks", "active ticks per operation"),
+    "legs_per_order": ("pick-ups", "times that a delivered load was picked up"),
+    "utilization": ("share", "active ticks / all robot ticks"),
+    "blocked_share": (
+        "share",
+        "robot ticks lost to other robots and to illegal decisions / active ticks",
+    ),
+    "task_time": ("ticks", "from taking an order to its delivery, both ticks included"),
+    "delay": ("ticks", "by how much the same task is shorter on an empty floor"),
+    "delay_p95": ("ticks", "95 % of the tasks of the run have this delay or less"),
+    "throughput_per_robot": (
+        "orders/1000 ticks and robot",
+        "deliveries per time and robot, after the warm-up",
+    ),
+    "lost_waiting": ("ticks", "in waits before a held cell"),
+    "lost_refused": ("ticks", "in retries and steps that were refused"),
+    "lost_retreating": ("ticks", "in which a retreat was decided"),
+    "lost_leaving_bay": ("ticks", "in the parking bay because the home cell was held"),
+    "lost_queueing": ("ticks", "in the queue before a charger"),
+    "lost_illegal": ("ticks", "after illegal decisions of a strategy"),
+    "slowdown_ticks": (
+        "ticks",
+        "reduced speed, not waiting: what moves take longer because of slow zones "
+        "and by chance; no part of blocked_share",
+    ),
+    "retreats": ("times", "retreats begun"),
+    "lead_time": ("ticks", "from the release of an order to its delivery"),
+    "lead_time_p95": ("ticks", "95 % of the delivered orders have this lead time or less"),
+    "energy": ("batteries", "energy used, in full batteries"),
+    "charging_share": ("share", "ticks at chargers / all robot ticks"),
+    "min_charge": ("share", "lowest battery charge at the end"),
+    "repair_energy": ("batteries", "charge that repairs gave robots, in full batteries"),
+    "battery_depletions": ("times", "a robot stopped with an empty battery"),
+    "breakdowns": ("times", "a robot broke down"),
+    "towed": ("times", "a robot was towed"),
+    "downtime": ("ticks", "robots on the floor were down, failed or without charge"),
+    "distance": ("cells", "driven by all robots"),
+    "parts_finished": ("parts", "worked on at the last station of their routes"),
+    "part_flow_time": ("ticks", "from a part's arrival at its first station until it is finished"),
+    "busiest_station": ("number", "of the station that works most"),
+    "busiest_station_utilization": (
+        "share",
+        "ticks in which the busiest station works / ticks of the run",
+    ),
+    "redesigns": ("times", "new service zones took effect"),
+    "balanced_share": ("share", "time in which service zones counted as balanced / monitored time"),
+    "shared_orders": (
+        "orders",
+        "passed to the robot of another service zone because zones were unbalanced",
+    ),
+    "messages": ("messages", "that robots sent each other: bids, loads, turns"),
+    "alternative_routes": ("times", "traffic avoidance chose another route than plain A*"),
+    "illegal_answers": ("times", "decisions of strategies that broke a rule"),
+}

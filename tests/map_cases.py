@@ -1,0 +1,72 @@
+"""Checks of the actions that pan and zoom the map, and that zoom the timeline."""
+
+from __future__ import annotations
+
+import numpy as np
+from action_cases import CHECKS, press, said
+from viewer_harness import Watched
+
+
+def pans(name: str, rows: int, columns: int) -> None:
+    """An action that moves the map in these directions, and lets the followed robot go."""
+
+    async def action(user: Watched) -> None:
+        camera = user.app.pictures.camera
+        while camera.zoom is not camera.ladder[0]:
+            camera.zoom_in()
+        user.app.pictures.resize = lambda rows, columns: None  # type: ignore[method-assign]
+        camera.resize(3, 20)  # so that there is something beside what is seen
+        camera.centre_on(camera.floor_plan.cell(6, 3))
+        user.app.choice.robot, user.app.choice.following = 0, True
+        top, left = camera.top, camera.left
+        await press(user, name)
+        assert np.sign(camera.top - top) == rows and np.sign(camera.left - left) == columns
+        assert not user.app.choice.following
+
+    CHECKS[name] = action
+
+
+for way, step in {"left": (0, -1), "right": (0, 1), "up": (-1, 0), "down": (1, 0)}.items():
+    pans(f"pan_{way}", *step)
+    pans(f"page_{way}", *step)
+
+
+def zooms(name: str, start: int, end: int) -> None:
+    """An action that goes from one step of the ladder to another."""
+
+    async def action(user: Watched) -> None:
+        camera = user.app.pictures.camera
+        camera.zoom = camera.ladder[start]
+        user.app.pictures.fitted = False
+        await press(user, name)
+        assert camera.ladder.index(camera.zoom) == end
+        assert user.app.pictures.fitted == (name == "zoom_fit")
+
+    CHECKS[name] = action
+
+
+zooms("zoom_in", 2, 1)
+zooms("zoom_out", 2, 3)
+zooms("zoom_cell", 4, 2)
+zooms("zoom_fit", 4, 0)
+
+
+def zooms_time(name: str, before: int, after: int) -> None:
+    """An action that changes the length of what the timeline shows, about the present tick."""
+
+    async def action(user: Watched) -> None:
+        await user.at(120)
+        await user.until(lambda: user.app.timeline.past.head == 120)
+        user.app.timeline.zoom(before)
+        ticks, column = user.app.timeline.track.part.ticks, user.app.timeline.track.column_of(120)
+        await press(user, name)
+        track = user.app.timeline.track
+        assert track.part.ticks == ticks * 2**-after and abs(track.column_of(120) - column) <= 4
+        assert f"{track.part.last:,}" in said(user.app.timeline)
+
+    CHECKS[name] = action
+
+
+zooms_time("timeline_in", 0, 1)
+zooms_time("timeline_out", 2, -1)
+zooms_time("timeline_whole", 1, -1)

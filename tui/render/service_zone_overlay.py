@@ -1,0 +1,117 @@
+"""The zones that robots serve: their ways as tints, letters where there are no colours.
+
+fffT+++ddt    T a transfer station, t another one; ways of no zone stay as they are
+f      d
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.picture.ways import stations_of, ways_of
+from automaton.world.service_zones import ServiceZones
+from automaton.world.state import NIL
+from tui.render import styles
+from tui.render.canvas import Canvas
+from tui.render.glyphs import GlyphSet, code
+from tui.render.scene import Scene
+from tui.render.service_zone_tints import service_zone_tints, tints_shared
+from tui.render.styles import style
+from tui.render.traffic_zone_tints import TINT_CODES, TINTS
+
+NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
+SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"
+TRANSFER_COLOUR: Final = styles.COLOUR_TEXT
+STATION_DIGITS: Final = 2  # of the number of a station, beside its sign
+
+
+def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
+    """Stations that robots serve, with their numbers where there is room."""
+    cells, zones, shared = stations_of(service_zones.roads, service_zones.design)
+    served = np.flatnonzero(zones != NIL)
+    index, seen = canvas.at(cells[served].astype(np.int32))
+    which = served[seen]
+    bg = np.array(TINTS)[service_zone_tints(service_zones)[zones[which]]]
+    fg = np.where(shared[which], TRANSFER_COLOUR, styles.COLOUR_STATION)
+    sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
+    canvas.flat[index, 0] = code(style(fg, bg), sign)
+    if canvas.width > STATION_DIGITS:
+        numbers = np.char.ljust((which + 1).astype(str), STATION_DIGITS)
+        for column in range(STATION_DIGITS):
+            digit = np.array([ord(number[column]) for number in numbers], np.uint32)
+            digit[digit == ord(" ")] = canvas.glyphs.blank
+            canvas.flat[index, 1 + column] = code(style(fg, bg), digit)
+
+
+def design_entries(scene: Scene, glyphs: GlyphSet) -> list[tuple[tuple[int, ...], str]]:
+    """Signs and meanings of the layer "service-zones"."""
+    service_zones = scene.service_zones
+    if service_zones is None:
+        return [((), NO_ZONES_TEXT)]
+    entries: list[tuple[tuple[int, ...], str]] = []
+    if tints_shared(len(service_zones.server)):
+        entries.append(((), SHARED_TINTS_TEXT))
+    for zone, tint in enumerate(service_zone_tints(service_zones).tolist()):
+        sign = int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))
+        entries.append(((sign,), f"zone {zone + 1}: {_served(service_zones, zone)}"))
+    shared = int(code(style(TRANSFER_COLOUR, styles.COLOUR_FLOOR), glyphs.transfer))
+    entries.append(((shared,), "transfer station: parts change robots"))
+    return entries
+
+
+def _served(service_zones: ServiceZones, zone: int) -> str:
+    who = "no robot" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
+    many = int(np.count_nonzero(service_zones.design.zone == zone))
+    return f"{who}, {many} station{'s' * (many != 1)}"
+
+
+def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
+    """What a picture of them without a legend beside it has to say, in a few words each."""
+    if not zones:
+        return [NO_ZONES_TEXT]
+    letters = [f"{chr(TINT_CODES[zone])} zone {zone + 1}" for zone in range(min(zones, len(TINTS)))]
+    if tints_shared(zones):
+        letters = [
+            f"{chr(TINT_CODES[0])} to {chr(TINT_CODES[len(TINTS) - 1])} zones; {SHARED_TINTS_TEXT}"
+        ]
+    return [*letters, f"{glyphs.characters[glyphs.transfer]} transfer station"]
+
+
+def station_words(scene: Scene, cell: int) -> list[str]:
+    """The number and the zone of the station in a cell, and the zone of a way."""
+    service_zones = scene.service_zones
+    if service_zones is None:
+        return []
+    station = station_in(scene, service_zones, cell)
+    if station == NIL:
+        tint_zone = np.flatnonzero(_ways_here(scene, service_zones, cell))
+        return [f"zone {zone + 1}" for zone in tint_zone.tolist()]
+    zone = int(service_zones.design.zone[station])
+    words = [f"station {station + 1}", *([f"zone {zone + 1}"] if zone != NIL else [])]
+    pairs = transfer_pairs(service_zones, station)
+    return words + [f"transfers between zones {a + 1} and {b + 1}" for a, b in pairs]
+
+
+def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
+    """The station in a cell, or to which its slot counts, or NIL."""
+    points = np.flatnonzero(service_zones.roads.cell[service_zones.roads.point] == cell)
+    if len(points):
+        return int(points[0])
+    slot = int(scene.floor.slot_in[cell])
+    return NIL if slot == NIL else int(service_zones.station_of[slot])
+
+
+def transfer_pairs(service_zones: ServiceZones, station: int) -> list[tuple[int, int]]:
+    """The pairs of zones between which parts change robots at a station."""
+    pairs = np.argwhere(service_zones.design.transfer[:, :, station])
+    return [(int(a), int(b)) for a, b in pairs if a < b]
+
+
+def _ways_here(scene: Scene, service_zones: ServiceZones, cell: int) -> NDArray[np.bool_]:
+    cells, zones = ways_of(service_zones.roads, service_zones.design, scene.floor.floor_plan.stride)
+    here = np.zeros(len(service_zones.server), bool)
+    here[zones[cells == cell]] = True
+    return here

@@ -1,0 +1,150 @@
+"""One browser session: a process of the viewer, and what its browser may say to it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import re
+import shlex
+import signal
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Sequence
+from typing import Any
+
+from aiohttp import web
+from textual_serve.app_service import AppService
+from textual_serve.download_manager import DownloadManager
+
+from tui.serve.environment import clean
+
+TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, and for a browser to answer a close
+TERMINAL_SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number
+# What a terminal sends by itself: cursor position, modes, attributes. The viewer's pacing asks for
+# a position with every frame, so that a playing viewer would never be idle.
+REPORTS = re.compile(r"(\x1b\[\??[\d;]*(R|\$y|c|n|t))+")
+STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
+MAX_JSON_NESTING = 2  # lists and objects in each other: what the page sends
+
+
+def bounded(size: int) -> int:
+    """A number of rows or columns as it may reach the viewer."""
+    return min(max(size, TERMINAL_SIZES[0]), TERMINAL_SIZES[-1])
+
+
+def read(text: str) -> Any:
+    """A message of the browser. Raises ValueError for no JSON, and for more nesting than it sends."""
+    depth = 0
+    for mark in STRING.sub("", text):
+        depth += (mark in "[{") - (mark in "]}")
+        if depth > MAX_JSON_NESTING:
+            raise ValueError("nested too deep")
+    return json.loads(text)
+
+
+class BrowserSession(AppService):
+    """A process of the viewer behind a WebSocket."""
+
+    def __init__(
+        self,
+        argv: Sequence[str],
+        websocket: web.WebSocketResponse,
+        downloads: DownloadManager,
+        read_only: bool,
+    ) -> None:
+        super().__init__(
+            shlex.join(argv),
+            write_bytes=websocket.send_bytes,
+            write_str=websocket.send_str,
+            close=self._close,
+            download_manager=downloads,
+        )
+        self._argv = argv
+        self._websocket = websocket
+        self._read_only = read_only
+        self._ending: asyncio.Task[None] | None = None
+
+    def _build_environment(self, width: int = 80, height: int = 24) -> dict[str, str]:
+        return clean(super()._build_environment(width=width, height=height))
+
+    async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
+        # A process group of its own: it can be ended as a whole, and Ctrl-C in the server's
+        # terminal does not reach it first.
+        self._process = await asyncio.create_subprocess_exec(
+            *self._argv,
+            stdin=PIPE,
+            stdout=PIPE,
+            stderr=PIPE,
+            env=self._build_environment(width, height),
+            start_new_session=True,
+        )
+        self._stdin = self._process.stdin
+        return self._process
+
+    async def run(self) -> None:
+        """Carry the process's output to the browser until it ends; the page then says so."""
+        await super().run()
+        if self._ending is None:
+            await self._close()
+
+    async def take(self, text: str) -> bool:
+        """Carry one message of the browser to the process; whether a person caused it."""
+        match read(text):
+            case ["stdin", str(data)]:
+                await self.send_bytes(data.encode("utf-8", "replace"))
+                return REPORTS.fullmatch(data) is None
+            case ["resize", {"width": int(width), "height": int(height)}]:
+                await self.set_terminal_size(bounded(width), bounded(height))
+                return True
+            case ["ping", data]:
+                await self._websocket.send_json(["pong", data])
+            case ["blur"]:
+                await self.blur()
+            case ["focus"]:
+                await self.focus()
+                return True
+        return False
+
+    async def on_meta(self, data: bytes) -> None:
+        """Pass on what the process announces, but no files to someone who only looks."""
+        if self._read_only and json.loads(data)["type"] == "deliver_file_start":
+            return
+        await super().on_meta(data)
+
+    async def stop(self) -> None:
+        """End the process with all its children; may be called again, and by several at once."""
+        if self._process is None:
+            return
+        if self._ending is None:
+            self._ending = asyncio.create_task(self._end(self._process))
+        await asyncio.shield(self._ending)
+
+    async def _end(self, process: Process) -> None:
+        await self._download_manager.cancel_app_downloads(app_service_id=self.app_service_id)
+        signal_group(process.pid, signal.SIGTERM)
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task], timeout=TERMINATE_GRACE_S)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(TERMINATE_GRACE_S):
+                # Read to the end: a process that waits in a full pipe would never see the signal.
+                await process.communicate()
+        signal_group(process.pid, signal.SIGKILL)  # it, or what it left behind
+        with contextlib.suppress(TimeoutError):
+            # a child outside the group may hold the pipes
+            async with asyncio.timeout(TERMINATE_GRACE_S):
+                await process.wait()
+        await self._close()
+
+    async def _close(self) -> None:
+        with contextlib.suppress(TimeoutError):
+            # a browser that reads nothing never answers
+            async with asyncio.timeout(TERMINATE_GRACE_S):
+                await self._websocket.close()
+
+
+def signal_group(pid: int, number: signal.Signals) -> None:
+    """Send a signal to the process group that `pid` leads, if any of it is left."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(pid, number)

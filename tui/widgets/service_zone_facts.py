@@ -1,0 +1,252 @@
+"""What the inspector says about stations, and about zones that robots serve."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.picture.zone_work import minutes_of_zones
+from automaton.units import count
+from automaton.world.rules import duration_table, tick_length
+from automaton.world.service_zones import ServiceZones
+from automaton.world.state import NIL, ORDER_CARRIED, ORDER_WAITING
+from tui.render.service_zone_overlay import transfer_pairs
+from tui.view import View
+from tui.widgets.lines import Line, Span, dim, fact, line, order_link, robot_link, several, title
+
+Parts = list[str | Span]
+MOST_PARTS: Final = 12  # of a line that are named
+
+
+def partition_of(view: View) -> ServiceZones | None:
+    """The zones that robots serve, if there are any."""
+    service_zones = view.snapshot.service_zones
+    return service_zones if len(service_zones.roads.cell) else None
+
+
+def served_link(zone: int) -> Span:
+    """A zone under its number, counted from 1."""
+    return Span(f"zone {zone + 1}", "link", ("zone", zone))
+
+
+def station_link(view: View, station: int) -> Span:
+    """A station under its number, counted from 1; it leads to its cell."""
+    return Span(str(station + 1), "link", ("cell", int(station_cells(view)[station])))
+
+
+def station_cells(view: View) -> NDArray[np.int32]:
+    """(S,) the cell of each station: where parts are worked on, or what robots' zones are made of."""
+    service_zones, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
+    cells: NDArray[np.int32] = slots.cell[stations.slot]
+    return (
+        service_zones.roads.cell[service_zones.roads.point] if service_zones is not None else cells
+    )
+
+
+def checked_station(view: View, number: int) -> int:
+    """The cell of a station by its number. Raises InputError."""
+    cells = station_cells(view)
+    if not 1 <= number <= len(cells):
+        numbers = f"stations are numbered from 1 to {len(cells)}" if len(cells) else "there is none"
+        raise InputError(f"there is no station {number}; {numbers}")
+    return int(cells[number - 1])
+
+
+def station_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
+    """The station in a cell: its zone, whose transfer station it is, and its work."""
+    station = station_at(view, cell)
+    if station == NIL:
+        return []
+    service_zones = partition_of(view)
+    of = f"{station + 1} of {len(station_cells(view))}"
+    facts: list[tuple[str, Parts]] = [("station", [of])]
+    if service_zones is not None:
+        zone = int(service_zones.design.zone[station])
+        facts[0][1].extend([] if zone == NIL else [", in ", served_link(zone)])
+        told: Parts = []
+        for a, b in transfer_pairs(service_zones, station):
+            told += [" and " if told else "between ", served_link(a), " - ", served_link(b)]
+        facts.append(("transfers", told))
+    if len(view.snapshot.stations.slot):
+        facts += _work(view, station)
+    return facts
+
+
+def station_at(view: View, cell: int) -> int:
+    """The station in a cell, or to which the slot in it counts, or NIL."""
+    points = np.flatnonzero(station_cells(view) == cell)
+    if len(points):
+        return int(points[0])
+    service_zones = partition_of(view)
+    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
+    return (
+        NIL if service_zones is None or not len(slots) else int(service_zones.station_of[slots[0]])
+    )
+
+
+def line_at(view: View, station: int) -> list[int]:
+    """Return the jobs of a station that are not done, the one in service first."""
+    stations, works = view.snapshot.stations, []
+    work = int(stations.in_service[station])
+    while work != NIL:
+        works.append(work)
+        work = int(stations.next_in_queue[work])
+    return works
+
+
+def _work(view: View, station: int) -> list[tuple[str, Parts]]:
+    stations, tick = view.snapshot.stations, view.snapshot.tick
+    works = line_at(view, station)
+    mine = stations.station == station
+    done = int(np.count_nonzero(mine & (stations.completion_tick != NIL)))
+    now = "nothing"
+    if works:
+        left = int(stations.job_done_tick[station]) - tick
+        now = f"part {stations.part[works[0]]}, {count(left, 'tick')} left"
+    waiting = [str(stations.part[work]) for work in works[1:]]
+    named = ", ".join(waiting[:MOST_PARTS]) + (", ..." if len(waiting) > MOST_PARTS else "")
+    busy = int(stations.processing_time[mine & (stations.completion_tick != NIL)].sum())
+    return [
+        ("works on", [now]),
+        ("queue", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
+        ("so far", [f"{count(done, 'part')} in {count(busy, 'tick')} of work"]),
+    ]
+
+
+def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
+    """The zone of a robot, the zones that it serves, its queue, and whether it is halted."""
+    service_zones = partition_of(view)
+    own = int(view.snapshot.robots.service_zone[robot])
+    if service_zones is None:
+        return [("zone", [] if own == NIL else [str(own + 1)])]
+    served = np.flatnonzero(service_zones.server == robot).tolist()
+    parts = several([served_link(zone) for zone in served]) or ["no zone"]
+    if own != NIL and own not in served:
+        parts += ["; another robot serves its own, ", served_link(own)]
+    waiting = queued(view, served)
+    left = int(service_zones.halt[robot]) - view.snapshot.tick
+    halted = f"zones are redesigned: it stands still for {count(left, 'tick')}"
+    return [
+        ("serves", parts),
+        ("queue", [f"{count(len(waiting), 'order')} waiting"]),
+        ("its work", [work_words(view, served)] if served else []),
+        ("halted", [Span(halted, "warn")] if left > 0 else []),
+    ]
+
+
+def queued(view: View, zones: list[int]) -> list[int]:
+    """The orders that wait in the queues of zones and that no robot has taken, oldest first."""
+    orders, service_zones = view.snapshot.orders, view.snapshot.service_zones
+    there = (
+        np.isin(service_zones.queue, zones)
+        & (orders.state == ORDER_WAITING)
+        & (orders.reserved_by == NIL)
+    )
+    found = np.flatnonzero(there)
+    oldest: list[int] = found[np.argsort(orders.release_tick[found], kind="stable")].tolist()
+    return oldest
+
+
+def work_words(view: View, zones: list[int]) -> str:
+    """The load of zones: what lies in their queues, is fetched and carried, in minutes (eq. 1-4)."""
+    scenario, shown = view.run.resolved.scenario, view.snapshot
+    tick_s = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
+    duration = duration_table(scenario.durations)
+    minutes = minutes_of_zones(shown.service_zones, shown.orders, zones, tick_s, duration)
+    return f"{minutes:.1f} minutes of driving and handling"
+
+
+def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
+    """The queue that an order is in, where it is dropped next, and whether it goes there directly."""
+    service_zones, orders = partition_of(view), view.snapshot.orders
+    if service_zones is None or orders.state[order] not in (ORDER_WAITING, ORDER_CARRIED):
+        return []
+    queue, next_slot = int(service_zones.queue[order]), int(service_zones.next_slot[order])
+    facts: list[tuple[str, Parts]] = [("queue", ["of ", served_link(queue)] if queue >= 0 else [])]
+    if next_slot != NIL:
+        station = int(service_zones.station_of[next_slot])
+        last = next_slot == orders.target[order]
+        where: Parts = ["station ", station_link(view, station)] if station != NIL else ["a shelf"]
+        where.append(", its target" if last else ", a transfer station")
+        where.append(
+            "; past transfer stations, to share loads"
+            if service_zones.skips_transfer[order]
+            else ""
+        )
+        facts.append(("next stop", where))
+    return facts
+
+
+def part_of_order(view: View, order: int) -> list[tuple[str, Parts]]:
+    """The part that an order moves, where stations work on parts."""
+    stations = view.snapshot.stations
+    if not len(stations.job_of_order) or stations.job_of_order[order] == NIL:
+        return []
+    work = int(stations.job_of_order[order])
+    return [
+        (
+            "moves",
+            [f"part {stations.part[work]} to its next job, {stations.processing_time[work]} ticks"],
+        )
+    ]
+
+
+def checked_served(service_zones: ServiceZones, number: int) -> int:
+    """A zone that robots serve, by its number. Raises InputError."""
+    if not 1 <= number <= len(service_zones.server):
+        numbers = f"zones are numbered from 1 to {len(service_zones.server)}"
+        raise InputError(f"there is no zone {number}; {numbers}")
+    return number - 1
+
+
+def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
+    """Everything about one zone that a robot serves."""
+    if zone >= len(service_zones.server):  # of the other of two runs
+        return [line(title(f"zone {zone + 1} "), "is not in this run")]
+    design, server = service_zones.design, int(service_zones.server[zone])
+    waiting = queued(view, [zone])
+    lines = [
+        line(title(f"zone {zone + 1} "), dim(f"of {len(service_zones.server)} that robots serve"))
+    ]
+    facts: list[tuple[str, Parts]] = [
+        ("served by", ["no robot" if server == NIL else robot_link(server)]),
+        ("stations", several(_stations(view, design.zone == zone))),
+    ]
+    for other in range(len(service_zones.server)):
+        shared = design.transfer[zone, other].astype(bool)
+        if shared.any():
+            links = several(_stations(view, shared))
+            facts.append((f"to zone {other + 1}", ["through ", *links]))
+    facts += [
+        ("waiting", [count(len(waiting), "order")]),
+        ("the oldest", several([order_link(order) for order in waiting])),
+        ("being done", [f"{_under_way(view, zone)}"]),
+        ("work", [work_words(view, [zone])]),
+    ]
+    for name, parts in facts:
+        lines += fact(name, *parts, width=width) if parts else []
+    return lines
+
+
+def _stations(view: View, mask: NDArray[np.bool_]) -> list[Span]:
+    return [station_link(view, station) for station in np.flatnonzero(mask).tolist()]
+
+
+def _under_way(view: View, zone: int) -> str:
+    """Orders of its queue that robots have taken or carry."""
+    orders, mine = view.snapshot.orders, view.snapshot.service_zones.queue == zone
+    fetched = mine & (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
+    carried = mine & (orders.state == ORDER_CARRIED)
+    return f"{np.count_nonzero(carried)} carried, {np.count_nonzero(fetched)} to be fetched"
+
+
+def parts_finished(view: View) -> tuple[int, int] | None:
+    """Parts that have left their last station, of how many; None where stations work on none."""
+    stations = view.snapshot.stations
+    last = stations.releases_order == NIL
+    if not len(stations.part_arrivals):
+        return None
+    return int(np.count_nonzero(stations.completion_tick[last] != NIL)), int(np.count_nonzero(last))

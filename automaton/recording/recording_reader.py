@@ -64,7 +64,8 @@ def _check_preamble(data: bytes, file: str) -> None:
     version = PREAMBLE.unpack(data)[1]
     if version != RECORDING_FORMAT:
         raise InputError(
-            f"the recording has format {version}, this automaton reads format {RECORDING_FORMAT}",
+            f"the recording has format {version}, "
+            f"this version of automaton reads format {RECORDING_FORMAT}",
             file,
         )
 

@@ -14,16 +14,41 @@ from automaton.errors import InputError
 @contextmanager
 def atomic_writer(path: Path) -> Iterator[BinaryIO]:
     """Open a file that replaces `path` at the end, unless something goes wrong. Raises InputError."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with part.open("xb") as file:
+        with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.part")) as file:
             yield file
-        os.replace(part, path)
     except OSError as error:
         raise cannot_write_error(error.strerror or str(error), path) from error
+
+
+@contextmanager
+def replacing(path: Path, part: Path, durable: bool = False) -> Iterator[BinaryIO]:
+    """Open the file `part`, which gets the name `path` at the end, unless something goes wrong.
+
+    durable: it is on the disk before it gets its name, and so is the name. Raises OSError.
+    """
+    try:
+        part.unlink(missing_ok=True)  # of a process that was killed
+        with part.open("xb") as file:
+            yield file
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        put_in_place(part, path, durable)
     finally:
         with suppress(OSError):  # of a file system that is read-only
             part.unlink(missing_ok=True)
+
+
+def put_in_place(part: Path, path: Path, durable: bool = False) -> None:
+    """Give a complete file its name. Raises OSError."""
+    os.replace(part, path)
+    if durable:
+        handle = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def cannot_write_error(why: str, path: Path) -> InputError:

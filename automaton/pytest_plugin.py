@@ -18,12 +18,13 @@ import difflib
 import hashlib
 import os
 import re
-import tempfile
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from automaton.whole_file import replacing
 
 OPTION = "--update-grids"
 LONGEST_NAME = 120  # characters of a golden's name that are kept
@@ -109,12 +110,8 @@ def rewrite(golden: Path, text: str) -> bool:
     if golden.is_file() and golden.read_text(encoding="utf-8") == text:
         return False
     golden.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(
-        "w", dir=golden.parent, suffix=".part", delete=False, encoding="utf-8", newline="\n"
-    ) as file:
-        file.write(text)
-    Path(file.name).chmod(0o644)  # temporary files are private, goldens are shared
-    os.replace(file.name, golden)
+    with replacing(golden, golden.with_name(f"{golden.name}.{os.getpid()}.part")) as file:
+        file.write(text.encode())
     return True
 
 

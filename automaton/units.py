@@ -1,4 +1,7 @@
-"""Numbers in the reader's units: a scenario says what a tick stands for, reports translate."""
+"""Numbers in the reader's units: a scenario says what a tick stands for, reports translate.
+
+SECONDS is the one table of units of time.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +53,8 @@ def symbol_of(name: str) -> str | None:
     return next((key for key, names in SPELLED.items() if name in (key, *names)), None)
 
 
-LONG_MINUTES = 120  # seconds from which a duration is told in minutes
-LONG_HOURS = 7200  # and in hours
+LONG_MINUTES = 2 * SECONDS["min"]  # seconds from which a duration is told in minutes
+LONG_HOURS = 2 * SECONDS["h"]  # and in hours
 
 
 def duration(ticks: float, tick: Unit) -> tuple[float, str]:
@@ -59,7 +62,8 @@ def duration(ticks: float, tick: Unit) -> tuple[float, str]:
     value = tick.of(ticks)
     if symbol_of(tick.name) != "s" or value < LONG_MINUTES:
         return value, tick.plural
-    return (value / 3600, "h") if value >= LONG_HOURS else (value / 60, "min")
+    symbol = "h" if value >= LONG_HOURS else "min"
+    return value / SECONDS[symbol], symbol
 
 
 def number(value: float) -> str:

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from automaton.errors import InputError
 from automaton.recording.frames import MAGIC
+from automaton.units import SECONDS
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
-ABANDONED_S = 24 * 3600.0  # without a byte, after which nobody writes to a FILE.part any more
+ABANDONED_S = 24 * SECONDS["h"]  # without a byte, after which nobody writes to a FILE.part any more
 
 
 def state_folder(environ: Mapping[str, str]) -> Path:

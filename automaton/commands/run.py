@@ -58,8 +58,8 @@ def run(args: argparse.Namespace) -> int:
             resolved, on_record, on_window, args.until, on_end, args.strategy_timeout
         )
     if args.json:
-        out = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
-        print(json.dumps(out, indent=2, ensure_ascii=False))
+        report = {**as_json(resolved, outcome), **(drawn[0].as_json() if drawn else {})}
+        print(json.dumps(report, indent=2, ensure_ascii=False))
     else:
         from automaton.run_report import print_report
 

@@ -37,6 +37,7 @@ from automaton.experiments.store import (
     read_rows,
 )
 from automaton.units import count
+from automaton.whole_file import put_in_place, replacing
 
 BATCH_ROWS: Final = 500
 BATCH_S: Final = 1.0
@@ -181,8 +182,7 @@ class Writer:
                 place = self.folder / content_name(
                     file_digest(part), f"{PREFIX_MERGED}-{self.number:06d}"
                 )
-                os.replace(part, place)
-                sync_folder(self.folder)
+                put_in_place(part, place, durable=True)
         except OSError:
             return  # no room for a second copy: many files are as good
         finally:
@@ -294,25 +294,8 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
 
 def write_atomically(path: Path, content: bytes) -> None:
     """Write a file that takes its name when it is on the disk. Raises OSError."""
-    part = path.with_name(f"{path.name}.writing")
-    try:
-        with part.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-        sync_folder(path.parent)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def sync_folder(folder: Path) -> None:
-    """Have the names in a folder on the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    with replacing(path, path.with_name(f"{path.name}.writing"), durable=True) as file:
+        file.write(content)
 
 
 @contextlib.contextmanager

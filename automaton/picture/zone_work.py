@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from automaton.units import SECONDS
 from automaton.world.service_zones import ServiceZones
 from automaton.world.state import (
     ACTION_DROP,
@@ -41,9 +42,12 @@ def minutes_of_zones(
     legs = (at != NIL) & (here != NIL) & (there != NIL) & (here != there)
     flow = np.zeros(service_zones.roads.between.shape)
     np.add.at(flow, (here[legs], there[legs]), 1.0)
-    handling = tick_s * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / 60
+    handling = tick_s * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / SECONDS["min"]
     return work_minutes(
-        flow, service_zones.roads.between, 60 / (tick_s * float(duration[ACTION_MOVE])), handling
+        flow,
+        service_zones.roads.between,
+        SECONDS["min"] / (tick_s * float(duration[ACTION_MOVE])),
+        handling,
     )
 
 

@@ -43,6 +43,7 @@ from automaton.recording.frames import (
 from automaton.recording.header import header_of, rules_of, state_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
+from automaton.whole_file import put_in_place
 from automaton.world.build import build_world
 from automaton.world.state import (
     CLOCK_CHANGE_ROWS,
@@ -237,7 +238,7 @@ class RecordingFile:
             return
         os.fsync(self._file.fileno())
         self._file.close()
-        os.replace(self.part, self.path)
+        put_in_place(self.part, self.path)
 
     def abandon(self) -> None:
         """Leave what there is as FILE.part, and an older FILE alone."""

@@ -13,10 +13,9 @@ import numpy as np
 
 from automaton.headless import run_to_end
 from automaton.simulation import Simulation
-from automaton.units import unit
+from automaton.units import SECONDS, unit
 from automaton.world.state import ACTION_MOVE, ACTION_PICK, NIL, Array
 
-SECONDS_IN_HOUR: Final = 3600.0
 CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
 CURVE_UNTIL: Final = 12.0
 CURVE: Final = "parts at "  # and the hour: how a point is called
@@ -26,7 +25,7 @@ Figures = dict[str, float | int]
 
 def hours_of(simulation: Simulation, ticks: float) -> float:
     """Ticks in hours; a scenario's ticks are in seconds."""
-    return unit(simulation.resolved.scenario.units.tick).of(ticks) / SECONDS_IN_HOUR
+    return unit(simulation.resolved.scenario.units.tick).of(ticks) / SECONDS["h"]
 
 
 def first_legs(simulation: Simulation) -> Array:
@@ -90,7 +89,7 @@ def completed(simulation: Simulation) -> Figures:
 def curve_of(simulation: Simulation, done: Array) -> Figures:
     """Finished parts at each point of time of a throughput curve."""
     seconds = unit(simulation.resolved.scenario.units.tick).size
-    at = np.array(curve_hours()) * SECONDS_IN_HOUR / seconds
+    at = np.array(curve_hours()) * SECONDS["h"] / seconds
     counts = np.searchsorted(done, at, side="right").tolist()
     return {point(hour): count for hour, count in zip(curve_hours(), counts, strict=True)}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from automaton.units import SECONDS
 from automaton.world.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.zoning.roads import typical_distance
 from automaton.zoning.workspace import zone_rules
@@ -31,8 +32,8 @@ def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = F
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
     given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
     return zone_rules(
-        speed=60.0 / (tick * float(duration[ACTION_MOVE])),
+        speed=SECONDS["min"] / (tick * float(duration[ACTION_MOVE])),
         adjacent=float(adjacent),
-        handling=tick * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / 60.0,
+        handling=tick * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / SECONDS["min"],
         **(given if decentralized else {}),  # type: ignore[arg-type]
     )

@@ -121,6 +121,11 @@ def choose_strategies(
     do not go with, or None.
     """
     strategies = {layer: _choose_strategy(document, scenario, layer) for layer in layers}
+    if "zoning" in strategies:
+        try:
+            zoning_parameters_of(strategies["zoning"].parameters)
+        except InputError as error:
+            raise document.error(("strategy", "zoning"), error.message) from None
     for layer, choice in strategies.items():
         objection = getattr(choice.parameters, "check_scenario", None)
         sentence = objection(scenario, floor_plan) if objection else None

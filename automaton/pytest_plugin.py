@@ -24,7 +24,7 @@ from typing import Any
 
 import pytest
 
-from automaton.whole_file import replacing
+from automaton.atomic_write import replacing
 
 OPTION = "--update-grids"
 LONGEST_NAME = 120  # characters of a golden's name that are kept

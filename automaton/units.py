@@ -1,6 +1,6 @@
 """Numbers in the reader's units: a scenario says what a tick stands for, reports translate.
 
-SECONDS is the one table of units of time.
+SECONDS_PER_UNIT is the one table of units of time.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def symbol_of(name: str) -> str | None:
     return next((key for key, names in SPELLED.items() if name in (key, *names)), None)
 
 
-LONG_MINUTES = 2 * SECONDS["min"]  # seconds from which a duration is told in minutes
-LONG_HOURS = 2 * SECONDS["h"]  # and in hours
+LONG_MINUTES = 2 * SECONDS_PER_UNIT["min"]  # seconds from which a duration is told in minutes
+LONG_HOURS = 2 * SECONDS_PER_UNIT["h"]  # and in hours
 
 
 def duration(ticks: float, tick: Unit) -> tuple[float, str]:
@@ -63,7 +63,7 @@ def duration(ticks: float, tick: Unit) -> tuple[float, str]:
     if symbol_of(tick.name) != "s" or value < LONG_MINUTES:
         return value, tick.plural
     symbol = "h" if value >= LONG_HOURS else "min"
-    return value / SECONDS[symbol], symbol
+    return value / SECONDS_PER_UNIT[symbol], symbol
 
 
 def number(value: float) -> str:

@@ -12,10 +12,12 @@ from pathlib import Path
 
 from automaton.errors import InputError
 from automaton.recording.frames import MAGIC
-from automaton.units import SECONDS
+from automaton.units import SECONDS_PER_UNIT
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
-ABANDONED_S = 24 * SECONDS["h"]  # without a byte, after which nobody writes to a FILE.part any more
+ABANDONED_S = (
+    24 * SECONDS_PER_UNIT["h"]
+)  # since the last byte: nobody writes to a FILE.part any more
 
 
 def state_folder(environ: Mapping[str, str]) -> Path:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import add_timeout_argument, whole
 from automaton.errors import InputError
-from automaton.units import SECONDS, count
+from automaton.units import SECONDS_PER_UNIT, count
 
 if TYPE_CHECKING:
     from automaton.experiments.forecast import Forecast
@@ -136,9 +136,9 @@ def duration(seconds: float) -> str:
     """Seconds in the reader's units."""
     if seconds < 90:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
-    if seconds < 90 * SECONDS["min"]:
-        return f"{seconds / SECONDS['min']:.0f} minutes"
-    return f"{seconds / SECONDS['h']:.1f} hours"
+    if seconds < 90 * SECONDS_PER_UNIT["min"]:
+        return f"{seconds / SECONDS_PER_UNIT['min']:.0f} minutes"
+    return f"{seconds / SECONDS_PER_UNIT['h']:.1f} hours"
 
 
 def size_text(size: int) -> str:

@@ -18,6 +18,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Final
 
+from automaton.atomic_write import put_in_place, replacing
 from automaton.errors import InputError
 from automaton.experiments.copies import Copies
 from automaton.experiments.keys import MANIFEST, Manifest, Run, manifest_json
@@ -37,7 +38,6 @@ from automaton.experiments.store import (
     read_rows,
 )
 from automaton.units import count
-from automaton.whole_file import put_in_place, replacing
 
 BATCH_ROWS: Final = 500
 BATCH_S: Final = 1.0

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.units import SECONDS
+from automaton.units import SECONDS_PER_UNIT
 from automaton.world.service_zones import ServiceZones
 from automaton.world.state import (
     ACTION_DROP,
@@ -42,11 +42,13 @@ def minutes_of_zones(
     legs = (at != NIL) & (here != NIL) & (there != NIL) & (here != there)
     flow = np.zeros(service_zones.roads.between.shape)
     np.add.at(flow, (here[legs], there[legs]), 1.0)
-    handling = tick_s * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / SECONDS["min"]
+    handling = (
+        tick_s * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / SECONDS_PER_UNIT["min"]
+    )
     return work_minutes(
         flow,
         service_zones.roads.between,
-        SECONDS["min"] / (tick_s * float(duration[ACTION_MOVE])),
+        SECONDS_PER_UNIT["min"] / (tick_s * float(duration[ACTION_MOVE])),
         handling,
     )
 

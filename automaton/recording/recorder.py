@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from automaton.atomic_write import put_in_place
 from automaton.errors import InputError
 from automaton.kernels.decisions import words_until
 from automaton.kernels.digest import DIGEST_NAMES
@@ -43,7 +44,6 @@ from automaton.recording.frames import (
 from automaton.recording.header import header_of, rules_of, state_of
 from automaton.scenario.resolve import Resolved
 from automaton.simulation import Simulation
-from automaton.whole_file import put_in_place
 from automaton.world.build import build_world
 from automaton.world.state import (
     CLOCK_CHANGE_ROWS,

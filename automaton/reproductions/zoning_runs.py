@@ -13,7 +13,7 @@ import numpy as np
 
 from automaton.headless import run_to_end
 from automaton.simulation import Simulation
-from automaton.units import SECONDS, unit
+from automaton.units import SECONDS_PER_UNIT, unit
 from automaton.world.state import ACTION_MOVE, ACTION_PICK, NIL, Array
 
 CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
@@ -25,7 +25,7 @@ Figures = dict[str, float | int]
 
 def hours_of(simulation: Simulation, ticks: float) -> float:
     """Ticks in hours; a scenario's ticks are in seconds."""
-    return unit(simulation.resolved.scenario.units.tick).of(ticks) / SECONDS["h"]
+    return unit(simulation.resolved.scenario.units.tick).of(ticks) / SECONDS_PER_UNIT["h"]
 
 
 def first_legs(simulation: Simulation) -> Array:
@@ -89,7 +89,7 @@ def completed(simulation: Simulation) -> Figures:
 def curve_of(simulation: Simulation, done: Array) -> Figures:
     """Finished parts at each point of time of a throughput curve."""
     seconds = unit(simulation.resolved.scenario.units.tick).size
-    at = np.array(curve_hours()) * SECONDS["h"] / seconds
+    at = np.array(curve_hours()) * SECONDS_PER_UNIT["h"] / seconds
     counts = np.searchsorted(done, at, side="right").tolist()
     return {point(hour): count for hour, count in zip(curve_hours(), counts, strict=True)}
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.strategy.kernels import kernel
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.units import SECONDS
+from automaton.units import SECONDS_PER_UNIT
 from automaton.world.state import CLOCK_TICK, NIL
 from automaton.zoning.annealing import (
     ANNEALING_STEPS,
@@ -217,8 +217,8 @@ class DecentralizedZones(Strategy):
         numbers = (
             int(cells(view, given.range)),
             round(NANO * given.tolerance),
-            ticks(view, SECONDS["min"] * given.patience),
-            ticks(view, SECONDS["min"] * given.hysteresis),
+            ticks(view, SECONDS_PER_UNIT["min"] * given.patience),
+            ticks(view, SECONDS_PER_UNIT["min"] * given.hysteresis),
             max(1, ticks(view, given.look)),
             every,
             min(given.rounds, max(1, every // 2)),

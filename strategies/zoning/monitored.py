@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final, cast
 import numpy as np
 
 from automaton.strategy.layer import Strategy, memory_of
-from automaton.units import SECONDS
+from automaton.units import SECONDS_PER_UNIT
 from automaton.world.state import CLOCK_TICK, NIL, Batch, Decisions, Memory, Workspace, World
 from automaton.zoning.annealing import (
     ANNEALING_STEPS,
@@ -161,7 +161,7 @@ class MonitoredZones(Strategy):
             row[WATCHED] += now - state[LAST_LOOK]
             row[BALANCED] += (now - state[LAST_LOOK]) * (state[WAS_GOOD] == 1)
         flows = record_flow(
-            view, ticks(view, SECONDS["min"] * self.parameters.window), now, self._flow
+            view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
         )
         good = NIL
         if flows:
@@ -177,7 +177,9 @@ class MonitoredZones(Strategy):
         if good == 1:
             state[BAD_SINCE] = 0
             state[GOOD_SINCE] = state[GOOD_SINCE] or now
-            if now - state[GOOD_SINCE] >= ticks(view, SECONDS["min"] * self.parameters.calm):
+            if now - state[GOOD_SINCE] >= ticks(
+                view, SECONDS_PER_UNIT["min"] * self.parameters.calm
+            ):
                 state[NEXT_LOOK] = now + ticks(view, self.parameters.seldom)
         elif good == 0:
             state[GOOD_SINCE] = 0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.errors import InputError
-from automaton.units import SECONDS, count
+from automaton.units import SECONDS_PER_UNIT, count
 from automaton.world.state import CLOCK_TICK, NIL, Array, Memory, Workspace, World
 from automaton.zoning.annealing import MAX_REPAIRS, repair
 from automaton.zoning.genetic import evolve
@@ -42,12 +42,18 @@ class RedesignedZones(MonitoredZones, ABC):
         now = int(view.clock[CLOCK_TICK])
         if not state[BAD_SINCE] or state[NEW_ZONES_AT] or now < self._patience_ends(view, state):
             return
-        record_flow(view, ticks(view, SECONDS["min"] * self.parameters.window), now, self._flow)
+        record_flow(
+            view, ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window), now, self._flow
+        )
         state[FLOW:] = self._flow.reshape(-1).astype(np.int64)
         state[NEW_ZONES_AT] = now + max(1, ticks(view, self.parameters.compute))
 
     def _patience_ends(self, view: World, state: Any) -> int:
-        return int(state[BAD_SINCE]) + ticks(view, SECONDS["min"] * self.parameters.patience) + 1
+        return (
+            int(state[BAD_SINCE])
+            + ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.patience)
+            + 1
+        )
 
     def _due(self, view: World, state: Any) -> list[int]:
         """As for zones that stay, and when new ones are begun or take effect."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.units import SECONDS
+from automaton.units import SECONDS_PER_UNIT
 from automaton.world.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, World
 from automaton.zoning.roads import typical_distance
 from automaton.zoning.workspace import zone_rules
@@ -32,8 +32,10 @@ def rules_of_zones(view: World, adjacency: float | None, decentralized: bool = F
     adjacent = typical_distance(between) if adjacency is None else cells(view, adjacency)
     given = {"base": 0.0, "limit": adjacent, "blocks": False, "shared": True}
     return zone_rules(
-        speed=SECONDS["min"] / (tick * float(duration[ACTION_MOVE])),
+        speed=SECONDS_PER_UNIT["min"] / (tick * float(duration[ACTION_MOVE])),
         adjacent=float(adjacent),
-        handling=tick * float(duration[ACTION_PICK] + duration[ACTION_DROP]) / SECONDS["min"],
+        handling=tick
+        * float(duration[ACTION_PICK] + duration[ACTION_DROP])
+        / SECONDS_PER_UNIT["min"],
         **(given if decentralized else {}),  # type: ignore[arg-type]
     )
